@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Self
 
 from tympan.geometry.errors import InputError
@@ -33,8 +33,16 @@ _PLAIN_UNITS = {"": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 
 #: The degree Celsius, which is no multiple of anything.
 CELSIUS = "C"
 _BRACKETS = re.compile(r"(.*?)[\s_,/]*[\[(<]\s*([^\[\](){}<>]*?)\s*[\])>]")
+#: Brackets with a unit and perhaps more words, which other words may follow.
+_UNIT_AND_WORDS = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\s,;\[\]()]+)[\s,;]*([^\[\]()]*)[\])](.*)")
 _UNIT_LAST = re.compile(r"(.*?)(?:\s*[/,_]\s*|\s+in\s+|\s+en\s+|\s+)([^\s_,]+)")
 _UNIT_NAME = re.compile(r"[A-Za-z]+")
+#: So many headings are kept: a table is read several times.
+_KEPT = 4096
+#: Brackets as wide as a sign of Chinese or Japanese.
+_WIDE = str.maketrans("（）［］／", "()[]/")
+#: Letters from which on a word is known inside another one, and at the end of another one.
+_INSIDE, _AT_END = 5, 3
 
 
 @dataclass(frozen=True)
@@ -52,13 +60,26 @@ class Heading:
         --------
         >>> Heading.of("Déplacement / µm"), Heading.of("Engineering Stress (N/mm²)")
         (Heading(words='deplacement', unit='um'), Heading(words='stress', unit='N/mm^2'))
+        >>> Heading.of("Weg (mm) Mitte"), Heading.of("Displacement [mm, up]")
+        (Heading(words='weg mitte', unit='mm'), Heading(words='displacement up', unit='mm'))
         """
-        if match := _BRACKETS.fullmatch(title):
-            return cls(plain_words(match[1]), usual_unit(match[2]) or match[2])
-        match = _UNIT_LAST.fullmatch(title)
-        if match and (unit := usual_unit(match[2])):
-            return cls(plain_words(match[1]), unit)
-        return cls(plain_words(title))
+        return cls(*_words_and_unit(title.translate(_WIDE)))
+
+
+@lru_cache(_KEPT)
+def _words_and_unit(title: str) -> tuple[str, str]:
+    match = _BRACKETS.fullmatch(title)
+    if match and (unit := usual_unit(match[2])) is not None:
+        return plain_words(match[1]), unit
+    more = _UNIT_AND_WORDS.fullmatch(title)
+    if more and (unit := usual_unit(more[2])):
+        return plain_words(" ".join((more[1], more[3], more[4]))), unit
+    if match:
+        return plain_words(match[1]), match[2]
+    match = _UNIT_LAST.fullmatch(title)
+    if match and (unit := usual_unit(match[2])):
+        return plain_words(match[1]), unit
+    return plain_words(title), ""
 
 
 @dataclass(frozen=True)
@@ -79,6 +100,17 @@ class Meaning:
         """The meaning of words with commas between them."""
         return cls(frozenset(map(plain_words, words.split(","))), unit, per, offset)
 
+    def alluded(self, words: str) -> bool:
+        """Whether one of its words is among those of a heading, or part of one.
+
+        Examples
+        --------
+        >>> weg = Meaning.of("weg, auslenkung", "mm")
+        >>> [weg.alluded(words) for words in ("weg mitte", "plattenauslenkung", "wegener")]
+        [True, True, False]
+        """
+        return _alluded(self.words, words)
+
     def factor(self, unit: str) -> float | None:
         """Factor that turns a unit into SI; None of a unit that does not fit."""
         if self.unit == CELSIUS:
@@ -86,6 +118,15 @@ class Meaning:
         if not self.unit:
             return _PLAIN_UNITS.get(unit)
         return _fitting_factor(unit, dimension_of(self.unit))
+
+
+@lru_cache(_KEPT)
+def _alluded(known: frozenset[str], words: str) -> bool:
+    parts = words.split()
+    return any(f" {word} " in f" {words} "
+               or ((len(word) >= _INSIDE or not word.isascii()) and word in words)
+               or (len(word) >= _AT_END and any(part.endswith(word) for part in parts))
+               for word in known)
 
 
 def plain_words(text: str) -> str:
@@ -109,6 +150,20 @@ def usual_unit(text: str) -> str | None:
     names = _UNIT_NAME.findall(unit)
     known = bool(names) and all(name in USUAL for name in names)
     return unit if known and any_quantity(f"1 {unit}") else None
+
+
+@cache
+def quantity_of(unit: str) -> str:
+    """Dimension of the unit in a heading; "" of plain numbers, of degrees, and of no unit.
+
+    Examples
+    --------
+    >>> quantity_of("µm"), quantity_of("%"), quantity_of("°C"), quantity_of("of 4")
+    ('length', '', '', '')
+    """
+    usual = usual_unit(unit) if unit else None
+    plain = not usual or usual in _PLAIN_UNITS or usual == CELSIUS
+    return "" if plain else dimension_of(str(usual))
 
 
 @cache
@@ -161,6 +216,14 @@ class Column:
     def blank(self) -> float | str:
         """Value of an empty cell."""
         return math.nan if self.choices is None else ""
+
+    def knows(self, words: str) -> bool:
+        """Whether all words of a heading are those of one of its meanings."""
+        return any(words in meaning.words for meaning in self.also)
+
+    def alludes(self, words: str) -> bool:
+        """Whether a word of one of its meanings is among those of a heading, or part of one."""
+        return any(meaning.alluded(words) for meaning in self.also)
 
     def claims(self, title: str) -> bool:
         """Whether a name of the first line is this column's, with whatever unit."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.column import Column as Column
 from tympan.geometry.errors import InputError
-from tympan.geometry.formats import Row, TwoMarks, read_rows, unfolded
+from tympan.geometry.formats import Row, TwoMarks, read_rows, unfolded, unread
 from tympan.geometry.layouts import Layout, Reader, Source
 from tympan.geometry.read_file import file_bytes
 
@@ -113,6 +113,8 @@ def read_sheet(file: Path | str, columns: Sequence[Column], some: bool = False,
     except TwoMarks as error:
         raise InputError(error.allowed + reader.advice_on_marks(str(error.given)), file=file,
                          key=error.key, given=error.given) from None
+    if left := unread(file, raw):
+        sheet = replace(sheet, remarks=(*sheet.remarks, f"{file.name}: {left}"))
     if not len(sheet):
         raise InputError("; ".join(["has no readings below the names of its columns",
                                     *sheet.remarks]), file=sheet.file)
@@ -157,7 +159,8 @@ def _values(sheet: Sheet, rows: Sequence[Row], source: Source, reader: Reader) -
         try:
             return np.full(len(rows), column.value(source.constant, source.factor))
         except InputError as error:
-            raise InputError(error.allowed, file=sheet.file, given=source.constant,
+            raise InputError(f"{error.allowed}: write the one of the whole file, or the heading of "
+                             "its column", file=sheet.file, given=source.constant,
                              key=f"columns.{reader.table}.{column.title}") from None
     for line, cells in rows:
         try:

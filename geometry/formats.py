@@ -17,6 +17,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from html import unescape
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,8 @@ _MOST_OTHER_TAGS = 100_000
 _CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
 #: So much of a workbook is counted at a time [bytes].
 _CHUNK = 1 << 20
+#: A longer tag of a cell is not found where two such parts meet [bytes].
+_NAME = 20
 
 #: Encodings by the byte-order mark at the beginning; that of UTF-32 begins as one of UTF-16 does.
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF32_LE: "utf-32",
@@ -102,7 +105,8 @@ class Format:
     someone in the laboratory.
     Formats that share a suffix have a ``name`` each, and all but one of them say which files are
     theirs: ``claims(file, content)``. ``table``: the file of a dataset, such as coupon.csv, for
-    which those stand whatever their names.
+    which those stand whatever their names. ``unread(file, content)``: what of a file has no rows
+    here, in words, "" if nothing.
     """
 
     suffix: str
@@ -111,6 +115,7 @@ class Format:
     name: str = ""
     claims: Callable[[Path, bytes], bool] | None = None
     table: str = ""
+    unread: Callable[[Path, bytes], str] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", self.name or self.suffix)
@@ -141,6 +146,12 @@ def read_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterabl
     if kind is None or kind.rows is text_rows:
         return text_rows(file, content, decimal)
     return kind.rows(file, content)
+
+
+def unread(file: Path, content: bytes) -> str:
+    """A sentence about what of a file is not read, "" if nothing."""
+    kind = format_of(file, content)
+    return kind.unread(file, content) if kind is not None and kind.unread is not None else ""
 
 
 def decoded(content: bytes, file: Path | None = None) -> str:
@@ -387,6 +398,54 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
     return [(line, row + [""] * (width - len(row))) for line, row in rows]
 
 
+#: Parts of a workbook: its list of sheets, and where each of these is.
+_SHEETS, _PLACES = "xl/workbook.xml", "xl/_rels/workbook.xml.rels"
+#: A sheet in the list, the place of a part, and a cell with something in it.
+_SHEET = re.compile(r"<(?:\w+:)?sheet\s[^>]*>")
+_PLACE = re.compile(r"<(?:\w+:)?Relationship\s[^>]*>")
+_CELL = re.compile(rb"<(?:\w+:)?(?:v|is)>")
+_ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
+
+
+def _other_sheets(file: Path, content: bytes) -> str:
+    """A sentence on the sheets of a workbook that are not read and have cells.
+
+    To load them takes as long as to read them all; their names and whether they have cells do not.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        listed = [dict(_ATTRIBUTE.findall(tag))
+                  for tag in _SHEET.findall(archive.read(_SHEETS).decode("utf-8", "replace"))]
+        tags = _PLACE.findall(archive.read(_PLACES).decode("utf-8", "replace"))
+        places = {place.get("Id", ""): place.get("Target", "")
+                  for place in (dict(_ATTRIBUTE.findall(tag)) for tag in tags)}
+        names = [unescape(sheet.get("name", "")) for sheet in listed]
+        if file.stem.lower() in map(str.lower, names):
+            return ""  # whoever called it so means this one
+        parts = (next((places.get(value, "") for key, value in sheet.items()
+                       if key.endswith(":id")), "") for sheet in listed)
+        others = [name for name, part in list(zip(names, parts, strict=True))[1:]
+                  if _has_cells(archive, part)]
+    if not others:
+        return ""
+    return (f"only the sheet {names[0]!r} is read; there are also "
+            f"{', '.join(map(repr, others))}: if these have readings, copy their lines below those "
+            "of the first, with the specimen in a column")
+
+
+def _has_cells(archive: zipfile.ZipFile, place: str) -> bool:
+    """Whether a sheet of a workbook has a cell that is not blank."""
+    part = place.lstrip("/") if place.startswith("/") else f"xl/{place}"
+    if "worksheets/" not in part or part not in archive.namelist():
+        return False  # a sheet with a diagram alone
+    with archive.open(part) as stream:
+        before = b""
+        while chunk := stream.read(_CHUNK):
+            if _CELL.search(before + chunk):
+                return True
+            before = chunk[-_NAME:]
+    return False
+
+
 def _count_workbook(file: Path, content: bytes) -> None:
     """Refuse what unpacks to too much, by the sizes it declares, then by the tags in it."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -433,7 +492,7 @@ FORMATS.register(Format(
     "stands between them; in UTF-8, UTF-16 or Windows-1252", text_rows))
 FORMATS.register(Format(
     ".xlsx", "a workbook: its sheet that is called as the file is, else its first one",
-    workbook_rows))
+    workbook_rows, unread=_other_sheets))
 
 
 def unfolded(file: Path, rows: Sequence[Row]) -> list[Row] | None:

@@ -8,22 +8,33 @@ than one meaning is refused, with the line to write.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tympan.geometry.column import NUMBER, Column, Heading, Meaning, usual_unit
+from tympan.geometry.column import (
+    NUMBER,
+    Column,
+    Heading,
+    Meaning,
+    quantity_of,
+    usual_unit,
+)
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, asks, fields_of, read
 from tympan.geometry.formats import Row
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table
+from tympan.geometry.units import any_quantity
 
 #: Headings are looked for in so many lines: preambles of testers have some 60.
 SEARCHED = 200
 #: Known headings that make a line one of headings: a line of a preamble may have one by chance.
-_ENOUGH = 2
+ENOUGH = 2
+#: The end of a quantity, which is no heading: "mass 20 g".
+_QUANTITY = re.compile(r"\d\s*[^\W\d]+$")
 #: So much of a line is shown.
 _SHOWN = 80
 #: So many ranges of lines are listed.
@@ -173,6 +184,13 @@ def in_blocks(cells: Sequence[str]) -> bool:
     return bool(cells and cells[0]) and 2 * sum(not cell for cell in cells) >= len(cells)
 
 
+def _si_unit(cell: str) -> tuple[float, str] | None:
+    """SI value and dimension of the unit of a heading, or of a unit alone; None without one."""
+    unit = next((unit for unit in (Heading.of(cell).unit, cell.strip("[]() "))
+                 if quantity_of(unit)), "")
+    return any_quantity(f"1 {usual_unit(unit)}") if unit else None
+
+
 def _as_wide(cells: list[str], width: int) -> list[str]:
     """Cells without blank ones beyond the last heading, and with those that a line left out."""
     while len(cells) > width and not cells[-1]:
@@ -186,7 +204,8 @@ class Reader:
 
     ``table`` is its name in a dataset.toml, "" of a file read by itself; ``usual`` has what holds
     where no heading says so, by the names of columns. ``lenient``: unknown headings beside ours
-    are left aside.
+    are left aside, of two that are as good the first is taken, and a line of headings may be known
+    by their units alone.
     """
 
     file: Path
@@ -277,6 +296,7 @@ class Reader:
             return ()
         below = list(header.below(rows))
         lacking = [(line, header.lacking(cells)) for line, cells in below]
+        self._require_one_unit(header, rows, {line for line, places in lacking if places})
         lines: dict[int, list[int]] = {}
         for line, places in lacking:
             for place in places:
@@ -294,10 +314,27 @@ class Reader:
         return (f"{self.file.name}: {sum(bool(places) for _, places in lacking)} of {len(below)} "
                 f"lines are left out because needed cells are blank: {where}; {advice}",)
 
+    def _require_one_unit(self, header: Header, rows: Callable[[], Iterable[Row]],
+                          left_out: Container[int]) -> None:
+        """Refuse headings that stand again among the readings, with another unit."""
+        factors = {source.place: _si_unit(header.titles[source.place])
+                   for source in header.sources if source.place is not None}
+        for line, cells in islice(rows(), header.above + 1, None):
+            for place, unit in factors.items() if line in left_out else ():
+                again = _si_unit(cells[place]) if place < len(cells) else None
+                if unit and again and unit != again and unit[1] == again[1]:
+                    raise InputError(
+                        f"is a heading in another unit than {header.titles[place]!r} in line "
+                        f"{header.line}: write the readings below it in the unit of that, or into "
+                        "a file of their own", file=self.file, key=f"line {line}",
+                        given=cells[place])
+
     def advice_on(self, cell: str, line: int, title: str) -> str:
         """Advice to leave out a cell that is no number, or its line, or to fill it."""
-        if not self.table or any(mark.isdigit() for mark in cell):
+        if not self.table:
             return ""
+        if any(mark.isdigit() for mark in cell):
+            return "; correct it, or " + self._write(None, f"skip_lines = [{line}]", "")
         filled = "" if cell else f' or, if the value above holds, fill = ["{title}"]'
         return "; " + self._write(
             None, f'missing = ["{cell}"] or skip_lines = [{line}]{filled}', "")
@@ -330,12 +367,11 @@ class Reader:
         for at, (_, titles) in enumerate(first):
             if at == 0 and any(column.claims(title) for title in titles for column in self.columns):
                 return at
-            if most[1] and sum(bool(NUMBER.fullmatch(cell)) for cell in titles) >= _ENOUGH:
+            if most[1] and sum(bool(NUMBER.fullmatch(cell)) for cell in titles) >= ENOUGH:
                 break
-            known = [title for title in self._with_units(titles, first[at + 1:at + 2])[0]
-                     if self._known(title)]
+            known = self.known(self._with_units(titles, first[at + 1:at + 2])[0])
             units = sum(bool(Heading.of(title).unit) for title in known)
-            if len(known) >= _ENOUGH and (units, len(known)) > most:  # a title may name columns
+            if len(known) >= ENOUGH and (units, len(known)) > most:  # a title may name columns
                 best, most = at, (units, len(known))
         return best
 
@@ -343,15 +379,29 @@ class Reader:
         best = max(first, key=lambda row: len(headings & {*row[1]}) + sum(map(self._known, row[1])))
         heading = next(iter(sorted(headings - {*best[1]})), "")
         near = did_you_mean(heading, {title: repr(title) for _, row in first for title in row})
-        listed = _listed(best[1]) if len(best[1]) >= _ENOUGH else "no line has several cells"
+        listed = _listed(best[1]) if len(best[1]) >= ENOUGH else "no line has several cells"
         return InputError(f"has no line with this heading: {near}{listed}",
                           file=self.file, key=f"line {best[0]}", given=heading)
 
+    def known(self, titles: Sequence[str]) -> list[str]:
+        """The headings that are known by their words.
+
+        Those of a lenient reader also by their units, if no number stands in their line.
+        """
+        by_unit = self.lenient and not any(map(NUMBER.fullmatch, titles))
+        return [title for title in titles
+                if self._known(title) or (by_unit and self._of_a_unit(title))]
+
     def _known(self, title: str) -> bool:
+        words = Heading.of(title).words
+        return any(column.claims(title) or column.knows(words) for column in self.columns)
+
+    def _of_a_unit(self, title: str) -> bool:
+        """Whether a heading of whatever words has a unit of one of the columns."""
         heading = Heading.of(title)
-        return any(column.claims(title) or any(heading.words in meaning.words
-                                               for meaning in column.also)
-                   for column in self.columns)
+        dimension = quantity_of(heading.unit)
+        return (bool(heading.words and dimension) and not _QUANTITY.search(title)
+                and any(column.dimension == dimension for column in self.columns))
 
     @staticmethod
     def _with_units(titles: Sequence[str], below: Sequence[Row]
@@ -410,7 +460,8 @@ class Reader:
             return Source(column, place, math.copysign(own, factor) / self._size(item, stated),
                           item.offset)
         if unit and column.also:
-            raise InputError(f"has the unit {unit}, which is not that of {stated.title}",
+            raise InputError(f"has the unit {unit}, which is not that of {stated.title}: convert "
+                             "the numbers in the table and write their unit into the heading",
                              file=self.file, key=f"columns.{self.table}", given=stated.heading)
         return Source(column, place, factor)
 
@@ -430,7 +481,7 @@ class Reader:
             if heading.words not in meaning.words:
                 continue
             if column.choices is not None:
-                return Source(column, 0)
+                return None if quantity_of(heading.unit) else Source(column, 0)
             factor = meaning.factor(heading.unit)
             if factor is None and not heading.unit and self.layout.unit:
                 factor = meaning.factor(self.layout.unit)
@@ -483,6 +534,8 @@ class Reader:
                         replace(meaning, place=place))
             if fitting:
                 best = fitting[min(fitting)]
+                if self.lenient:
+                    best = best[:1]
                 if len(best) > 1 and column.required:
                     names = " or ".join(repr(titles[source.place or 0]) for source in best)
                     raise InputError(
@@ -527,7 +580,7 @@ class Reader:
                                            "commas, semicolons or tabs between them"),
                              file=self.file, key=f"line {line}",
                              # What is no table is not quoted: it may be anything.
-                             given=(", ".join(titles)[:_SHOWN] if len(titles) >= _ENOUGH else None))
+                             given=(", ".join(titles)[:_SHOWN] if len(titles) >= ENOUGH else None))
         column = next((item for item in absent if item.name in lacks), absent[0])
         words = (f"the column {column.title} is" if len(absent) == 1 else
                  f"the columns {', '.join(item.title for item in absent)} are")

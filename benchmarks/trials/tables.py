@@ -10,11 +10,13 @@ import re
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from tympan.geometry.errors import InputError
+from tympan.studies.columns import Sheet
+from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, read_dataset
 
 SPECIMEN = """[[specimen]]
@@ -134,13 +136,32 @@ def _answered(line: str) -> str:
 
 def wrong(dataset: Dataset, table: Made) -> Iterator[str]:
     """Columns that were not read as they were written."""
-    read = dataset.tables[f"{table.kind}.csv"]
-    for name, values in table.values.items():
-        got = getattr(read, {"t": "time", "nominal_stress": "stress"}.get(name, name)
-                      if table.kind == "coupon" else name)
-        if len(got) != len(values) or any(abs(a - b) > 1e-9 * abs(b)
-                                          for a, b in zip(got, values, strict=True)):
+    return differing(dataset.tables[f"{table.kind}.csv"], table.values)
+
+
+#: Columns of coupon.csv by the names they have once they are read.
+_OF_COUPONS = {"t": "time", "nominal_stress": "stress", "temperature_C": "celsius"}
+
+
+def differing(read: Sheet | Coupons, meant: Mapping[str, Sequence[float | str]]) -> Iterator[str]:
+    """Columns whose SI values or texts are not those that are meant; "rows" if their count is not.
+
+    Optional columns that were not read differ from nothing.
+    """
+    if {len(read)} != {len(values) for values in meant.values()}:
+        yield "rows"
+        return
+    for name, values in meant.items():
+        got = getattr(read, _OF_COUPONS.get(name, name) if isinstance(read, Coupons) else name)
+        if got is not None and any(_differs(*pair) for pair in zip(got, values, strict=True)):
             yield name
+
+
+def _differs(read: float | str, meant: float | str) -> bool:
+    """Whether a cell that was read is another than the one meant."""
+    if isinstance(meant, str):
+        return read not in ("", meant)
+    return abs(float(read) - meant) > 1e-9 * abs(meant)  # False of nan: nothing was read
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.layouts import Layout, Stated
 from tympan.geometry.meanings import (
     RUNS,
+    SET_VOLTAGES,
     SPECIMENS,
     STRESSES,
     STRETCHES,
@@ -35,7 +36,8 @@ MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}
 OF_MODE = re.compile(rf"(?P<specimen>.*?)[_ -]*(?P<mode>{'|'.join(MODES)})", re.IGNORECASE)
 _STRETCH: Rule = (lambda x: 0.05 <= x <= 20, "must be a stretch from 0.05 to 20")
 _STRESS: Rule = (lambda x: abs(x) <= 1e12, "must be within 1e9 kPa")
-_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
+_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no "
+                                            "sign: write voltages without one")
 _CELSIUS: Rule = (lambda x: -200 <= x <= 500, "must be from -200 to 500 degrees Celsius")
 
 #: Temperature at which constants of films hold, and coupons are where none is given [°C].
@@ -50,7 +52,7 @@ COLUMNS: tuple[Column, ...] = (
     Column.labels("specimen", required=False, also=SPECIMENS),
     Column("t", "s", required=False, also=(TIMES,)),
     Column.labels("run", required=False, also=RUNS),
-    Column("voltage", "kV", _VOLTAGE, required=False, also=(VOLTAGES,)),
+    Column("voltage", "kV", _VOLTAGE, required=False, also=(SET_VOLTAGES, VOLTAGES)),
     Column("temperature_C", rule=_CELSIUS, required=False, also=(TEMPERATURES,)),
     Column("sigma", "kPa", POSITIVE, required=False),
 )

@@ -22,13 +22,20 @@ from tympan.geometry.layouts import Layout
 from tympan.geometry.meanings import (
     CAPACITANCES,
     DISPLACEMENTS,
+    FILM_VOLTAGES,
     FORCES,
     FREQUENCIES,
+    HIGHER_VOLTAGES,
     LOADS,
+    LOWER_VOLTAGES,
     MASSES,
+    QUALITIES,
+    RANGES,
     RUNS,
+    SET_VOLTAGES,
     SPECIMENS,
     TIMES,
+    TOTALS,
     VOLTAGES,
 )
 from tympan.geometry.read_file import file_bytes, near_name
@@ -41,7 +48,8 @@ from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
 
-_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
+_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no "
+                                            "sign: write voltages without one")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
 _DISPLACEMENT: Rule = (lambda x: abs(x) <= 10, "must be within 10 m")
 _FREQUENCY: Rule = (lambda x: 0 < x <= 1e6, "must be above 0 Hz, to 1 MHz")
@@ -50,8 +58,8 @@ _TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
 _STRIPS: Rule = (lambda x: 0 <= x < 1, "must be a share from 0 (all alike) to below 1")
 #: The column every file but coupon.csv has.
 SPECIMEN = Column.labels("specimen", also=SPECIMENS)
-_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(MASSES, LOADS)))
-_VOLTAGE_COLUMN = Column("voltage", "kV", _VOLTAGE, also=(VOLTAGES,))
+_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(TOTALS, MASSES, LOADS)))
+_VOLTAGE_COLUMN = Column("voltage", "kV", _VOLTAGE, also=(SET_VOLTAGES, VOLTAGES))
 _DEFLECTION = Column("displacement", "mm", _DISPLACEMENT, also=(DISPLACEMENTS,))
 _RUN = Column.labels("run", required=False, also=RUNS)
 _SIGMA = Column("sigma", "mm", POSITIVE, required=False)
@@ -73,7 +81,7 @@ STATIC: tuple[Column, ...] = (
     _SIGMA,
     _DWELL,
     Column("capacitance", "pF", POSITIVE, required=False, also=(CAPACITANCES,)),
-    Column("film_voltage", "kV", _VOLTAGE, required=False),
+    Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
     Column("tilt", "mrad", FINITE, required=False),
 )
 #: The columns of range.csv: largest minus smallest displacement between two voltages; ``sigma`` is
@@ -81,9 +89,9 @@ STATIC: tuple[Column, ...] = (
 #: voltages was held.
 RANGE: tuple[Column, ...] = (
     *_LOAD,
-    Column("voltage_min", "kV", _VOLTAGE),
-    Column("voltage_max", "kV", _VOLTAGE),
-    Column("range", "mm", NON_NEGATIVE),
+    Column("voltage_min", "kV", _VOLTAGE, also=(LOWER_VOLTAGES,)),
+    Column("voltage_max", "kV", _VOLTAGE, also=(HIGHER_VOLTAGES,)),
+    Column("range", "mm", NON_NEGATIVE, also=RANGES),
     _SIGMA,
     _DWELL,
 )
@@ -97,7 +105,7 @@ TRANSIENT: tuple[Column, ...] = (
     _VOLTAGE_COLUMN,
     _DEFLECTION,
     Column("rest", "s", NON_NEGATIVE, required=False),
-    Column("film_voltage", "kV", _VOLTAGE, required=False),
+    Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
     Column("current", "uA", required=False),
 )
 
@@ -109,7 +117,7 @@ FREQUENCY: tuple[Column, ...] = (
     _VOLTAGE_COLUMN,
     Column.labels("mode", ("heave",)),
     Column("frequency", "Hz", _FREQUENCY, also=(FREQUENCIES,)),
-    Column("quality", rule=_QUALITY, required=False),
+    Column("quality", rule=_QUALITY, required=False, also=(QUALITIES,)),
     Column("sigma", "Hz", POSITIVE, required=False),
 )
 
@@ -428,7 +436,8 @@ def _check_specimens(sheet: Sheet, names: list[str]) -> None:
     for row in np.flatnonzero(~np.isin(sheet.specimen, names)):
         hint = did_you_mean(str(sheet.specimen[row]), {name: repr(name) for name in names})
         raise sheet.error(int(row), "specimen", f"unknown specimen: {hint}those of dataset.toml "
-                                                f"are {', '.join(names)}")
+                                                f"are {', '.join(names)}; call it as there, or "
+                                                "write one more [[specimen]]")
 
 
 def _check_times(transients: Sheet) -> None:

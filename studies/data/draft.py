@@ -10,60 +10,73 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-
-import numpy as np
+from typing import NamedTuple
 
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.column import NUMBER, Column, Heading
+from tympan.geometry.column import NUMBER, Column
 from tympan.geometry.command_line import command_line, file_word
 from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.formats import Row, TwoMarks, read_rows
-from tympan.geometry.layouts import Header, Layout, Reader, Source, in_blocks
+from tympan.geometry.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
+from tympan.geometry.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
 from tympan.geometry.read_file import beside, file_bytes
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import any_quantity, quantity_text
-from tympan.studies.data.coupon import named_mode
+from tympan.geometry.units import quantity_text
+from tympan.studies.data.coupon import MODES, named_mode
 from tympan.studies.data.dataset import FILES, GUESS
+from tympan.studies.data.guesses import SHOWN, Choice, Guesses
+from tympan.studies.data.preamble import stated_specimen
 from tympan.studies.files import write_text
 
 #: Kinds of files that are guessed, of those that explain as much the first.
 _KINDS = ("static", "transient", "force", "coupon", "frequency", "range")
-#: Readings below which a table with times is a list of states and no run in time.
-_RUN = 30
-#: What one missing column of numbers counts against one that was found.
-_MISSED = 1.0
-#: What an unlikely reading of a table counts against it: more than a missing column.
-_UNLIKELY = 1.5
-#: Correlation below which numbers fall where deflections and forces rise.
-_FALLING = -0.5
-#: Words of preambles for the sizes of a test piece.
-_SIZES = {"thickness": ("thickness", "specimen thickness", "dicke", "probendicke", "epaisseur"),
-          "width": ("width", "specimen width", "breite", "probenbreite", "largeur"),
-          "length": ("gauge length", "length", "specimen length", "messlange", "einspannlange",
-                     "longueur", "longueur initiale", "anfangsmesslange")}
+#: Rows by which the kind of a table is judged: more of them take seconds.
+_JUDGED = 20_000
 _CORRECT = f"{GUESS} "
-#: Labels that a line shows of a column.
-_NAMED = 3
 #: Columns of what is set, which holds on until it is changed; what is read is not there if blank.
 _SET = ("specimen", "mass", "voltage", "run", "mode")
+#: Marks of cells that have the value above.
+_DITTO = frozenset(('"', "''", "″", "”", "〃", "dito", "ditto", "idem", "id.", "do."))
+#: Blanks between columns, as in tables that are printed.
+_BLANKS = re.compile(r"\S(?:\s{2,}|\t)\S")
+#: A heading that is a load, as tables have that are wide.
+_LOAD = re.compile(r"\d+(?:[.,]\d+)?\s*k?g")
+
+
+class Decimal(NamedTuple):
+    """A decimal mark that has to be stated, and why."""
+
+    mark: str
+    why: str
 
 
 @dataclass(frozen=True)
 class Draft:
-    """Guess of a table: its ``kind``, header and rows, and the decimal mark if stated.
+    """Lines for a table: its :class:`Guesses`, and the decimal mark if stated.
 
-    ``specimens`` are those whose files stand near; ``folder`` is where its dataset.toml will
-    stand, ``stated`` whether the kind is no guess.
+    ``folder`` is where its dataset.toml will stand, ``stated`` whether the kind is no guess;
+    ``unread`` says what of the file has no rows.
     """
 
-    file: Path
-    kind: str
-    header: Header
-    rows: tuple[Row, ...]
-    decimal: str | None
-    specimens: Mapping[Path, Specimen]
+    guesses: Guesses
+    decimal: Decimal | None
     folder: Path
     stated: bool
+    unread: str = ""
+
+    @property
+    def file(self) -> Path:
+        """The table."""
+        return self.guesses.file
+
+    @property
+    def header(self) -> Header:
+        """The headings of the table."""
+        return self.guesses.header
+
+    @property
+    def specimens(self) -> Mapping[Path, Specimen]:
+        """Specimens whose files stand near."""
+        return self.guesses.specimens
 
     @property
     def name(self) -> str:
@@ -72,204 +85,203 @@ class Draft:
 
     @property
     def score(self) -> float:
-        """Score of its kind by how well it explains the headings."""
-        if self.stated:
-            return float("inf")
-        have = {source.column.name for source in self.header.sources}
-        needed = [column.name for column in FILES[f"{self.kind}.csv"]
-                  if column.required and column.choices is None]
-        missed = sum(name not in have for name in needed)
-        unlikely = (self.kind == "transient" and len(self.rows) < _RUN,
-                    self.kind == "coupon" and self._of_a_plate)
-        return (sum(name in have for name in needed) - _MISSED * missed
-                - _UNLIKELY * sum(unlikely) + 0.1 * len(have))
-
-    @property
-    def _of_a_tester(self) -> bool:
-        """Whether it has forces and displacements, which strips and plates have."""
-        have = {source.column.name: source for source in self.header.sources}
-        return ({"displacement", "force"} <= {*have} if self.kind == "force"
-                else any(source.per == "area" for source in have.values()))
-
-    @property
-    def _of_a_strip(self) -> bool:
-        """Whether its sizes stand above the headings, or its mode in the file's name."""
-        return bool(self._preamble() or named_mode(self.file))
-
-    @cached_property
-    def _of_a_plate(self) -> bool:
-        """Whether forces may be those on the specimen's plate, and nothing speaks of a strip.
-
-        A strip may be pulled further than the plate is from the frame.
-        """
-        if not self._of_a_tester or len(self.specimens) != 1 or self._of_a_strip:
-            return False
-        film, = self.specimens.values()
-        lengths = [source for source in self.header.sources if source.per == "length"]
-        moved = [abs(float(cells[source.place])) * source.factor for source in lengths
-                 for _, cells in self._below
-                 if source.place is not None and NUMBER.fullmatch(cells[source.place])]
-        return film.plate is not None and max(moved, default=0.0) < film.gap
+        """Score of its kind."""
+        return float("inf") if self.stated else self.guesses.score
 
     @property
     def text(self) -> str:
-        """The lines of a dataset.toml."""
+        """The lines of a dataset.toml.
+
+        Raises
+        ------
+        InputError
+            Where a heading that is read stands twice: no line could name one of them.
+        """
+        self._require_one_of_each()
         lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
                  f"name = {_quoted(self.file.stem)}", "", *self._other(),
-                 f"[columns.{self.kind}]", *self._about(), *self._columns(), "",
+                 f"[columns.{self.guesses.kind}]", *self._about(), *self._columns(), "",
                  *self._specimens()]
         return "\n".join(lines) + "\n"
 
+    def _require_one_of_each(self) -> None:
+        titles = self.header.titles
+        for choice in self.guesses.choices.values():
+            places = [str(place + 1) for place, other in enumerate(titles)
+                      if other == titles[choice.place]]
+            if len(places) > 1:
+                raise InputError(f"stands in the columns {' and '.join(places)}: give each a name "
+                                 "of its own, or write their readings one below the other",
+                                 file=self.file, key=f"line {self.header.line}",
+                                 given=titles[choice.place])
+
     def _other(self) -> Iterator[str]:
-        """Other files the table may be, where its headings do not decide."""
-        names = {source.column.name for source in self.header.sources}
-        if (self._of_a_tester and "voltage" not in names
-                and not (self.stated or self._of_a_strip)):
-            what, kind, of = (("the plate of an actuator", "coupon", "a strip of film")
-                              if self.kind == "force"
-                              else ("a strip of film", "force", "the plate of an actuator"))
-            yield f"# {_CORRECT}force and displacement without voltage: taken as those of {what}."
+        """What else the table may be, where its headings do not decide."""
+        if self.unread:
+            yield f"# {_CORRECT}{self.unread}."
+        for doubt, question, kind in () if self.stated else self.guesses.doubts_of_kind():
             again = command_line("data", "--draft", file_word(self.file.name), "--kind", kind)
-            yield f"# If {of} was pulled: {again}"
+            yield f"# {_CORRECT}{doubt}."
+            yield f"# {question}: {again}"
 
     def _about(self) -> Iterator[str]:
-        if self._named(self.file) != f"{self.kind}.csv":
+        if self._named(self.file) != f"{self.guesses.kind}.csv":
             yield f"file = {_quoted(self._named(self.file))}"
         yield f"titles_line = {self.header.line}  # the first line with known headings"
         if self.decimal:
-            yield (f"decimal = {_quoted(self.decimal)}  # {_CORRECT}numbers have both marks; the "
-                   "other one is taken to separate thousands")
+            yield f"decimal = {_quoted(self.decimal.mark)}  # {_CORRECT}{self.decimal.why}"
+        yield from self._skipped()
         if words := self._words():
             yield f"missing = [{', '.join(map(_quoted, words))}]  # cells that are no numbers"
         if filled := [self.header.titles[place] for place in self.header.fill]:
             yield (f"fill = [{', '.join(map(_quoted, filled))}]  # stands only in the first row of "
                    "each block: blank cells have the value above")
-        taken = {self._naming, *self._by_unit.values()}
-        left = [self.header.titles[place] for place in self._unknown if place not in taken]
-        if left:
+        places = {*self.guesses.unknown, *self.guesses.others} - {
+            self._naming, *self._labels, *self.guesses.possible, *self.guesses.unnamed,
+            *(choice.place for choice in self.guesses.choices.values())}
+        if left := [self.header.titles[place] for place in sorted(places, key=lambda one: one or 0)
+                    if place is not None and self.header.titles[place] != self.guesses.numbering]:
             yield f"ignore = [{', '.join(map(_quoted, left))}]  # no column is known by these names"
 
+    def _skipped(self) -> Iterator[str]:
+        """Lines that sum others up, and such as another column says not to count."""
+        sums, uncounted = self.guesses.summaries, self.guesses.uncounted
+        said = list(dict.fromkeys(sums.values()))[:SHOWN]
+        why = f"lines that sum others up: {', '.join(said)}" if said else ""
+        doubts = "; ".join(list(dict.fromkeys(uncounted.values()))[:SHOWN])
+        if sums or uncounted:
+            lines = ", ".join(map(str, sorted({*sums, *uncounted})))
+            yield f"skip_lines = [{lines}]  # " + (
+                f"{_CORRECT}look whether they are readings: " * bool(doubts)
+                + "; ".join(filter(None, (doubts, why))))
+
     def _columns(self) -> Iterator[str]:
-        columns = FILES[f"{self.kind}.csv"]
-        found = {source.column.name: source for source in self.header.sources}
-        for size in dict.fromkeys(source.per for source in found.values() if source.per):
+        sources, choices = self.guesses.sources, self.guesses.choices
+        for size in dict.fromkeys(source.per for source in sources.values() if source.per):
             yield self._size(size)
-        for column in columns:
-            if column.name in found:
-                yield self._found(found[column.name])
+        for column in self.guesses.columns:
+            source = sources.get(column.name)
+            if column.name in choices:
+                yield self._chosen(choices[column.name], source)
+            elif source is not None and source.place is not None:
+                title = self.header.titles[source.place]
+                yield f"{column.title} = {_quoted(title)}  # {title!r} is known as {column.name}"
             elif column.name == "specimen":
                 yield self._of_all_rows(column)
-            elif column.name in self._by_unit:
-                yield self._mapped(column, self._by_unit[column.name])
             elif column.required:
                 yield self._absent(column)
 
-    def _found(self, source: Source) -> str:
-        place = source.place
-        if place is None:
-            return ""
-        title, column = self.header.titles[place], source.column
-        unit = Heading.of(title).unit
-        why = f"{title!r} is known as {column.name}"
-        if not column.unit or source.per:
-            return f"{column.title} = {_quoted(title)}  # {why}, by its words and unit"
-        key = f"{column.name}_{unit}" if unit.isalpha() else column.title
-        if not column.claims(key) or abs(column.factor(key) / source.factor - 1) > 1e-9:
-            return f"# {column.title}: {why}; its unit is read from the heading"
-        return self._line(key, column, place, why)
-
-    def _line(self, key: str, column: Column, place: int, why: str) -> str:
+    def _chosen(self, choice: Choice, source: Source | None) -> str:
         """The line that reads a column from a heading, with its sign where it may have one."""
-        title = _quoted(self.header.titles[place])
+        column, title = choice.column, self.header.titles[choice.place]
+        unit = self.guesses.unit_of(choice)
+        why = (f"{title!r} is known as {column.name}" if choice.by == "words"
+               else f"the only column in a unit of {column.dimension}")
+        doubts = list(self.guesses.doubts(choice))
+        said = f"{_CORRECT}{'; '.join(doubts)}" if doubts else why
+        if source is not None and (not column.unit or source.per):
+            return f"{column.title} = {_quoted(title)}  # {said}" + (
+                "" if doubts else ", by its words and unit")
+        key = f"{column.name}_{unit}" if unit.isalpha() else column.title
+        if source is not None and (
+                not column.claims(key) or abs(column.factor(key) / source.factor - 1) > 1e-9):
+            return f"# {column.title}: {why}; its unit is read from the heading" + (
+                f". {said}" if doubts else "")
+        key = key if column.claims(key) else column.title
+        sign = self.guesses.sign(choice)[0]
+        if column.name == "voltage" and sign == "up":
+            return (f'{key} = {{ from = {_quoted(title)}, sign = "up" }}  # {said}; the film\'s '
+                    "pull has no sign, and all of these are negative")
         if column.name not in ("displacement", "force"):
-            return f"{key} = {title}  # {why}"
-        if self._falls(place, column.name):
-            return (f'{key} = {{ from = {title}, sign = "up" }}  # {_CORRECT}the numbers fall '
-                    f"where {column.name}s rise: taken as counted the other way")
-        return f'{key} = {{ from = {title}, sign = "down" }}  # {why}'
-
-    @property
-    def _unknown(self) -> list[int]:
-        """Places of the columns whose headings are not known."""
-        known = {source.place for source in self.header.sources}
-        return [place for place, title in enumerate(self.header.titles)
-                if title and place not in known]
+            return f"{key} = {_quoted(title)}  # {said}"
+        return f'{key} = {{ from = {_quoted(title)}, sign = "{sign}" }}  # {said}'
 
     @cached_property
     def _naming(self) -> int | None:
         """Place of the column of specimens: by its heading, else by cells that name films here."""
-        by_heading = [source.place for source in self.header.sources
-                      if source.column.name == "specimen"]
-        by_cells = [place for place in self._unknown if any(
-            self._file_of(name) for name in self._labels(place))]
-        return next(iter([*by_heading, *by_cells]), None)
-
-    @cached_property
-    def _by_unit(self) -> dict[str, int]:
-        """Places of needed columns that no heading names: the only ones in a unit of that kind."""
-        found = {source.column.name for source in self.header.sources}
-        headings = {place: Heading.of(self.header.titles[place]) for place in self._unknown}
-        sizes = {word for words in _SIZES.values() for word in words}
-        dimensions = {place: _dimension(heading.unit) for place, heading in headings.items()
-                      if heading.words not in sizes}
-        wanted = {column.name: _dimension(column.unit) for column in FILES[f"{self.kind}.csv"]
-                  if column.required and column.choices is None and column.name not in found}
-        only = {}
-        for name, dimension in wanted.items():
-            places = [place for place, other in dimensions.items() if other == dimension]
-            if dimension and len(places) == list(wanted.values()).count(dimension) == 1:
-                only[name] = places[0]
-        return only
-
-    def _mapped(self, column: Column, place: int) -> str:
-        """The line of a column whose heading is not known, but its unit is."""
-        unit = Heading.of(self.header.titles[place]).unit
-        key = f"{column.name}_{unit}" if unit.isalpha() else column.title
-        return self._line(key if column.claims(key) else column.title, column, place,
-                          f"the only column in a unit of {_dimension(unit)}")
-
-    def _labels(self, place: int) -> list[str]:
-        """The cells of a column, each once, if they are words."""
-        cells = dict.fromkeys(cells[place] for _, cells in self._below)
-        return [cell for cell in cells if cell and not NUMBER.fullmatch(cell)]
+        by_heading = self.guesses.sources.get("specimen")
+        by_cells = [place for place in self.guesses.unknown if any(
+            self._file_of(name) for name in self.guesses.labels(place))]
+        return by_heading.place if by_heading else next(iter(by_cells), None)
 
     def _of_all_rows(self, column: Column) -> str:
         """The line of the specimen where no heading says it: a column whose cells do, or one film.
 
-        One film is a guess that a second film or a column of labels may contradict.
+        One film is a guess that a second film, a column of labels, or what stands above the
+        headings may contradict; that, or the file's name, may say which one.
         """
         if self._naming is not None:
             title = self.header.titles[self._naming]
             return f"{column.title} = {_quoted(title)}  # its cells name specimens that stand here"
-        labels = {self.header.titles[place]: labels for place in self._unknown
-                  if 1 < len(labels := self._labels(place)) <= len(self._below) / 2}
-        line = self._absent(column)
-        if not labels and len(self.specimens) < 2:
-            return line
-        line = line.partition("  # ")[0] + f"  # {_CORRECT}no heading says it: one film in all rows"
-        for title, names in list(labels.items())[:1]:
-            line += (f"; if the films are those of {title!r} ({', '.join(names[:_NAMED])}): "
+        labels = self._labels
+        if (film := self._film) is not None and not labels:
+            where = next(where for where, label in self._told if self._file_of(label))
+            return (f"{column.title} = {{ value = {_quoted(self.specimens[film].name)} }}  # "
+                    f"{where} says it")
+        line = self._absent(column).partition("  # ")[0]
+        if numbering := self.guesses.numbering:
+            return (f"{line}  # {_CORRECT}{numbering!r} is taken for the number of a reading; if "
+                    f"it is that of a film: {column.title} = {_quoted(numbering)}")
+        above = [f"{where} says {label!r}" for where, label in self._told[:-1] if column.required]
+        if not labels and not above and len(self.specimens) < 2:
+            return f"{line}  # no heading says it"
+        line += f"  # {_CORRECT}no heading says it: one film in all rows"
+        line += "".join(f"; {words}, and no file of such a specimen stands here" for words in above)
+        for place, names in labels.items():
+            title = self.header.titles[place]
+            line += (f"; if the films are those of {title!r} ({', '.join(names[:SHOWN])}): "
                      f"{column.title} = {_quoted(title)}")
         return line
 
+    @cached_property
+    def _labels(self) -> dict[int, list[str]]:
+        """Place and labels of the first unknown column that may name several films, if any."""
+        if self._naming is not None:
+            return {}
+        found = ((place, self.guesses.labels(place)) for place in self.guesses.unknown)
+        few = len(self.guesses.below) / 2
+        return dict([(place, names) for place, names in found if 1 < len(names) <= few][:1])
+
+    @cached_property
+    def _film(self) -> Path | None:
+        """The file of the specimen that stands above the table or in its name."""
+        files = (self._file_of(label) for _, label in self._told)
+        return next((file for file in files if file is not None), None)
+
+    @cached_property
+    def _told(self) -> list[tuple[str, str]]:
+        """Places outside the columns that may name the specimen, and the names; the file's last."""
+        above = stated_specimen(self.guesses.above)
+        of_file = [("the file's name", self.file.stem)]
+        return of_file if above is None else [(f"line {above[0]}", above[1]), *of_file]
+
     def _absent(self, column: Column) -> str:
-        nearest = next((title for title in self.header.titles
-                        if any(Heading.of(title).words in meaning.words
-                               for meaning in column.also)), None)
-        if nearest is not None:
-            return (f"{column.title} = {_quoted(nearest)}  # {_CORRECT}the heading has no unit "
-                    "that fits; the unit is that of the key")
+        """The line of a column that no heading is known for: what stands outside, or a question."""
         if column.choices is not None:
-            value = {"specimen": self.name, "run": "1", "mode": "uniaxial"}.get(column.name, "1")
+            value = {"specimen": self.name, "run": "1"}.get(column.name, column.choices[:1])
             value = named_mode(self.file).get(column.name, value)
-            value = column.choices[0] if column.choices and value not in column.choices else value
-            return f"{column.title} = {{ value = {_quoted(value)} }}  # no heading says it"
-        value = "0" if column.name == "voltage" else '"?"'
+            line = f"{column.title} = {{ value = {_quoted(''.join(value))} }}  # "
+            if column.name == "mode" and len(column.choices) > 1 and not named_mode(self.file):
+                return (f"{line}{_CORRECT}neither a heading nor the end of the file's name says "
+                        f"it: {', '.join(MODES)}")
+            if column.name == "run" and (back := self.guesses.run_back()) is not None:
+                return (f"{line}{_CORRECT}the time runs back in line {back}: name the column of "
+                        "the runs, or write one into the table")
+            where = "the file's name" if column.name == "mode" else "no heading"
+            return f"{line}{where} says it"
+        stated = self.guesses.stated(column.dimension) if column.unit else []
+        values = {float(f"{one.value / column.factor(column.title):.9g}") for one in stated}
+        value = (f"{values.pop():.9g}" if len(values) == 1
+                 else "0" if column.name == "voltage" and not values else '"?"')
+        said = [one.text for one in stated][:SHOWN]
+        names = [repr(self.header.titles[place]) for place in self.guesses.candidates(column)]
+        said += [f"it may be {' or '.join(names[:SHOWN])}"] * bool(names)
         return (f"{column.title} = {{ value = {value} }}  # {_CORRECT}no heading says it; "
-                "the value of the whole file, or the heading")
+                + "".join(f"{words}; " for words in said)
+                + "the value of the whole file, or the heading")
 
     def _size(self, size: str) -> str:
-        sizes = self._preamble()
+        sizes = self.guesses.sizes
         if size == "length" and "length" in sizes:
             return f"length = {_quoted(quantity_text(sizes['length'], 'length'))}  # the preamble's"
         if size == "area" and {"thickness", "width"} <= {*sizes}:
@@ -278,48 +290,20 @@ class Draft:
         usual = {"area": "18 mm^2", "length": "30 mm"}[size]
         return f'{size} = "{usual}"  # {_CORRECT}of the test piece before it is stretched'
 
-    def _preamble(self) -> dict[str, float]:
-        """Sizes of the test piece [m] in the lines above the headings."""
-        sizes: dict[str, float] = {}
-        for _, cells in self.rows[:self.header.above]:
-            heading = Heading.of(cells[0].rstrip(":"))
-            name = next((key for key, words in _SIZES.items() if heading.words in words), None)
-            value = next((cell for cell in cells[1:] if NUMBER.fullmatch(cell)), None)
-            unit = heading.unit or next((cell for cell in cells[2:] if cell), "mm")
-            known = any_quantity(f"{value} {unit}") if name and value else None
-            if name and known and known[1] == "length":
-                sizes[name] = known[0]
-        return sizes
-
     def _words(self) -> list[str]:
-        """Cells of columns of numbers that are none."""
-        places = [source.place for source in self.header.sources
-                  if source.place is not None and source.column.choices is None]
-        cells = {cells[place] for _, cells in self._below for place in places}
-        return sorted(cell for cell in cells if not any(mark.isdigit() for mark in cell)
-                      and (cell or any(source.column.required for source in self.header.sources)))
-
-    @cached_property
-    def _below(self) -> list[Row]:
-        return list(self.header.rows(lambda: self.rows))[1:]
-
-    def _falls(self, place: int, name: str) -> bool:
-        """Whether a column falls as the voltage rises, or the force as the displacement does."""
-        along = {"displacement": "voltage", "force": "displacement"}[name]
-        other = next((source.place for source in self.header.sources
-                      if source.column.name == along), None)
-        pairs = [(float(cells[place]), float(cells[other])) for _, cells in self._below
-                 if other is not None and NUMBER.fullmatch(cells[place])
-                 and NUMBER.fullmatch(cells[other])]
-        if len(pairs) < 2 or not np.ptp(pairs, axis=0).all():
-            return False
-        return bool(np.corrcoef(np.transpose(pairs))[0, 1] < _FALLING)
+        """Cells of columns of numbers that are none, and marks of a value above."""
+        choices = self.guesses.choices.values()
+        needed = any(choice.column.required for choice in choices)
+        words = {cell for choice in choices for cell in set(self.guesses.cells(choice.place))
+                 if not any(mark.isdigit() for mark in cell) and (cell or needed)}
+        return sorted(words | self.header.missing)
 
     def _specimens(self) -> Iterator[str]:
         """A file for each name in the table's column of specimens, else the first that is near."""
         place = self._naming
-        said = [] if place is None else [
-            name for name in dict.fromkeys(cells[place] for _, cells in self._below) if name]
+        said = [self.specimens[self._film].name] if self._film is not None else []
+        if place is not None:
+            said = [name for name in dict.fromkeys(self.guesses.cells(place)) if name]
         found = {name: self._file_of(name) for name in said}
         if any(found.values()):
             for name, file in found.items():
@@ -356,7 +340,8 @@ class Draft:
                     f"{name!r} stands here")
         own = self.specimens[file].name
         return f"file = {_quoted(self._named(file))}  # " + (
-            "its name stands in the table" if own == name else
+            ("its name stands in the table" if self._naming is not None
+             else "the film in all rows") if own == name else
             f"{_CORRECT}its name is {own!r}, in the table it is {name!r}: write one in both")
 
     def _named(self, file: Path) -> str:
@@ -387,14 +372,32 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
     rows, decimal = _rows(file)
     folder = file.parent if folder is None else folder
     specimens = _specimens_in(file.parent) or _specimens_in(folder)
-    taken = [Draft(file, name, header, rows, decimal, specimens, folder,
-                   name in (kind, file.stem.lower()))
-             for name in (_KINDS if kind is None else (kind,))
-             if (header := _header(file, name, rows)) is not None and header.sources]
+    left = unread(file, file_bytes(file))
+
+    def guessed(kinds: Sequence[str], some: Sequence[Row]) -> list[Draft]:
+        """Drafts of the kinds that rows of the table may be of."""
+        return [Draft(Guesses(file, name, header, tuple(some), specimens), decimal, folder,
+                      name in (kind, file.stem.lower()), left)
+                for name in kinds if (header := _header(file, name, some)) is not None]
+
+    taken = guessed(_KINDS if kind is None else (kind,), rows[:_JUDGED])
     if not taken:
         raise InputError("has no line with two known headings, such as Weg (mm) or Voltage (kV): "
-                         "give the columns such names", file=file)
-    return max(taken, key=lambda one: one.score)
+                         f"give the columns such names{_hint(rows)}", file=file)
+    best = max(taken, key=lambda one: one.score)
+    return best if len(rows) <= _JUDGED else guessed((best.guesses.kind,), rows)[0]
+
+
+def _hint(rows: Sequence[Row]) -> str:
+    """What else to do about a table whose headings are not known, "" if nothing."""
+    first = [cells for _, cells in rows[:SEARCHED]]
+    if sum(len(cells) == 1 and bool(_BLANKS.search(cells[0])) for cells in first) > len(first) / 2:
+        return ("; blanks stand between them: save the table with commas, semicolons or tabs "
+                "between the columns")
+    if any(sum(bool(_LOAD.fullmatch(cell)) for cell in cells) >= ENOUGH for cells in first):
+        return ("; a column for each load is called such as \"kreis 20 g displacement_mm\", with "
+                "the specimen, its load and what was read")
+    return ""
 
 
 def write_draft(file: Path | str, target: Path | str | None = None, kind: str | None = None
@@ -409,31 +412,47 @@ def write_draft(file: Path | str, target: Path | str | None = None, kind: str | 
     return target
 
 
-def _rows(file: Path) -> tuple[tuple[Row, ...], str | None]:
+def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
+    """The rows of a table, with a decimal mark where the reader does not find it by itself."""
     content = file_bytes(file)
     try:
-        return tuple(read_rows(file, content)), None
+        rows = tuple(read_rows(file, content))
     except TwoMarks as error:
-        decimal = "." if "," in str(error.given) else ","
-        return tuple(read_rows(file, content, decimal)), decimal
+        decimal = Decimal("." if "," in str(error.given) else ",", "numbers have both marks; the "
+                          "other one is taken to separate thousands")
+    else:
+        marked = [cell for _, cells in rows for cell in cells if "," in cell or "." in cell]
+        if not (any(map(DECIMAL_COMMA.fullmatch, marked)) and not any(
+                NUMBER.fullmatch(cell) for cell in marked)):
+            return rows, None
+        decimal = Decimal(",", "numbers have decimal commas, though commas stand between columns")
+    return tuple(read_rows(file, content, decimal.mark)), decimal
 
 
 def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
     """The header of a table if it is of that kind, whatever is missing."""
     columns = [replace(column, required=False) for column in FILES[f"{kind}.csv"]]
     whole = Layout(area=1.0, length=1.0)
-    with suppress(InputError):
-        header = Reader(file, columns, whole, lenient=True).header(rows)
-        wanted = {column.name: column for column in FILES[f"{kind}.csv"]}
-        sources = tuple(replace(source, column=wanted[source.column.name])
-                        for source in header.sources)
-        header = replace(header, sources=sources, foreign=True)
-        below = [cells for _, cells in header.below(lambda: rows)]
-        return replace(header, fill=tuple(
-            source.place for source in sources if source.place is not None
-            and source.column.name in _SET and source.column.required
-            and in_blocks([cells[source.place] for cells in below])))
-    return None
+    reader = Reader(file, columns, whole, lenient=True)
+    try:
+        header = reader.header(rows)
+    except InputError:
+        return None
+    if len(reader.known(header.titles)) < ENOUGH:
+        return None
+    wanted = {column.name: column for column in FILES[f"{kind}.csv"]}
+    sources = tuple(replace(source, column=wanted[source.column.name])
+                    for source in header.sources)
+    header = replace(header, sources=sources, foreign=True)
+    below = [cells for _, cells in header.below(lambda: rows)]
+    places = [source.place for source in sources if source.place is not None
+              and source.column.name in _SET and source.column.required]
+    columns_of_cells = {place: [cells[place] for cells in below] for place in places}
+    blank = {place: ["" if cell in _DITTO else cell for cell in cells]
+             for place, cells in columns_of_cells.items()}
+    fill = tuple(place for place in places if in_blocks(blank[place]))
+    dittos = {cell for place in fill for cell in columns_of_cells[place] if cell in _DITTO}
+    return replace(header, fill=fill, missing=frozenset(dittos))
 
 
 def _specimens_in(folder: Path) -> dict[Path, Specimen]:
@@ -443,12 +462,6 @@ def _specimens_in(folder: Path) -> dict[Path, Specimen]:
         with suppress(InputError):
             found[file] = load_specimen(file)
     return found
-
-
-def _dimension(unit: str) -> str:
-    """Dimension of a unit, "" of one that is not known."""
-    known = any_quantity(f"1 {unit}") if unit else None
-    return known[1] if known else ""
 
 
 def _quoted(text: str) -> str:

@@ -373,11 +373,11 @@ def test_a_draft_says_which_specimens_stand_where(tmp_path: Path, names: tuple[s
 
 @pytest.mark.parametrize(("names", "line"), [
     # Cells that are names, or contain the name of a file: the column of specimens.
-    (("Kreis 1", "Ellipse 1"), "specimen = \"Prüfling\"  # its cells name specimens"),
-    (("kreis", "ellipse"), "specimen = \"Prüfling\"  # its cells name specimens"),
+    (("Kreis 1", "Ellipse 1"), "specimen = \"Stück\"  # its cells name specimens"),
+    (("kreis", "ellipse"), "specimen = \"Stück\"  # its cells name specimens"),
     # Films whose names do not occur: one film in all rows is a guess, and so is one of two files.
     (("A", "B"), "specimen = { value = \"A\" }  # CORRECT THIS: no heading says it: one film in "
-                 "all rows; if the films are those of 'Prüfling' (Kreis 1, Ellipse 1): "),
+                 "all rows; if the films are those of 'Stück' (Kreis 1, Ellipse 1): "),
     (("A",), "specimen = { value = \"A\" }  # CORRECT THIS: "),
 ])
 def test_an_unknown_column_of_films_is_found_or_asked_about(
@@ -386,15 +386,15 @@ def test_an_unknown_column_of_films_is_found_or_asked_about(
     for name in names:
         film = SPECIMEN.format(name=name).replace("[[specimen]]\n", "").replace("[specimen.", "[")
         (tmp_path / f"{name}.toml").write_text(film, "utf-8")
-    rows = [f"{film};{mass};{kv};{2 + 0.1 * kv + mass / 50:.2f};0,5"
+    rows = [f"{film};{mass};{kv};{0.1 * kv + mass / 10:.2f};0,5"
             for film in ("Kreis 1", "Ellipse 1") for mass in (15, 30) for kv in (0, 2, 4)]
     (tmp_path / "messung.csv").write_text("\n".join([
-        "Prüfling;Gesamtmasse [g];Spannung [kV];Absenkung [mm];Dicke [mm]", *rows]), "utf-8")
+        "Stück;Masse oben [g];Spannung [kV];Absenkung Mitte [mm];Dicke [mm]", *rows]), "utf-8")
     text = tympan.draft(tmp_path / "messung.csv").read_text("utf-8")
     assert line in text
     # The only columns in a unit of mass and of length; a size of the film is none of them.
-    assert 'mass_g = "Gesamtmasse [g]"  # the only column in a unit of mass' in text
-    assert 'displacement_mm = { from = "Absenkung [mm]", sign = "down" }  # the only' in text
+    assert 'mass_g = "Masse oben [g]"  # the only column in a unit of mass' in text
+    assert 'displacement_mm = { from = "Absenkung Mitte [mm]", sign = "down" }  # the only' in text
     if names[0] == "kreis":  # its name is to be made the same in both files
         return
     assert main(["data", str(tmp_path)]) == 0

@@ -1,0 +1,166 @@
+"""Doubts about numbers of a table: which way they count, from where, and what their rows are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles import MembraneCircle
+
+Array = NDArray[np.float64]
+#: A number for each row, the same one for rows that belong together.
+Groups = NDArray[np.int64]
+
+#: Correlation from which numbers rise or fall with others.
+_CORRELATED = 0.5
+#: Share of the largest reading of a ramp that is nothing.
+_NOTHING = 0.02
+#: Ratio of two masses from which the deflections under them must differ.
+_HEAVIER = 1.5
+#: Power of the mass with which deflections grow at least: films stiffen up to their cube.
+_STIFFENS = 1 / 3
+#: Deflections at which a film's force is looked at, and the largest over the frame's radius.
+_PLACES, _WIDTHS = 1001, 3.0
+#: Readings of one state that are a sweep, and from which share of the largest on they differ so.
+_SWEEP, _SCATTERED = 4, 0.3
+#: Rows from which even times are those of a recorder, and how even these are.
+_EVEN, _EVENLY = 8, 0.01
+#: A list of states has no two of them within so many seconds.
+_QUICK = 2.0
+
+
+def groups_of(columns: Sequence[Sequence[str]], count: int) -> Groups:
+    """Groups of rows that have the same cells in each of some columns."""
+    if not columns:
+        return np.zeros(count, np.int64)
+    rows = list(zip(*columns, strict=True))
+    numbers = {row: number for number, row in enumerate(dict.fromkeys(rows))}
+    return np.array([numbers[row] for row in rows], np.int64)
+
+
+def rises(values: Array, along: Array, groups: Groups) -> bool | None:
+    """Whether numbers rise along others within groups, or fall; None where that is not clear."""
+    ok = np.isfinite(values) & np.isfinite(along)
+    if ok.sum() < 2:
+        return None
+    here = np.unique(groups[ok], return_inverse=True)[1].ravel()
+    count = np.bincount(here)
+    rests = [column[ok] - (np.bincount(here, column[ok]) / count)[here]
+             for column in (values, along)]
+    sizes = [float(np.sqrt(np.mean(rest**2))) for rest in rests]
+    if not all(size > 1e-9 * np.abs(column[ok]).max()
+               for size, column in zip(sizes, (values, along), strict=True)):
+        return None
+    correlation = float(np.mean(rests[0] * rests[1]) / (sizes[0] * sizes[1]))
+    return None if abs(correlation) <= _CORRELATED else correlation > 0
+
+
+def swept(values: Array, groups: Groups) -> bool:
+    """Whether readings of one state go over a range, as those of a drive do."""
+    for number in np.unique(groups):
+        here = values[(groups == number) & np.isfinite(values)]
+        if len(here) >= _SWEEP and np.ptp(here) > _SCATTERED * np.abs(here).max():
+            return True
+    return False
+
+
+def all_negative(values: Array) -> bool:
+    """Whether no number is positive and some are negative."""
+    finite = values[np.isfinite(values)]
+    return bool(len(finite) and finite.max() <= 0 > finite.min())
+
+
+def from_rest(values: Array, voltage: Array, groups: Groups) -> bool:
+    """Whether readings are nothing at the lowest of several voltages, though a mass hangs there."""
+    for number in np.unique(groups):
+        here = (groups == number) & np.isfinite(values) & np.isfinite(voltage)
+        if not here.any() or not np.ptp(voltage[here]):
+            continue
+        lowest = here & (np.abs(voltage) == np.abs(voltage[here]).min())
+        if np.abs(values[lowest]).max() <= _NOTHING * np.abs(values[here]).max():
+            return True
+    return False
+
+
+def hardly_grow(values: Array, mass: Array, groups: Groups) -> bool:
+    """Whether readings grow less with the mass than those of a film that is flat without one."""
+    said = []
+    for number in np.unique(groups):
+        here = np.flatnonzero((groups == number) & np.isfinite(values) & (mass > 0))
+        if not len(here):
+            continue
+        light, heavy = here[mass[here].argmin()], here[mass[here].argmax()]
+        ratio = float(mass[heavy] / mass[light])
+        if ratio >= _HEAVIER:
+            said.append(abs(values[heavy])
+                        < ratio**_STIFFENS * max(abs(values[light]), 1e-300))
+    return bool(said) and all(said)
+
+
+def usual_deflections(film: Specimen, masses: Array) -> Array:
+    """Deflections [m] of a film without voltage under masses [kg], as of a circle of its area.
+
+    Beyond three times the film's width they are inf, and of no mass nothing.
+    """
+    radius = float(np.sqrt(np.prod(film.frame.semi_axes)))
+    circle = MembraneCircle(film, radius)
+    deflections = np.linspace(0.0, _WIDTHS * radius, _PLACES)
+    forces = np.maximum.accumulate(circle.elastic(deflections)[1])
+    return np.interp(masses * Rig().gravity, forces, deflections, right=np.inf)
+
+
+def run_back(times: Array, groups: Groups) -> int | None:
+    """The first row whose time is before that of the row above in its group."""
+    for number in np.unique(groups):
+        rows = np.flatnonzero((groups == number) & np.isfinite(times))
+        back = np.flatnonzero(np.diff(times[rows]) < 0)
+        if len(back):
+            return int(rows[back[0] + 1])
+    return None
+
+
+def even(times: Array) -> bool:
+    """Whether times are a recorder's: many, and evenly spaced but for where it began again."""
+    steps = np.diff(times[np.isfinite(times)])
+    steps = steps[steps > 0]
+    return len(steps) >= _EVEN - 1 and bool(
+        np.mean(np.abs(steps - np.median(steps)) <= _EVENLY * np.median(steps)) > 0.9)
+
+
+def quick(times: Array) -> bool:
+    """Whether the times [s] are closer than states at rest are read."""
+    steps = np.diff(times[np.isfinite(times)])
+    steps = steps[steps > 0]
+    return bool(len(steps)) and float(np.median(steps)) < _QUICK
+
+
+def numbers_rows(cells: Sequence[str], states: Sequence[tuple[str, ...]]) -> bool:
+    """Whether cells of a column of names number the rows: each once, while the states change.
+
+    Numbers with decimals name nothing either.
+    """
+    if any(not cell.lstrip("+-").replace(".", "", 1).isdigit() for cell in cells):
+        return False
+    if any("." in cell for cell in cells):
+        return True
+    return len(cells) > 2 and len(set(cells)) == len(cells) and len(set(states)) > 1
+
+
+def numbered(cells: Sequence[str]) -> bool:
+    """Whether cells number rows one after the other, and a few are blank."""
+    said = [cell for cell in cells if cell]
+    return (len(said) > 2 and 0 < len(cells) - len(said) < len(said)
+            and all(cell.isdigit() for cell in said)
+            and [int(cell) - int(said[0]) for cell in said] == list(range(len(said))))
+
+
+def held(forces: Sequence[str], voltages: Sequence[str]) -> bool:
+    """Whether the same few forces stand at several voltages each: weights, which nobody reads."""
+    by_force: dict[str, set[str]] = {}
+    for force, voltage in zip(forces, voltages, strict=True):
+        by_force.setdefault(force, set()).add(voltage)
+    return 2 * len(by_force) <= len(forces) and all(len(said) > 1 for said in by_force.values())

@@ -1,0 +1,584 @@
+"""Guesses of what each column of somebody's table is, and what speaks against them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from tympan.geometry.column import NUMBER, Column, Heading, Meaning, quantity_of, usual_unit
+from tympan.geometry.formats import Row
+from tympan.geometry.layouts import Header, Source
+from tympan.geometry.meanings import (
+    HEIGHTS,
+    NO_READINGS,
+    OTHER_READINGS,
+    RANGES,
+    SET_VOLTAGES,
+    SPECIMENS,
+    STRETCHES,
+    TIMES,
+    TOTALS,
+    VALIDITIES,
+    sums_up,
+)
+from tympan.geometry.specimen import Specimen
+from tympan.studies.data import doubts
+from tympan.studies.data.coupon import named_mode
+from tympan.studies.data.dataset import FILES
+from tympan.studies.data.doubts import Array, Groups
+from tympan.studies.data.preamble import (
+    Statement,
+    named_quantities,
+    stated_quantities,
+    stated_sizes,
+)
+
+#: Readings below which a table with times is a list of states and no run in time.
+_RUN = 30
+#: Different voltages from which a table is a list of states rather than steps of a run in time.
+_STEPS = 3
+#: What one missing column of numbers counts against one that was found.
+_MISSED = 1.0
+#: What a column counts by what it is chosen by, besides what one counts that the reader finds.
+_HALF = {"words": 0.0, "no unit": 0.6, "other unit": 0.6, "unit": 0.5}
+#: What an unlikely reading of a table counts against it: more than a missing column.
+_UNLIKELY = 1.5
+#: Headings and lines that a doubt shows.
+SHOWN = 3
+#: Words that leave no choice where other columns have the same unit.
+_SURE = TOTALS.words | SET_VOLTAGES.words
+#: What people call specimens.
+_SPECIMENS = Meaning.of(SPECIMENS)
+#: A factor in a heading: "x100", "1/100 mm", "10^3".
+_FACTOR = re.compile(r"[x×*]\s*10|10\s*\^|1/10|/\s*10|\b1?[eE][+-]?\d\b")
+#: Words of headings for a range, also behind a unit: "kVpp".
+_PEAKS = re.compile(r"(?:\b|V)pp\b|\bp-p\b|pk-pk|peak.to.peak|spitze.spitze|crête.à.crête",
+                    re.IGNORECASE)
+#: Strains above which per cent may be meant: twice the length is 1 or 100.
+_STRAINED = 2.0
+#: Factor beyond which a deflection is none of this film and mass. Laws, creep and shapes that are
+#: no circles make less.
+_UNUSUAL = 3.0
+#: Readings from which on numbers of each are those of rows.
+_NUMBERED = 20
+#: Stretch below which strains may be meant.
+_SHORT = 0.95
+#: Columns of numbers that make a state.
+_STATE = ("mass", "voltage", "voltage_min", "voltage_max", "t")
+#: Columns along which the numbers of another one rise, by kind of table, the surest first.
+_RISES = {("static", "displacement"): ("voltage", "mass"),
+          ("transient", "displacement"): ("voltage",),
+          ("force", "force"): ("displacement",)}
+#: Kinds of tables whose displacements are counted from the flat film.
+_FROM_FLAT = ("static", "transient")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A column of numbers that is taken for one of ours: its place, and by what.
+
+    "words": those of its heading and its unit, "no unit": its words alone, "unit": its unit alone,
+    "other unit": its words, though its unit does not fit.
+    """
+
+    column: Column
+    place: int
+    by: Literal["words", "no unit", "unit", "other unit"]
+
+
+@dataclass(frozen=True)
+class Guesses:
+    """Guesses of a table of a ``kind``, by its header and rows.
+
+    ``specimens`` are those whose files stand near it.
+    """
+
+    file: Path
+    kind: str
+    header: Header
+    rows: tuple[Row, ...]
+    specimens: Mapping[Path, Specimen]
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """Columns that a table of this kind may have."""
+        return FILES[f"{self.kind}.csv"]
+
+    @cached_property
+    def _every(self) -> list[Row]:
+        """The rows below the headings, also those that lack a reading."""
+        return list(self.header.below(lambda: self.rows))
+
+    @cached_property
+    def below(self) -> list[Row]:
+        """The rows below the headings, without those that sum others up."""
+        return [row for row in self._every if row[0] not in self.summaries]
+
+    @cached_property
+    def summaries(self) -> dict[int, str]:
+        """Lines that sum others up, such as means, and the cells that say so."""
+        found: dict[int, str] = {}
+        for place in range(len(self.header.titles)):
+            cells = {cell for _, cells in self._every for cell in (cells[place],)
+                     if cell and not cell[0].isdigit()}
+            sums = {cell for cell in cells if sums_up(cell)}
+            lines = {line: cells[place] for line, cells in self._every if cells[place] in sums}
+            if 2 * len(lines) <= len(self._every):  # else it is what all readings are
+                found |= lines
+        return dict(sorted(found.items()))
+
+    def cells(self, place: int) -> list[str]:
+        """The cells of a column."""
+        return [cells[place] for _, cells in self.below]
+
+    def numbers(self, place: int) -> Array:
+        """The numbers of a column, nan where there is none."""
+        if place not in self._numbers:
+            self._numbers[place] = np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan
+                                             for cell in self.cells(place)])
+        return self._numbers[place]
+
+    @cached_property
+    def _numbers(self) -> dict[int, Array]:
+        """The numbers of columns that were asked for."""
+        return {}
+
+    def labels(self, place: int) -> list[str]:
+        """The cells of a column, each once, if they are words."""
+        return [cell for cell in dict.fromkeys(self.cells(place))
+                if cell and not NUMBER.fullmatch(cell)]
+
+    @cached_property
+    def sources(self) -> dict[str, Source]:
+        """Columns that the reader finds by itself, by name, without those of something else."""
+        return {source.column.name: source for source in self.header.sources
+                if source.place not in self.others}
+
+    @cached_property
+    def others(self) -> frozenset[int]:
+        """Places of known headings whose cells are something else: numbers of rows, clocks."""
+        numeric = [source.place for source in self.header.sources
+                   if source.place is not None and source.column.name in _STATE]
+        return frozenset(
+            source.place for source in self.header.sources if source.place is not None
+            and (self._numbers_rows(source.place, numeric) if source.column.choices == ()
+                 else source.column.choices is None and not source.column.required
+                 and self._is_no_number(source.place)))
+
+    def _numbers_rows(self, place: int, numeric: Sequence[int]) -> bool:
+        states = [tuple(cells[other] for other in numeric) for _, cells in self.below]
+        return doubts.numbers_rows(self.cells(place), states)
+
+    @cached_property
+    def uncounted(self) -> dict[int, str]:
+        """Lines that may be no readings, as another column has it: and why."""
+        found: dict[int, str] = {}
+        for place in self.unknown:
+            cells, title = self.cells(place), self.header.titles[place]
+            counts = Counter(cells)
+            if self._headings[place].words in VALIDITIES and len(counts) == 2:
+                (_, many), (rare, few) = counts.most_common()
+                found |= {line: f"{title!r} is {rare!r} there" for line, row in self.below
+                          if row[place] == rare and few < many}
+            if doubts.numbered(cells):
+                found |= {line: f"{title!r} is blank there" for line, row in self.below
+                          if not row[place] and self._is_reading(row)}
+        return dict(sorted(found.items()))
+
+    def _is_reading(self, row: Sequence[str]) -> bool:
+        """Whether a row has a number in each needed column."""
+        return all(NUMBER.fullmatch(row[choice.place]) for choice in self.choices.values()
+                   if choice.column.required)
+
+    @property
+    def numbering(self) -> str:
+        """The heading of a column of specimens that seems to number a few readings, "" if none."""
+        places = [source.place for source in self.header.sources
+                  if source.column.name == "specimen" and source.place in self.others]
+        few = len(self.below) < _NUMBERED
+        return self.header.titles[places[0] or 0] if places and few else ""
+
+    @property
+    def unnamed(self) -> list[int]:
+        """Places of unknown columns of numbers that may be the needed one that is not there."""
+        absent = any(column.name not in self.choices for column in self._missing)
+        return [place for place in self.unknown if absent and not self._is_no_number(place)
+                and np.isfinite(self.numbers(place)).any()]
+
+    def _is_no_number(self, place: int) -> bool:
+        said = [cell for cell in self.cells(place) if any(mark.isdigit() for mark in cell)]
+        return 2 * sum(NUMBER.fullmatch(cell) is None for cell in said) > len(said)
+
+    @cached_property
+    def unknown(self) -> list[int]:
+        """Places of the columns whose headings are not known."""
+        known = {source.place for source in self.header.sources}
+        return [place for place, title in enumerate(self.header.titles)
+                if title and place not in known]
+
+    @cached_property
+    def _headings(self) -> list[Heading]:
+        return [Heading.of(title) for title in self.header.titles]
+
+    @cached_property
+    def _dimensions(self) -> list[str]:
+        """Dimension of the unit in each heading, "" without one."""
+        return [quantity_of(heading.unit) for heading in self._headings]
+
+    @cached_property
+    def _missing(self) -> list[Column]:
+        """Needed columns of numbers that the reader does not find by itself."""
+        return [column for column in self.columns if column.required
+                and column.choices is None and column.name not in self.sources]
+
+    @cached_property
+    def possible(self) -> list[int]:
+        """Places of unknown columns in a unit of a needed one, but for sizes and scatters."""
+        wanted = {column.dimension for column in self.columns
+                  if column.required and column.dimension}
+        return [place for place in self.unknown
+                if self._dimensions[place] in wanted and self._reads(place)]
+
+    @cached_property
+    def choices(self) -> dict[str, Choice]:
+        """Columns of numbers that are taken for ours, by name."""
+        found = {name: Choice(source.column, source.place, "words")
+                 for name, source in self.sources.items()
+                 if source.place is not None and source.column.choices is None}
+        for column in self._missing:
+            free = [place for place in self.unknown
+                    if place not in {choice.place for choice in found.values()}]
+            named = self._named(column, free)
+            without = next((place for place in named if not self._headings[place].unit), None)
+            by_unit = self._by_unit(column, free)
+            if without is not None:
+                found[column.name] = Choice(column, without, "no unit")
+            elif by_unit is not None:
+                found[column.name] = Choice(column, by_unit, "unit")
+            elif named:
+                found[column.name] = Choice(column, named[0], "other unit")
+        return found
+
+    def _named(self, column: Column, free: Sequence[int]) -> list[int]:
+        """Places of columns that are known by words and not by a unit, exact words first."""
+        exact = [place for place in free if column.knows(self._headings[place].words)]
+        like = [place for place in free if column.alludes(self._headings[place].words)
+                and not self._dimensions[place] and self._reads(place)]
+        return [*exact, *like] if column.unit else []
+
+    def _reads(self, place: int) -> bool:
+        """Whether a heading may be that of readings: not of sizes, nor of their scatter."""
+        return not NO_READINGS.alluded(self._headings[place].words)
+
+    def _by_unit(self, column: Column, free: Sequence[int]) -> int | None:
+        """The only unknown column in a unit of its kind, or the only one with words like it."""
+        places = self.candidates(column, free)
+        same = [other.name for other in self._missing if other.dimension == column.dimension]
+        if len(same) > 1:  # of two voltages the one that changes is the higher one
+            return places[0] if len(places) == 1 and column.name == "voltage_max" else None
+        likely = [place for place in places if column.alludes(self._headings[place].words)
+                  and not self._of_something_else(place)]
+        return (places[0] if len(places) == 1 else likely[0] if len(likely) == 1 else None)
+
+    def candidates(self, column: Column, free: Sequence[int] | None = None) -> list[int]:
+        """Places of unknown columns in a unit of the column's kind."""
+        return [place for place in self.possible if self._dimensions[place] == column.dimension
+                and (free is None or place in free)]
+
+    def _of_something_else(self, place: int) -> str:
+        """What in a heading makes another reading of it, "" if nothing does."""
+        title = self.header.titles[place]
+        if _FACTOR.search(title):
+            return "the heading has a factor, which is not read: write numbers without it"
+        if OTHER_READINGS.alluded(self._headings[place].words):
+            return "by its words it may be another quantity"
+        return ""
+
+    @cached_property
+    def score(self) -> float:
+        """Score of the kind by how well it explains the headings."""
+        needed = [column.name for column in self.columns
+                  if column.required and column.choices is None]
+        found = sum(name in self.sources for name in needed)
+        half = sum(_HALF[choice.by] * (not self._of_something_else(choice.place))
+                   for name, choice in self.choices.items() if name in needed)
+        missed = sum(name not in self.choices for name in needed)
+        unlikely = (self.kind == "transient" and len(self.below) < _RUN
+                    and not (doubts.quick(self._times) and doubts.even(self._times)),
+                    self.kind == "coupon" and self.of_a_plate)
+        return (found + half - _MISSED * missed
+                - _UNLIKELY * sum(unlikely) + 0.1 * len(self.sources))
+
+    @cached_property
+    def _times(self) -> Array:
+        """Times [s], or in an unknown unit, of the column that is known as such by its words."""
+        place = next((place for place, heading in enumerate(self._headings)
+                      if heading.words in TIMES.words and not self._is_no_number(place)), None)
+        if place is None:
+            return np.zeros(0)
+        return self.numbers(place) * (TIMES.factor(self._headings[place].unit) or 1.0)
+
+    @property
+    def of_a_tester(self) -> bool:
+        """Whether it has forces and displacements, which strips and plates have."""
+        return ({"displacement", "force"} <= {*self.sources} if self.kind == "force"
+                else any(source.per == "area" for source in self.sources.values()))
+
+    @property
+    def of_a_strip(self) -> bool:
+        """Whether its sizes stand above the headings, or its mode in the file's name."""
+        return bool(self.sizes or named_mode(self.file))
+
+    @cached_property
+    def of_a_plate(self) -> bool:
+        """Whether forces may be those on the specimen's plate, and nothing speaks of a strip.
+
+        A strip may be pulled further than the plate is from the frame.
+        """
+        if not self.of_a_tester or len(self.specimens) != 1 or self.of_a_strip:
+            return False
+        film, = self.specimens.values()
+        moved = [source.factor * np.nan_to_num(np.abs(self.numbers(source.place))).max(initial=0.0)
+                 for source in self.sources.values()
+                 if source.per == "length" and source.place is not None]
+        return film.plate is not None and max(moved, default=0.0) < film.gap
+
+    @cached_property
+    def above(self) -> tuple[Row, ...]:
+        """The rows above the headings."""
+        return self.rows[:self.header.above]
+
+    @cached_property
+    def sizes(self) -> dict[str, float]:
+        """Sizes of the test piece [m] that stand above the headings."""
+        return stated_sizes(self.above)
+
+    def stated(self, dimension: str) -> list[Statement]:
+        """Quantities that stand outside the columns: in the name, above, and between blocks."""
+        between = [row for row in self.below if not self._is_reading(row[1])]
+        titles = [(self.header.line, [self.header.titles[choice.place]])
+                  for choice in self.choices.values()]
+        return [*stated_quantities((*self.above, *titles, *between), dimension),
+                *named_quantities(self.file, dimension)]
+
+    def unit_beside(self, choice: Choice) -> tuple[str, str]:
+        """The unit of a column without one in its heading that stands in it, and where."""
+        rows = [*self.above[-1:], *(row for row in self.below
+                                    if row[1][choice.place] in self.labels(choice.place))]
+        for line, cells in rows:
+            cell = cells[choice.place] if choice.place < len(cells) else ""
+            unit = usual_unit(cell.strip("[]() "))
+            if unit and unit.isalpha() and quantity_of(unit) == choice.column.dimension:
+                return unit, f"line {line} has {cell!r}"
+        return "", ""
+
+    def unit_of(self, choice: Choice) -> str:
+        """The unit of a column's numbers, "" where only the key says it."""
+        return (usual_unit(self._headings[choice.place].unit) or ""
+                if choice.by in ("words", "unit") else self.unit_beside(choice)[0])
+
+    def doubts(self, choice: Choice) -> Iterator[str]:
+        """What speaks against a choice, or for another one."""
+        column, place = choice.column, choice.place
+        title, words = self.header.titles[place], self._headings[place].words
+        if choice.by in ("no unit", "other unit"):
+            unit, where = self.unit_beside(choice)
+            yield ("the heading has no unit that fits; " + (f"taken is {unit!r}, as {where}" if unit
+                   else "the unit is that of the key"))
+        elif choice.by == "unit":
+            other = self._of_something_else(place)
+            if other or not column.alludes(words) or column.name == "voltage_max":
+                yield (f"the only column in a unit of {column.dimension}"
+                       + (f"; {other}" if other else ", its words are not known"))
+        if words not in _SURE and not column.claims(title):
+            near = [repr(self.header.titles[other]) for other in self._rivals(choice)]
+            if near:
+                yield f"it may also be {' or '.join(near[:SHOWN])}"
+            if column.name == "mass":
+                yield from self._doubts_of_mass(choice)
+            if column.name == "mass" and _SPECIMENS.alluded(words):
+                yield "it may be the film's own mass, which is none of what hangs on it"
+        if column.name == "stretch":
+            yield from self._doubts_of_strain(choice)
+        if column.name == "frequency" and doubts.swept(self.numbers(place), self._states("")):
+            yield ("one state has many frequencies: those of a drive are none, only natural "
+                   "frequencies")
+        if column.name in ("displacement", "force"):
+            yield from filter(None, [self.sign(choice)[1]])
+        if column.name == "displacement" and self.kind in _FROM_FLAT:
+            yield from self._doubts_of_zero(choice)
+
+    def _rivals(self, choice: Choice) -> Iterator[int]:
+        """Places of other columns in a unit of the same kind that may be meant."""
+        dimension = self._dimensions[choice.place]
+        taken = {other.place for other in self.choices.values()}
+        for place in self.unknown if dimension else ():
+            words = self._headings[place].words
+            if (place not in taken and self._dimensions[place] == dimension and self._reads(place)
+                    and (choice.column.knows(words) or (choice.column.required and (
+                        choice.column.name == "mass" or choice.column.alludes(words)
+                        or OTHER_READINGS.alluded(words))))):
+                yield place
+
+    def _doubts_of_mass(self, choice: Choice) -> Iterator[str]:
+        """A mass that stands outside of the column, and is none of it."""
+        factor = choice.column.also[0].factor(self._headings[choice.place].unit) or 1.0
+        values = factor * self.numbers(choice.place)
+        for one in self.stated("mass"):
+            if not np.isclose(values, one.value, rtol=1e-6).any():
+                yield f"{one.text}: look whether it is in the masses of this column"
+                return
+
+    def _doubts_of_strain(self, choice: Choice) -> Iterator[str]:
+        heading, values = self._headings[choice.place], self.numbers(choice.place)
+        if heading.words in STRETCHES[0].words and np.nanmin(
+                np.append(values * (STRETCHES[0].factor(heading.unit) or 1.0), 1.0)) < _SHORT:
+            yield "below 1 a strip would be pressed: strains have other headings, such as Strain"
+        if (heading.words in STRETCHES[1].words and not heading.unit
+                and np.nan_to_num(np.abs(values)).max(initial=0.0) > _STRAINED):
+            yield ("the strain has no unit: taken as a number, 0.5 for 50 %; if it is in per cent, "
+                   "write (%) into its heading")
+
+    def _doubts_of_zero(self, choice: Choice) -> Iterator[str]:
+        """Doubts whether deflections are counted from the flat film."""
+        values, mass = self.numbers(choice.place), self._of("mass")
+        loaded = values if mass is None else np.where(mass == 0, np.nan, values)
+        voltage = self._of("voltage")
+        if voltage is not None and doubts.from_rest(loaded, voltage, self._states("voltage")):
+            yield ("it is 0 at the lowest voltage, but deflections count from the flat film, "
+                   "before anything hangs on it; differences between voltages belong into "
+                   "range.csv")
+        elif (self.kind == "static" and mass is not None
+              and doubts.hardly_grow(values, mass, self._states("mass"))):
+            yield ("it hardly grows with the mass, but deflections count from the flat film, "
+                   "before anything hangs on it")
+        elif mass is not None and self.kind in _FROM_FLAT:
+            yield from self._doubts_of_size(choice)
+
+    def _doubts_of_size(self, choice: Choice) -> Iterator[str]:
+        """Deflections that the masses cannot make of any of the films, whatever is uncertain."""
+        heavy = self.choices["mass"]
+        voltage = self._of("voltage")
+        still = np.zeros(len(self.below)) if voltage is None else np.abs(np.nan_to_num(voltage))
+        rows = np.flatnonzero(still == still.min(initial=np.inf))
+        deflections = np.abs(self._si(choice))[rows]
+        films = [film for film in self.specimens.values() if film.plate is not None]
+        if not (len(rows) and films and np.isfinite(deflections).all()):
+            return
+        usual = np.array([doubts.usual_deflections(film, self._si(heavy)[rows]) for film in films])
+        loaded = (usual > 0).all(axis=0) & np.isfinite(usual).all(axis=0)
+        if not loaded.any():
+            return
+        ratios = np.median(deflections[loaded] / usual[:, loaded], axis=1)
+        if ratios.min() > _UNUSUAL or ratios.max() < 1 / _UNUSUAL:
+            first = int(np.flatnonzero(loaded)[0])
+            yield (f"line {self.below[int(rows[first])][0]} has {1e3 * deflections[first]:.3g} mm, "
+                   f"where this mass pulls {films[0].name} down by some "
+                   f"{1e3 * usual[0][first]:.2g} mm: look at zero, unit and mass")
+
+    def _si(self, choice: Choice) -> Array:
+        """Numbers of a choice in SI."""
+        unit = self.unit_of(choice)
+        title = f"{choice.column.name}_{unit}" if unit.isalpha() else choice.column.title
+        return self.numbers(choice.place) * choice.column.factor(title)
+
+    def _of(self, name: str) -> Array | None:
+        """The numbers of a chosen column."""
+        choice = self.choices.get(name)
+        return None if choice is None else self.numbers(choice.place)
+
+    def _states(self, along: str) -> Groups:
+        """Groups of rows that differ in one column of what is set alone."""
+        places = [source.place for name, source in self.sources.items()
+                  if name in ("specimen", "run") and source.place is not None]
+        places += [choice.place for name, choice in self.choices.items()
+                   if name in ("mass", "voltage") and name != along]
+        return doubts.groups_of([self.cells(place) for place in places], len(self.below))
+
+    def sign(self, choice: Choice) -> tuple[str, str]:
+        """The sign of a column's numbers, and a doubt about it.
+
+        Deflections rise with the voltage and with the mass, forces with the deflection.
+        """
+        name, values = choice.column.name, self.numbers(choice.place)
+        negative = doubts.all_negative(values)
+        if name == "voltage":
+            return ("up" if negative else "down"), ""
+        rising = self._rising(choice)
+        if rising is False:
+            return "up", f"the numbers fall where {name}s rise: taken as counted the other way"
+        if negative and rising is None:
+            return "up", "all numbers are negative: taken as counted the other way"
+        if negative:
+            return "down", "all numbers are negative: look which way they count"
+        if name == "displacement" and HEIGHTS.alluded(self._headings[choice.place].words):
+            return ("down" if rising else "up"), "a height: look from where and which way it counts"
+        return "down", ""
+
+    def _rising(self, choice: Choice) -> bool | None:
+        """Whether the numbers rise with what they rise along; None where that is not clear."""
+        values = self.numbers(choice.place)
+        for along in _RISES.get((self.kind, choice.column.name), ()):
+            other = self._of(along)
+            if other is None:
+                continue
+            if along == "displacement":
+                other = -other if self._up(along) else other
+                groups = np.zeros(len(other), np.int64)
+            else:
+                other, groups = np.abs(other), self._states(along)
+            rising = doubts.rises(values, other, groups)
+            if rising is not None:
+                return rising
+        return None
+
+    def _up(self, name: str) -> bool:
+        """Whether a chosen column counts the other way."""
+        choice = self.choices.get(name)
+        return choice is not None and self.sign(choice)[0] == "up"
+
+    def doubts_of_kind(self) -> Iterator[tuple[str, str, str]]:
+        """How the table is taken, a question, and the kind it is of if the answer is yes."""
+        if self.of_a_tester and "voltage" not in self.choices and not self.of_a_strip:
+            what, kind, of = (("the plate of an actuator", "coupon", "a strip of film")
+                              if self.kind == "force"
+                              else ("a strip of film", "force", "the plate of an actuator"))
+            yield (f"force and displacement without voltage: taken as those of {what}",
+                   f"If {of} was pulled", kind)
+        places = [self.choices[name].place for name in ("force", "voltage") if name in self.choices]
+        if self.kind == "force" and len(places) > 1 and doubts.held(*map(self.cells, places)):
+            yield ("each force stands at several voltages: taken as a tester's", "If weights hung "
+                   "on the plate, write their masses [kg], which are N / 9.81, into the table",
+                   "static")
+        moved = self.choices.get("displacement")
+        if self.kind == "static" and moved and any(
+                self._headings[moved.place].words in meaning.words for meaning in RANGES):
+            yield (f"{self.header.titles[moved.place]!r} is taken as the distance from the flat "
+                   "film", "If it is that between two voltages", "range")
+        peaks = [title for title in self.header.titles if _PEAKS.search(title)]
+        if self.kind == "static" and peaks:
+            yield (f"{peaks[0]!r} is taken as a column of states at rest",
+                   "If it is from peak to peak", "range")
+        voltages = self.cells(self.choices["voltage"].place) if "voltage" in self.choices else []
+        if self.kind == "static" and doubts.even(self._times):
+            yield ("the times are evenly spaced: taken as a list of states at rest",
+                   "If it is a run in time", "transient")
+        if (self.kind == "transient" and len(set(voltages)) >= _STEPS
+                and not doubts.quick(self._times)):
+            yield ("the voltage changes slowly: taken as a run in time",
+                   "If each line is a state at rest", "static")
+
+    def run_back(self) -> int | None:
+        """The line where time runs back, though nothing says that another run begins there."""
+        if self.kind != "transient" or "t" not in self.choices or "run" in self.sources:
+            return None
+        row = doubts.run_back(self.numbers(self.choices["t"].place), self._states(""))
+        return None if row is None else self.below[row][0]
+

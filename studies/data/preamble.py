@@ -1,0 +1,95 @@
+"""Statements outside a table's columns: above its headings, between its blocks, in its name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from tympan.geometry.column import NUMBER, Heading, Meaning, plain_words, quantity_of, usual_unit
+from tympan.geometry.errors import InputError
+from tympan.geometry.formats import Row, decimal_point
+from tympan.geometry.meanings import SIZES, SPECIMENS
+from tympan.geometry.units import quantity
+
+#: A number and what may be its unit.
+_QUANTITY = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([A-Za-zµμ]+)(?![A-Za-z])")
+#: A blank between digits.
+_SPLIT = re.compile(r"(?<=\d) (?=\d)")
+#: Marks that begin a comment or end a name.
+_AROUND = "#%;:* "
+_SPECIMENS = Meaning.of(SPECIMENS)
+#: Longest statement that is quoted.
+_SHOWN = 40
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A quantity that stands outside the columns: where, in which words, and its SI value."""
+
+    where: str
+    words: str
+    value: float
+
+    @property
+    def text(self) -> str:
+        """Place and words."""
+        return f"{self.where} says {self.words[:_SHOWN]!r}"
+
+
+def stated_quantities(rows: Sequence[Row], dimension: str) -> Iterator[Statement]:
+    """Quantities of a dimension in rows that are no readings."""
+    for line, cells in rows:
+        # A decimal comma may have split a number.
+        words = _SPLIT.sub(",", " ".join(cell for cell in cells if cell))
+        heading = Heading.of(cells[0].strip(_AROUND))
+        number = next((cell for cell in map(decimal_point, cells[1:])
+                       if NUMBER.fullmatch(cell)), None)
+        pairs = [(number, heading.unit)] if number and heading.unit else _QUANTITY.findall(words)
+        for value, unit in pairs:
+            if (read := _read(value, unit, dimension)) is not None:
+                yield Statement(f"line {line}", words, read)
+
+
+def named_quantities(file: Path, dimension: str) -> Iterator[Statement]:
+    """Quantities of a dimension in the name of a file: 20 g of "oval_20g.csv"."""
+    for value, unit in _QUANTITY.findall(file.stem.replace("_", " ")):
+        if (read := _read(value, unit, dimension)) is not None:
+            yield Statement("the file's name", file.stem, read)
+
+
+def _read(value: str, unit: str, dimension: str) -> float | None:
+    """SI value of a number in a unit, None of another dimension."""
+    if quantity_of(unit) == dimension:
+        with suppress(InputError):  # a number of some thirty digits
+            return quantity(f"{decimal_point(value)} {usual_unit(unit)}", dimension)
+    return None
+
+
+def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
+    """Line and name of the specimen that stands above a table."""
+    for line, cells in rows:
+        name, _, rest = cells[0].strip(_AROUND).partition(":")
+        values = [cell for cell in (rest.strip(), *cells[1:]) if cell]
+        if len(values) == 1 and plain_words(name) in _SPECIMENS.words:  # else it is a title
+            return line, values[0]
+    return None
+
+
+def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
+    """Sizes of a test piece [m] by name; a symbol may stand behind, as in "Probendicke a0"."""
+    sizes: dict[str, float] = {}
+    for _, cells in rows:
+        heading = Heading.of(cells[0].rstrip(":"))
+        shorter = heading.words.rpartition(" ")[0]
+        name = next((key for key, size in SIZES.items()
+                     if heading.words in size.words or (shorter and shorter in size.words)), None)
+        numbers = map(decimal_point, cells[1:])
+        value = next((cell for cell in numbers if NUMBER.fullmatch(cell)), None)
+        unit = heading.unit or next((cell for cell in cells[2:] if cell), "mm")
+        size = _read(value, unit, "length") if name and value else None
+        if name and size is not None:
+            sizes.setdefault(name, size)
+    return sizes

@@ -1,0 +1,254 @@
+"""Drafts for tables as laboratories have them: what is wrong is marked, refused or warned about."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tympan
+from benchmarks.trials.lab_drafts import REFUSED, RIGHT, SILENT, Judged, judged, lab_tables
+from tests.support.datasets import SPECIMEN
+from tympan.geometry.errors import InputError
+from tympan.geometry.units import quantity
+from tympan.studies.data import doubts
+from tympan.studies.data.dataset import Dataset, read_dataset
+
+TABLES = lab_tables()
+#: Tables that no draft and no line of dataset.toml can make readable.
+MOST_REFUSED = 14
+#: Tables that are read right as their drafts are.
+LEAST_RIGHT = 54
+#: Marks, on average, on a draft that is right as it is.
+MOST_MARKS = 1.0
+
+
+@pytest.fixture(scope="module")
+def verdicts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judged]:
+    folder = tmp_path_factory.mktemp("tables")
+    return {table.file: judged(table, folder / str(number))
+            for number, table in enumerate(TABLES)}
+
+
+def film(folder: Path, name: str = "film") -> None:
+    text = SPECIMEN.format(name=name).replace("[[specimen]]\n", "").replace("[specimen.", "[")
+    (folder / f"{name}.toml").write_text(text, "utf-8")
+
+
+def drafted(folder: Path, text: str, name: str = "m.csv") -> str:
+    """The draft of a table beside the file of one film."""
+    film(folder)
+    (folder / name).write_text(text, "utf-8")
+    (folder / "dataset.toml").unlink(missing_ok=True)
+    return tympan.draft(folder / name).read_text("utf-8")
+
+
+def test_no_table_is_silently_wrong(verdicts: dict[str, Judged]) -> None:
+    assert len(verdicts) == len(TABLES) >= 40
+    assert {file: one.line for file, one in verdicts.items() if one.verdict == SILENT} == {}
+
+
+def test_few_tables_are_refused_and_each_message_says_what_to_do(
+        verdicts: dict[str, Judged]) -> None:
+    counts = Counter(one.verdict for one in verdicts.values())
+    assert counts["refused without advice"] == 0
+    assert counts[REFUSED] <= MOST_REFUSED
+    assert counts[RIGHT] >= LEAST_RIGHT
+
+
+def test_drafts_that_are_right_have_few_marks(verdicts: dict[str, Judged]) -> None:
+    marks = [one.marks for one in verdicts.values() if one.verdict == RIGHT]
+    assert sum(marks) / len(marks) <= MOST_MARKS
+
+
+@pytest.mark.parametrize("column", ["mass", "voltage", "displacement"])
+def test_a_table_that_is_read_otherwise_than_meant_is_found(tmp_path: Path, column: str) -> None:
+    """The judge is judged: one number is changed in what the writer means."""
+    table = next(table for table in TABLES if table.file == "prova 4.csv")
+    assert judged(table, tmp_path / "as meant").verdict == RIGHT
+    values = [*table.meant[column][:-1], 7e-3]
+    other = replace(table, meant={**table.meant, column: values})
+    verdict = judged(other, tmp_path / "otherwise")
+    assert verdict.verdict == SILENT
+    assert verdict.why == f"wrong: {column}"
+
+
+def test_a_mark_excuses_its_own_column_alone(tmp_path: Path) -> None:
+    table = next(table for table in TABLES if table.file == "stroke.csv")
+    assert "displacement" in judged(table, tmp_path / "a").why
+    masses = [0.03] * len(table.meant["mass"])
+    assert judged(replace(table, meant={**table.meant, "mass": masses}),
+                  tmp_path / "b").verdict == SILENT
+
+
+ROWS = "20;0;2,40\n20;2;2,55\n20;4;3,02\n"
+
+
+@pytest.mark.parametrize(("headings", "mark"), [
+    ("Masse (g);Spannung (kV);Weg (mm)", None),
+    ("Massa (g);Tensione (kV);Spostamento (mm)", None),
+    ("质量（g）;电压（kV）;位移（mm）", None),
+    ("Masse oben (g);Spannung (kV) Netzteil;Plattenweg (mm)", None),
+    ("Masse (g);Spannung (kV);Lehajlás (mm)", "displacement_mm"),       # unknown words
+    ("Masse (g);Spannung (kV);Spitzenauslenkung (mm)", "displacement_mm"),
+    ("Masse (g);Spannung x10 (kV);Weg (mm)", "voltage_kV"),
+    ("Masse (g);Spannung (%);Weg (mm)", "voltage_kV"),
+    ("Folienmasse (g);Spannung (kV);Weg (mm)", "mass_g"),
+    ("Masse (lb);Spannung (kV);Weg (mm)", "mass_g"),
+])
+def test_words_and_units_that_leave_a_doubt_are_marked(
+        tmp_path: Path, headings: str, mark: str | None) -> None:
+    text = drafted(tmp_path, f"{headings}\n{ROWS}")
+    marked = [line.partition(" ")[0] for line in text.splitlines() if "CORRECT THIS" in line]
+    assert marked == [mark] * (mark is not None)
+
+
+@pytest.mark.parametrize(("column", "mark"), [
+    ("Zusatzmasse (g)", "mass_g"), ("Tara (g)", "mass_g"), ("Weg korrigiert (mm)", "displacement"),
+    ("Nullwert (mm)", "displacement"), ("Istspannung (kV)", "voltage"), ("Dicke (mm)", None),
+    ("Fehler (mm)", None), ("Strom (uA)", None), ("Sensor (V)", None)])
+def test_a_second_column_of_the_same_kind_is_asked_about(
+        tmp_path: Path, column: str, mark: str | None) -> None:
+    rows = "".join(f"{line};1,5\n" for line in ROWS.splitlines())
+    text = drafted(tmp_path, f"Masse (g);Spannung (kV);Weg (mm);{column}\n{rows}")
+    marked = [line for line in text.splitlines() if "CORRECT THIS" in line]
+    assert len(marked) == (mark is not None)
+    for line in marked:
+        assert line.startswith(str(mark))
+        assert f"it may also be {column!r}" in line
+
+
+def test_totals_and_set_voltages_leave_no_doubt(tmp_path: Path) -> None:
+    text = drafted(tmp_path, "Zusatzmasse (g);Gesamtmasse (g);Istspannung (kV);Sollspannung (kV);"
+                             "Weg (mm)\n10;20;0,1;0;2,40\n10;20;1,9;2;2,55\n10;20;3,9;4;3,02\n")
+    assert "CORRECT THIS" not in text
+    static = read_dataset(tmp_path).static
+    assert static is not None
+    assert static.mass.tolist() == pytest.approx([0.02] * 3)
+    assert static.voltage.tolist() == [0, 2000, 4000]
+
+
+@pytest.mark.parametrize(("numbers", "doubt"), [
+    ((2.40, 2.55, 3.02), ""),
+    ((0.0, 0.15, 0.62), "it is 0 at the lowest voltage"),
+    ((12.40, 12.55, 13.02), "line 2 has 12.4 mm, where this mass pulls film down by some 2.4 mm"),
+    ((-2.40, -2.55, -3.02), "the numbers fall where displacements rise"),
+])
+def test_deflections_that_are_not_from_the_flat_film_are_asked_about(
+        tmp_path: Path, numbers: tuple[float, ...], doubt: str) -> None:
+    rows = "".join(f"20,{2 * i},{number}\n" for i, number in enumerate(numbers))
+    text = drafted(tmp_path, f"Mass (g),Voltage (kV),Deflection (mm)\n{rows}")
+    assert ("CORRECT THIS" in text) == bool(doubt)
+    assert doubt in text
+
+
+def test_the_mass_of_a_line_outside_the_table_is_proposed_or_asked_about(tmp_path: Path) -> None:
+    text = drafted(tmp_path, "Platte; 17,9 g\nSpannung (kV);Weg (mm)\n0;2,2\n2;2,4\n")
+    assert "mass_g = { value = 17.9 }  # CORRECT THIS: no heading says it; line 1 says" in text
+    text = drafted(tmp_path, f"Platte; 10 g\nZusatzmasse (g);Spannung (kV);Weg (mm)\n{ROWS}")
+    assert "line 1 says 'Platte 10 g': look whether it is in the masses of this column" in text
+    text = drafted(tmp_path, f"Serie mit 20 g\nZusatzmasse (g);Spannung (kV);Weg (mm)\n{ROWS}")
+    assert "CORRECT THIS" not in text
+
+
+def test_lines_that_sum_up_are_skipped(tmp_path: Path) -> None:
+    rows = "".join(f"{number};{line}\n" for number, line in enumerate(ROWS.splitlines(), 1))
+    text = drafted(tmp_path, f"Nr;Masse (g);Spannung (kV);Weg (mm)\n{rows}Mittelwert;20;2;2,66\n")
+    assert "skip_lines = [5]  # lines that sum others up: Mittelwert" in text
+    static = read_dataset(tmp_path).static
+    assert static is not None
+    assert static.line.tolist() == [2, 3, 4]
+
+
+def dataset(folder: Path, head: str, **files: str) -> Dataset:
+    film(folder)
+    for name, text in files.items():
+        (folder / f"{name}.csv").write_text(text, "utf-8")
+    (folder / "dataset.toml").write_text(f'name = "d"\n{head}[[specimen]]\nfile = "film.toml"\n',
+                                         "utf-8")
+    return read_dataset(folder)
+
+
+@pytest.mark.parametrize(("again", "refused"), [("Weg (µm)", True), ("Weg (mm)", False)])
+def test_headings_that_stand_again_in_another_unit_are_refused(
+        tmp_path: Path, again: str, refused: bool) -> None:
+    """Even where the writer leaves out the cells that are no numbers."""
+    first = "Masse (g);Spannung (kV);Weg (mm)"
+    text = f"{first}\n{ROWS}{first.replace('Weg (mm)', again)}\n30;0;3640\n"
+    words = ", ".join(f'"{word}"' for word in ("Masse (g)", "Spannung (kV)", again))
+    head = f"[columns.static]\nmissing = [{words}]\n"
+    if refused:
+        with pytest.raises(InputError, match=r"line 5: given 'Weg \(µm\)': is a heading in another "
+                                             "unit .*: write the readings below it"):
+            dataset(tmp_path, head, static=text)
+    else:
+        assert dataset(tmp_path, head, static=text).static is not None
+
+
+def test_a_column_of_labels_has_no_unit(tmp_path: Path) -> None:
+    """A probe of high voltage is no specimen, which German calls so."""
+    text = "Masse (g);Spannung (kV);Weg (mm);Probe (kV)\n20;0;2,40;0\n20;2;2,55;1,9\n"
+    static = dataset(tmp_path, "", static=text).static
+    assert static is not None
+    assert set(static.specimen) == {"film"}
+
+
+def test_sheets_that_are_not_read_are_named(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for name, value in (("Tabelle1", 2.4), ("Oval & mehr", 2.5), ("leer", None)):
+        sheet = book.create_sheet(name)
+        for row in (["Masse (g)", "Spannung (kV)", "Weg (mm)"], [20, 0, value]) if value else ():
+            sheet.append(row)
+    del book["Sheet"]
+    film(tmp_path)
+    book.save(tmp_path / "Messung.xlsx")
+    text = tympan.draft(tmp_path / "Messung.xlsx").read_text("utf-8")
+    said = "only the sheet 'Tabelle1' is read; there are also 'Oval & mehr': if these have readings"
+    assert f"# CORRECT THIS: {said}" in text
+    assert any(said in words for words in tympan.data(tmp_path)["warnings"])
+    (tmp_path / "Messung.xlsx").rename(tmp_path / "Tabelle1.xlsx")  # its own sheet is meant
+    (tmp_path / "dataset.toml").unlink()
+    assert "sheet" not in tympan.draft(tmp_path / "Tabelle1.xlsx").read_text("utf-8")
+
+
+def test_grams_of_force() -> None:
+    assert quantity("1 gf", "force") == pytest.approx(9.80665e-3, rel=1e-12)
+    assert quantity("2 kgf", "force") == pytest.approx(19.6133, rel=1e-12)
+
+
+def test_readings_rise_with_the_voltage_under_each_mass_though_not_over_all() -> None:
+    """Heavier masses differ by more than the voltage makes."""
+    voltage = np.array([0, 3, 5] * 2, float)
+    read = -np.array([1.8, 2.1, 2.5, 3.6, 4.0, 5.0])
+    masses = doubts.groups_of([["15"] * 3 + ["30"] * 3], 6)
+    assert doubts.rises(read, voltage, masses) is False
+    assert doubts.rises(-read, voltage, masses) is True
+    assert doubts.rises(read, np.zeros(6), masses) is None
+    assert doubts.rises(read, voltage, doubts.groups_of([], 6)) is None
+
+
+def test_a_film_stiffens_up_to_the_cube_of_its_deflection() -> None:
+    mass, one = np.array([0.01, 0.08]), np.zeros(2, np.int64)
+    assert not doubts.hardly_grow(np.array([1.0, 2.01]), mass, one)
+    assert doubts.hardly_grow(np.array([1.0, 1.99]), mass, one)
+    assert not doubts.hardly_grow(np.array([1.0, 1.0]), np.array([0.01, 0.014]), one)
+
+
+def test_numbers_of_rows_are_no_names_of_films() -> None:
+    states = [("20", "0"), ("20", "2"), ("30", "0")]
+    assert doubts.numbers_rows(["1", "2", "3"], states)
+    assert not doubts.numbers_rows(["1", "1", "2"], states)
+    assert not doubts.numbers_rows(["1", "2", "3"], states[:1] * 3)  # each film in one state
+    assert not doubts.numbers_rows(["A", "B", "C"], states)
+
+
+def test_the_usual_deflection_is_that_of_the_solved_film(tmp_path: Path) -> None:
+    film(tmp_path)
+    actuator = tympan.load(tmp_path / "film.toml")
+    solved = tympan.solve(actuator, mass="20 g", voltage=0).deflection_m
+    usual, = doubts.usual_deflections(actuator, np.array([0.02]))
+    assert usual == pytest.approx(solved, rel=0.05)
