@@ -1,9 +1,13 @@
 """Mutants: small faults made on purpose in the product, and the tests that notice them.
 
     python -m benchmarks.trials.mutants draw MUTANTS.jsonl [--count 60] [--seed 2026]
+    python -m benchmarks.trials.mutants draw MUTANTS.jsonl --rules --scope studies/diagnosis/gain.py
     python -m benchmarks.trials.mutants map FOLDER [-- pytest options]
     python -m benchmarks.trials.mutants judge MUTANTS.jsonl --map FOLDER --keep RECORDS.jsonl
-    python -m benchmarks.trials.mutants table MUTANTS.jsonl --keep RECORDS.jsonl -o docs/mutants.md
+    python -m benchmarks.trials.mutants judge MUTANTS.jsonl --keep RECORDS.jsonl --again
+    python -m benchmarks.trials.mutants judge MUTANTS.jsonl --keep RECORDS.jsonl --by 7=TEST
+    python -m benchmarks.trials.mutants equivalent MUTANTS.jsonl --keep RECORDS.jsonl --only 7 …
+    python -m benchmarks.trials.mutants table MUTANTS.jsonl --keep RECORDS.jsonl --titles …
 
 A mutant is one changed place: an operator, a number, a condition, two swapped arguments, or a
 dropped statement. The map is made once for a tree of files: it says which blocks of the product
