@@ -12,7 +12,9 @@ from tests.support.checks.policy import unlawful
 from tests.support.diagnosed import diagnosed
 from tympan.reports.diagnosis.figures import compose_residuals
 from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
+from tympan.reports.diagnosis.self_check import _compose
 from tympan.studies.data.findings import Finding
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.result import (
     FoundCause,
     FoundFamily,
@@ -23,6 +25,7 @@ from tympan.studies.diagnosis.result import (
     ShownSize,
     Verdict,
 )
+from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
 
 
 def cause(effect: str, headline: str, **others: Any) -> FoundCause:
@@ -171,3 +174,12 @@ def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], word
     assert "misses by 22 µm where the baseline model misses by 61 µm; the noise is 20 µm" in page
     assert "Of 90 readings not seen, 94 % lay within the bands that are to hold 95 %" in page
     assert "15.4 µm as stated, times 1.3 because the readings scatter so much" in page
+
+
+def test_the_bars_of_a_self_check_end_within_the_page() -> None:
+    check = summary_of([SyntheticSet(Cause("drift"), 2.0, "named", (Cause("drift"),))])
+    axes, = _compose(check.rows).axes
+    left, right = axes.get_position().x0, axes.get_position().x1
+    # Names stand on the left, and the last number of the axis ends on the right.
+    assert 0.2 < left < 0.3
+    assert 0.9 < right < 1.0
