@@ -79,11 +79,14 @@ def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
 
 
 def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) -> str:
-    """Headline of a mass on every load, with what one load alone would weigh that does as much."""
-    if not loads:
-        return headline
+    """Headline of a mass on every load, with what one load alone would weigh that does as much.
+
+    A load that may be as it is labelled is no alternative.
+    """
     each = [WORDS["one_load"].format(label=1e3 * label, low=1e3 * low, high=1e3 * high)
-            for label, (low, high) in loads.items()]
+            for label, (low, high) in loads.items() if not low <= label <= high]
+    if not each:
+        return headline
     return WORDS["one_load_instead"].format(headline=headline, loads=listed(each, "or"))
 
 
@@ -94,9 +97,12 @@ def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()
 
 
 def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
-    """Those of the listed causes that may be it, of a family that has one name the first."""
-    likely = [cause for cause in causes
-              if cause.only_its_size or (cause.clear and cause.probability >= _SUSPECT)]
+    """Those of the listed causes that may be it, of a family that has one name the first.
+
+    One whose size may be none is no alternative.
+    """
+    likely = [cause for cause in causes if cause.clear
+              and (cause.only_its_size or cause.probability >= _SUSPECT)]
     named = {cause.family.name if cause.family else f"{cause.effect} {cause.which}": cause
              for cause in likely[::-1]}
     return [cause for cause in likely if cause in named.values()][:_MOST] or list(causes[:1])

@@ -122,23 +122,25 @@ class StraightBench:
         return self
 
 
-def design(voltages: int = 7, sigma: float = SIGMA) -> ReadingTable:
-    """Deflections of every specimen under both masses at some voltages, a minute each."""
-    grid = np.meshgrid(np.arange(3), MASSES, np.linspace(0, HIGHEST, voltages), indexing="ij")
+def design(voltages: int = 7, sigma: float = SIGMA, masses: tuple[float, ...] = MASSES
+           ) -> ReadingTable:
+    """Deflections of every specimen under every mass at some voltages, a minute each."""
+    grid = np.meshgrid(np.arange(3), masses, np.linspace(0, HIGHEST, voltages), indexing="ij")
     specimen, mass, voltage = (axis.ravel() for axis in grid)
     elapsed = 60.0 * np.arange(len(mass))
     return rows(States.of(specimen.astype(np.int64), mass, voltage, elapsed), "displacement", sigma)
 
 
 def readings(sizes: dict[Cause, float], table: ReadingTable | None = None, seed: int = 0,
-             noise: float = 1.0) -> ReadingTable:
+             noise: float = 1.0, factors: tuple[float, float] = (0.05, -0.03)) -> ReadingTable:
     """A table read on the bench, with effects of so many usual sizes.
 
-    ``noise``: of the readings over the one stated.
+    ``noise``: of the readings over the one stated; ``factors``: logarithms of those on stiffness
+    and permittivity.
     """
     table = design() if table is None else table
     hypothesis = tuple(sizes)
-    unknowns = np.array([0.05, -0.03, *(
+    unknowns = np.array([*factors, *(
         size * cause.effect.parameters[0].deviation if number == 0 else 0.0
         for cause, size in sizes.items()
         for number, _ in enumerate(cause.effect.parameters))])

@@ -46,7 +46,8 @@ ALARM = 0.02
 #: Probability by noise alone below which a cause is out of the question where another one leaves
 #: noise.
 HARDLY = 1e-3
-#: Probability from which a cause is named.
+#: Share of the probability of all effects in the library, alone and in pairs, from which a cause is
+#: named.
 SURE = 0.9
 #: Probability of something beside the library, among all that is wrong, from which nothing is
 #: named.
@@ -519,8 +520,7 @@ def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:
 
 def _sure(posterior: Posterior) -> tuple[Cause, ...]:
     """Causes of which the library is sure, if it is one of its effects at all."""
-    least = SURE * posterior.probabilities.sum() / posterior.wrong
-    return tuple(cause for cause, share in posterior.of_causes().items() if share >= least)
+    return tuple(cause for cause, share in posterior.in_library().items() if share >= SURE)
 
 
 def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Fit, ...]:

@@ -16,9 +16,9 @@ from tympan.studies.diagnosis.inference.exploration import _BEHIND, Exploration
 NEAR, FAR = (Cause("sensor_zero"),), (Cause("drift"),)
 
 
-def pressing(hypothesis: Hypothesis, cost: float) -> Fit:
+def pressing(hypothesis: Hypothesis, cost: float, size: float = 1.0) -> Fit:
     """A fit at the end of what is sampled, 1, that would go on."""
-    return Fit(hypothesis, np.array([0.0, 0.0, 1.0]), bounds=bounds(1.0), limits=bounds(100.0),
+    return Fit(hypothesis, np.array([0.0, 0.0, size]), bounds=bounds(1.0), limits=bounds(100.0),
                residual=np.zeros(1), jacobian=np.zeros((1, 3)), slope=np.array([0.0, 0.0, -1.0]),
                precision=np.eye(3), cost=cost, evidence=-cost, heave=np.zeros(1))
 
@@ -52,11 +52,22 @@ class Fitted(Exploration):
                                         slope=np.zeros(3))
 
 
-def test_an_effect_grows_that_may_still_be_the_best_and_none_that_is_far_behind() -> None:
+def grown(*fits: Fit) -> Fitted:
+    """An exploration of fits, grown as far as they press."""
     nothing = cast(Any, None)
     explored = Fitted(cast(Model, Sampled()), nothing, nothing, (), lambda fit: True)
-    explored.fits = {NEAR: pressing(NEAR, 10.0), FAR: pressing(FAR, 10.0 + _BEHIND + 5.0)}
-    explored._grow([NEAR, FAR], 5)
+    explored.fits = {fit.hypothesis: fit for fit in fits}
+    explored._grow(list(explored.fits), 5)
+    return explored
+
+
+def test_an_effect_grows_that_may_still_be_the_best_and_none_that_is_far_behind() -> None:
+    explored = grown(pressing(NEAR, 10.0), pressing(FAR, 10.0 + _BEHIND + 5.0))
     assert cast(Any, explored.simulation).ends == {NEAR[0]: 2.0, FAR[0]: 1.0}
     assert explored.fits[NEAR].unknowns[2] > 1.0
     assert explored.fits[FAR].unknowns[2] == 1.0
+
+
+def test_an_effect_grows_though_its_search_ended_a_little_before_the_end() -> None:
+    explored = grown(pressing(NEAR, 10.0, size=0.9995), pressing(FAR, 10.0, size=0.99))
+    assert cast(Any, explored.simulation).ends == {NEAR[0]: 2.0, FAR[0]: 1.0}
