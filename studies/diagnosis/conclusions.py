@@ -23,6 +23,8 @@ from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.families import (
     family_size,
+    found_sizes,
+    has_size,
     one_load_instead,
     undecided,
 )
@@ -41,7 +43,6 @@ from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.diagnosis.sentences import (
     WORDS,
     check_of,
-    found_sizes,
     headline,
     headline_of,
     next_step,
@@ -341,10 +342,6 @@ class Conclusions:
                 continue
             fit = self._found(cause)
             widened, fit = self._widened(fit), self._known(fit)
-            clear = any(size.clear for size in found_sizes(fit, cause).values())
-            # One that may be of no size explains nothing by itself.
-            if probability < _LEAST and cause in rivals and not clear:
-                continue
             alike = undecided(cause, self.readings.told, self._suspects)
             family = self._family(alike, fit, cause) if alike else None
             chance = probability_text(min(1.0, sum(
@@ -353,7 +350,7 @@ class Conclusions:
                 effect=cause.name, which=cause.which, again=cause.again, probability=probability,
                 headline=(f"{family.headline} ({chance})" if family else with_other_loads(
                     headline_of(fit, cause, chance), self._loads_instead(fit, cause))),
-                in_library=in_library.get(cause, 0.0), clear=clear,
+                in_library=in_library.get(cause, 0.0), clear=has_size(fit, cause),
                 check=check_of(cause, self.readings.told, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.data.findings import Finding
-from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
-from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, sizes_of
-from tympan.studies.diagnosis.inference.families import undecided
+from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
+from tympan.studies.diagnosis.inference.families import found_sizes, undecided
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
@@ -19,7 +18,7 @@ from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, 
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import load_columns, run_columns
 from tympan.studies.effects.effect import Quantity
-from tympan.studies.effects.findings import FoundSize, finding, limits_told
+from tympan.studies.effects.findings import finding, limits_told
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -58,16 +57,6 @@ def plain(names: str) -> str:
 def listed(items: Sequence[str], last: str = "and") -> str:
     """Items with commas and a word before the last one."""
     return f" {last} ".join(filter(None, (", ".join(items[:-1]), *items[-1:])))
-
-
-def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
-    """The parameters of a cause at a fit with their 95 % limits."""
-    first = sizes_of(fit.hypothesis, cause).start
-    sizes = {}
-    for number, parameter in enumerate(cause.effect.parameters, first):
-        value, *limits = (parameter.value(size) for size in interval(fit, number))
-        sizes[parameter.name] = FoundSize(parameter, value, min(limits), max(limits))
-    return sizes
 
 
 def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:

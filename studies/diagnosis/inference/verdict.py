@@ -14,6 +14,7 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
+from tympan.studies.diagnosis.inference.families import has_size
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
     classes_of,
@@ -462,8 +463,10 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
     unknown = {scale: posterior.discrepancy for scale, posterior in scaled.items()}
-    suspects = tuple(dict.fromkeys([*weighed.suspects, *_causes(rivals)]))
-    weighed = replace(weighed, robust=robust, unknown=unknown, rivals=rivals, suspects=suspects)
+    # One that may be of no size is a doubt, but no alternative.
+    seen = tuple(fit for fit in rivals if has_size(fit, fit.hypothesis[0]))
+    suspects = tuple(dict.fromkeys([*weighed.suspects, *_causes(seen)]))
+    weighed = replace(weighed, robust=robust, unknown=unknown, rivals=seen, suspects=suspects)
     firm = len({frozenset(names) for names in robust.values()}) == 1
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1

@@ -14,9 +14,9 @@ from tests.support.datasets import HEAD, write_dataset
 from tests.support.straight_bench import StraightBench, readings
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.conclusions import Conclusions
-from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import SIZES, Cause
+from tympan.studies.diagnosis.inference.families import has_size
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.sentences import suspects_among
 
@@ -35,25 +35,23 @@ def concluded(judged: Judgement, dataset: Any = None) -> Conclusions:
     return Conclusions(dataset, cast(Any, prepared), judged, 0.0, nothing, (), "")
 
 
-def beside(judged: Judgement, rival: Fit) -> list[str]:
-    """Alternatives beside the sag, where only its size speaks against a rival."""
-    doubted = replace(judged, verdict="ambiguous", named=(), rivals=(rival,),
+def test_a_rival_is_listed_beside_what_is_more_probable(sagging: Judgement) -> None:
+    rival = fit(BENCH, (DRIFT,), readings({DRIFT: 12.0}))
+    doubted = replace(sagging, verdict="ambiguous", named=(), rivals=(rival,),
                       suspects=(SAG, DRIFT))
     assert doubted.posterior is not None
     causes = list(concluded(doubted)._causes(doubted.posterior))
-    assert causes[0].effect == SAG.name
     assert causes[0].in_library == pytest.approx(doubted.posterior.in_library()[SAG])
-    listed = [cause.effect for cause in causes if cause.only_its_size]
-    assert [cause.effect for cause in suspects_among(causes)] == [SAG.name, *listed]
-    return listed
+    assert [cause.effect for cause in causes if cause.only_its_size] == [DRIFT.name]
+    assert [cause.effect for cause in suspects_among(causes)] == [SAG.name, DRIFT.name]
 
 
-def test_a_rival_of_no_size_is_no_alternative(sagging: Judgement) -> None:
+def test_an_effect_has_a_size_where_its_limits_leave_none_out() -> None:
     large = fit(BENCH, (DRIFT,), readings({DRIFT: 12.0}))
-    assert beside(sagging, large) == [DRIFT.name]
+    assert has_size(large, DRIFT)
     unknowns = large.unknowns.copy()
     unknowns[SIZES] = 0.0
-    assert beside(sagging, replace(large, unknowns=unknowns)) == []
+    assert not has_size(replace(large, unknowns=unknowns), DRIFT)
 
 
 def test_the_noise_that_is_stated_is_that_of_the_file(tmp_path: Path, sagging: Judgement) -> None:

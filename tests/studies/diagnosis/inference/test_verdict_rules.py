@@ -56,6 +56,8 @@ class Case:
     alike: tuple[tuple[Cause, ...], ...] = ()
     #: What a factor on the usual sizes adds to the evidence of a hypothesis.
     by_scale: dict[tuple[Hypothesis, float], float] = field(default_factory=dict)
+    #: Causes whose size may be none.
+    sizeless: tuple[Cause, ...] = ()
 
     def verdict(self) -> Judgement:
         """The verdict on it."""
@@ -75,6 +77,7 @@ class Case:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(verdict, "odds_of_more", lambda fit, columns: self.beside)
             patch.setattr(verdict, "log_odds_to_smooth", lambda *given: self.against_smooth)
+            patch.setattr(verdict, "has_size", lambda fit, cause: cause not in self.sizeless)
             patch.setattr(verdict, "_on_a_rough_bench", lambda base, *given: base)
             patch.setattr(verdict, "evidence", lambda fit, widen: (
                 fit.evidence + self.by_scale.get((fit.hypothesis, widen), 0.0)))
@@ -153,6 +156,14 @@ def test_a_rival_of_whatever_size_that_misses_by_hardly_more_is_a_doubt(behind: 
     if expected == "ambiguous":
         assert [fit.hypothesis for fit in judged.rivals] == [(DRIFT,)]
         assert DRIFT in judged.suspects
+
+
+def test_a_rival_that_may_be_of_no_size_is_a_doubt_but_no_alternative() -> None:
+    case = replace(clear(), sizeless=(DRIFT,))
+    case.fits[DRIFT,] = made((DRIFT,), -40.0, 41.0)
+    case.leaves[DRIFT,] = NOISE
+    judged = case.verdict()
+    assert (judged.verdict, judged.rivals, judged.suspects) == ("ambiguous", (), (ZERO,))
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.25, "named"), (0.42, "ambiguous"),
