@@ -30,6 +30,8 @@ GOT_AWAY, CAUGHT, ABSENT = "got away", "caught", "not in this tree"
 EQUIVALENT = "equivalent"
 #: No named tests.
 EMPTY: Mapping[Key, Sequence[str]] = {}
+#: Said of a mutant of which no test can tell anything.
+UNSOUND = "the tests that run it fail without it, too"
 #: Stands for a test where the mutant lets none be collected.
 IMPORT = "the import of its file"
 
@@ -175,9 +177,10 @@ class Judge:
                                  f"make the map again: {end.said}")
             left = [candidate for candidate in left if candidate.test not in done]
         if not why:
-            why = _escape([candidate for candidate in candidates
-                           if candidate.test not in self.unsound],
-                          {candidate.test for candidate in left}, self.limit)
+            sound = [candidate for candidate in candidates
+                     if candidate.test not in self.unsound]
+            why = (_escape(sound, {candidate.test for candidate in left}, self.limit)
+                   if sound or not candidates else UNSOUND)
         return Record(self.suite, mutant.key, CAUGHT if by else GOT_AWAY, why, by, ran,
                       len(candidates), round(spent, 1))
 

@@ -25,6 +25,8 @@ REASONS = ("runs the block", "shares a fixture, a file or a kept result with one
            "was named beforehand")
 #: Number of the reason of a test that the user named, and the map does not.
 NAMED = 4
+#: Processor time of a test that a map does not have [s]: a dear one is above it.
+_UNKNOWN = 30.0
 #: A context that so large a share of all tests uses tells nothing about who shares with whom.
 _COMMON = 0.2
 
@@ -199,6 +201,8 @@ class SuiteMap:
 
     def seconds(self, test: str) -> float:
         """Processor time of a test by itself, with what it shares [s]."""
+        if test not in self.contexts:
+            return _UNKNOWN
         return self._mean([test, *self.shared.get(test, ())])
 
     def total(self, tests: Iterable[str]) -> float:

@@ -11,6 +11,7 @@ import pytest
 from tests.support.straight_bench import StraightBench, design, readings
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference import verdict
 from tympan.studies.diagnosis.inference.nominal import one_sided
 from tympan.studies.diagnosis.inference.relabelled import relabelling_of
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
@@ -65,12 +66,12 @@ def test_what_stiffness_makes_up_for_is_not_seen() -> None:
     assert (found.verdict, found.invisible) == ("nothing", (Cause("sensor_gain"),))
 
 
-@pytest.mark.parametrize(("stiffness", "verdict"), [(1.6, "nothing"), (2.2, "unexplained")])
-def test_a_film_as_stiff_as_none_is_unexplained_however_well_it_fits(stiffness: float, verdict: str
-                                                                     ) -> None:
+@pytest.mark.parametrize(("softer", "expected"), [(1.6, "nothing"), (2.2, "unexplained")])
+def test_a_film_as_soft_as_none_is_unexplained_however_well_it_fits(softer: float, expected: str
+                                                                    ) -> None:
     """One film in a thousand has a factor of e^1.86, 3.7 deviations of what is known beforehand."""
-    found = judge(BENCH, readings({}, factors=(-stiffness, 0.0)), FEW)
-    assert (found.verdict, found.unusual) == (verdict, verdict == "unexplained")
+    found = judge(BENCH, readings({}, factors=(-softer, 0.0)), FEW)
+    assert (found.verdict, found.unusual) == (expected, expected == "unexplained")
     assert found.test.p_value > 0.1
 
 
@@ -113,6 +114,13 @@ def test_exchanged_labels_are_found() -> None:
     assert judged({ZERO: 3.0}).relabelling is None
 
 
+def test_exchanged_labels_are_found_beside_an_effect() -> None:
+    found = judge(BENCH, exchanged(readings({SAG: 4.0}), 2), FEW)
+    assert found.relabelling is not None
+    assert found.relabelling.hypothesis == (SAG,)
+    assert found.relabelling.after < 2 * len(found.table)
+
+
 @pytest.mark.parametrize(("apart", "found"), [(0.1e-3, False), (1e-3, True)])
 def test_labels_that_hardly_matter_are_not_told_though_they_fit_better(apart: float, found: bool
                                                                        ) -> None:
@@ -133,6 +141,40 @@ def test_a_name_is_worth_nothing_where_the_noise_may_be_all_there_is() -> None:
     assert 0.9 < louder < 1.0
     assert far_louder == 0.0
     assert probability_with_noise(judged({}), 1.5) is None
+    assert probability_with_noise(replace(found, named=()), 1.5) is None
+
+
+def test_a_slip_is_found_that_two_effects_hide() -> None:
+    table = readings({ZERO: 4.0, SAG: 3.0})
+    values = table.value.copy()
+    values[8] += 60 * table.sigma[0]
+    found = judge(BENCH, table.with_values(values), FEW)
+    assert (found.verdict, set(found.named)) == ("named", {ZERO, SAG})
+    assert np.flatnonzero(found.told.off).tolist() == [8]
+
+
+def of_unstated_noise(table: ReadingTable) -> ReadingTable:
+    """The readings, where nobody says what their noise is."""
+    return table.with_noise(replace(table.noise, source=SCATTER, freedom=0 * table.noise.freedom))
+
+
+@pytest.mark.parametrize(("sizes", "no_sensor", "expected"), [
+    ({DRIFT: 2.0}, True, "named"), ({DRIFT: 2.0}, False, "ambiguous"),
+    ({ZERO: 4.0, SAG: 3.0, DRIFT: -4.0}, False, "unexplained")])
+def test_nothing_is_named_where_it_may_be_the_sensor(
+        sizes: dict[Cause, float], no_sensor: bool, expected: str,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verdict, "_wandering", lambda *given: (40e-6, no_sensor))
+    found = judge(BENCH, of_unstated_noise(readings(sizes)), FEW)
+    assert (found.verdict, found.wandering, found.no_sensor) == (expected, 40e-6, no_sensor)
+    assert found.named == ((DRIFT,) if expected == "named" else ())
+
+
+def test_a_cause_that_is_much_more_probable_than_a_sensor_s_errors_is_named() -> None:
+    found = judge(BENCH, of_unstated_noise(readings({DRIFT: 2.0})), FEW)
+    assert (found.verdict, found.named) == ("named", (DRIFT,))
+    assert 10e-6 < found.wandering < 200e-6
+    assert found.no_sensor
 
 
 def test_errors_of_a_sensor_that_wanders_are_no_cause_where_nobody_states_the_noise() -> None:
@@ -143,9 +185,7 @@ def test_errors_of_a_sensor_that_wanders_are_no_cause_where_nobody_states_the_no
         errors.append(0.9 * errors[-1] + (1 - 0.9**2) ** 0.5 * step)
     values = readings({}, table, noise=0.0).value + 60e-6 * np.array(errors[1:])
     stated = table.with_values(values)
-    unstated = stated.with_noise(replace(stated.noise, source=SCATTER,
-                                         freedom=0 * stated.noise.freedom))
-    found = [judge(BENCH, read, FEW) for read in (stated, unstated)]
+    found = [judge(BENCH, read, FEW) for read in (stated, of_unstated_noise(stated))]
     assert [one.of_sensor for one in found] == [False, True]
     assert found[1].named == ()
     assert 10e-6 < found[1].wandering < 200e-6

@@ -200,6 +200,13 @@ def test_a_name_takes_nine_tenths_of_the_library_whatever_is_beside_it(share: fl
         assert judged.verdict == expected
 
 
+def test_a_sensor_that_may_wander_is_no_excuse_where_a_cause_is_much_more_probable() -> None:
+    judged = clear().verdict()
+    assert not judged.of_sensor
+    assert replace(judged, wandering=20e-6).of_sensor
+    assert not replace(judged, wandering=20e-6, no_sensor=True).of_sensor
+
+
 def test_shares_of_the_library_leave_out_what_is_beside_it() -> None:
     fits = made((ZERO,), 0.0, 0.0), made((DRIFT,), 0.0, 0.0), made((ZERO, DRIFT), 0.0, 0.0)
     posterior = Posterior(fits, np.array([0.4, 0.04, 0.06]), nothing=0.3, discrepancy=0.2)
