@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
+.PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
 # Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
 # that they import again.
@@ -71,13 +71,28 @@ fuzz: .venv/dev
 	.venv/bin/python -m benchmarks.trials.fuzz --minutes "$(or $(MINUTES),60)" $(if $(SEED),--seed $(SEED))
 
 # Small faults made on purpose, and the tests that notice them; hours. Interrupted, it goes on.
+# Sixty of the whole program, ten rules of the judgement, and ten of the verdict alone, which the judgement ends with.
 MUTANTS = OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.mutants
+MUTANTS_OF = "" -judgement -verdict
+MUTANTS_TITLES = "The whole program" "Rules of the judgement" "Rules of the verdict"
 mutants: .venv/dev
-	mkdir -p "$(OUT)"
-	$(MUTANTS) draw "$(OUT)/mutants.jsonl" --seed "$(or $(SEED),2026)"
-	test -f "$(OUT)/mutants-map/tests.json" || $(MUTANTS) map "$(OUT)/mutants-map" -- -q -n 2 --dist loadfile
-	$(MUTANTS) judge "$(OUT)/mutants.jsonl" --map "$(OUT)/mutants-map" --keep "$(OUT)/mutants-records.jsonl" --workers 2
-	$(MUTANTS) table "$(OUT)/mutants.jsonl" --keep "$(OUT)/mutants-records.jsonl" -o docs/mutants.md
+	mkdir -p "$(OUT)/mutants"
+	$(MUTANTS) draw "$(OUT)/mutants/drawn.jsonl" --seed "$(or $(SEED),2026)"
+	$(MUTANTS) draw "$(OUT)/mutants/drawn-judgement.jsonl" --seed "$(or $(SEED),2026)" --rules --count 10 --scope studies/diagnosis/inference studies/diagnosis/gain.py
+	$(MUTANTS) draw "$(OUT)/mutants/drawn-verdict.jsonl" --seed "$(or $(SEED),2026)" --rules --count 10 --scope studies/diagnosis/inference/verdict.py
+	test -f "$(OUT)/mutants/map/tests.json" || $(MUTANTS) map "$(OUT)/mutants/map" -- -q -n 2 --dist loadfile tests
+	for of in $(MUTANTS_OF); do $(MUTANTS) judge "$(OUT)/mutants/drawn$$of.jsonl" --map "$(OUT)/mutants/map" --keep "$(OUT)/mutants/records$$of.jsonl" --tests tests --workers 2 || exit 1; done
+	$(MUTANTS) table $(foreach of,$(MUTANTS_OF),"$(OUT)/mutants/drawn"$(of).jsonl) --keep $(foreach of,$(MUTANTS_OF),"$(OUT)/mutants/records"$(of).jsonl) --titles $(MUTANTS_TITLES) -o docs/mutants.md
+
+# The recorded mutants again, each by the test that caught it, and their page: half an hour.
+MUTANTS_KEPT = benchmarks/trials/mutants
+mutants-again: .venv/dev
+	for of in $(MUTANTS_OF); do $(MUTANTS) judge $(MUTANTS_KEPT)/drawn$$of-2026.jsonl --keep $(MUTANTS_KEPT)/records$$of-2026.jsonl --again || exit 1; done
+	$(MAKE) mutants-page
+
+# Their page alone, by the records.
+mutants-page: .venv/dev
+	$(MUTANTS) table $(foreach of,$(MUTANTS_OF),$(MUTANTS_KEPT)/drawn$(of)-2026.jsonl) --keep $(foreach of,$(MUTANTS_OF),$(MUTANTS_KEPT)/records$(of)-2026.jsonl) --titles $(MUTANTS_TITLES) -o docs/mutants.md
 
 # Commands with bad input: status, seconds, message; counts for each group.
 hostile: .venv/dev

@@ -10,13 +10,31 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.trials.mutants.draw import differs, draw, moved, mutant_of, spread
-from benchmarks.trials.mutants.judge import CAUGHT, GOT_AWAY, Record, batches, judge, read_records
+from benchmarks.trials.mutants.draw import (
+    differs,
+    draw,
+    draw_rules,
+    moved,
+    mutant_of,
+    spread,
+)
+from benchmarks.trials.mutants.judge import (
+    CAUGHT,
+    EQUIVALENT,
+    GOT_AWAY,
+    UNSOUND,
+    Record,
+    batches,
+    judge,
+    keep_record,
+    read_records,
+)
 from benchmarks.trials.mutants.kinds import KINDS, Change, changes
 from benchmarks.trials.mutants.mutant import Mutant, chapter_of, read_mutants, write_mutants
-from benchmarks.trials.mutants.source import code_lines
+from benchmarks.trials.mutants.rules import rules
+from benchmarks.trials.mutants.source import code_lines, product_files
 from benchmarks.trials.mutants.suite_map import Candidate, SuiteMap, record
-from benchmarks.trials.mutants.table import page
+from benchmarks.trials.mutants.table import Part, page
 
 SOURCE = b'''"""1 + 1 in a docstring."""
 
@@ -46,6 +64,28 @@ def area(width: "7", height: float = 8.0) -> float:
     print(text, total)
     total = pow(width, -height)
     return total if total is not None else max(width, height)
+'''
+
+#: Rules: two constants and four conditions. A bound of the cost is none, nor is a text.
+JUDGING = b'''"""A verdict."""
+
+#: Probability from which a cause is named.
+SURE = 0.9
+#: As many are asked. A bound of
+#: the cost.
+_ASKED = 8
+#: Fewest readings.
+FEWEST = 3
+WORDS = "sure"
+
+
+def verdict(causes, doubt, best=None):
+    """The verdict."""
+    sure = [cause for cause in causes if cause > SURE]
+    few = len(sure) < FEWEST
+    if best is None or few or doubt and not sure:
+        return "ambiguous"
+    return "named"
 '''
 
 #: A product with two functions that a test checks, and one that nothing runs.
@@ -152,6 +192,31 @@ def test_what_can_be_changed() -> None:
     assert sorted(text.partition("(")[0] for text in dropped) == [
         "print", "total += width * ", "total = pow"]
     assert {change.function for change in changes(SOURCE)} == {"Film.thickness", "area"}
+
+
+def test_a_rule_is_a_constant_or_a_part_of_a_condition() -> None:
+    assert {(change.function, change.old, change.new) for change in rules(JUDGING)} == {
+        ("SURE", "0.9", "1000 * (0.9)"), ("SURE", "0.9", "(0.9) / 1000"),
+        ("FEWEST", "3", "1000 * (3)"), ("FEWEST", "3", "0"),
+        ("verdict", "cause > SURE", "True"), ("verdict", "cause > SURE", "False"),
+        ("verdict", "len(sure) < FEWEST", "True"), ("verdict", "len(sure) < FEWEST", "False"),
+        ("verdict", "few", "False"), ("verdict", "doubt", "True"), ("verdict", "not sure", "True")}
+    for change in rules(JUDGING):
+        assert differs(JUDGING, mutant_of("verdict.py", JUDGING, change))
+
+
+def test_rules_are_drawn_from_some_files(tmp_path: Path) -> None:
+    (tmp_path / "judge").mkdir()
+    for name in ("judge/verdict.py", "judge.py", "other.py"):
+        (tmp_path / name).write_bytes(JUDGING)
+    scope = ("judge", "judge.py", "judge/verdict.py")
+    assert product_files(tmp_path, scope) == ["judge.py", "judge/verdict.py"]
+    mutants = draw_rules(tmp_path, 9, 5, scope)
+    assert mutants == draw_rules(tmp_path, 9, 5, scope)
+    # Of each rule one change at most.
+    assert len({(mutant.file, mutant.function, mutant.start) for mutant in mutants}) == 9
+    assert {mutant.file for mutant in mutants} == {"judge.py", "judge/verdict.py"}
+    assert all(moved(mutant, b"# new\n" + JUDGING) for mutant in mutants)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -276,12 +341,57 @@ def test_a_toy_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert not list(judge(list(mutants.values()), tree, suite, keep, suite="after"))
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
+def test_a_mutant_is_judged_by_a_test_that_is_named(tmp_path: Path,
+                                                    monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    tree, keep = tmp_path / "tree", tmp_path / "records.jsonl"
+    tree.mkdir()
+    write_toy(tree)
+    # The file has changed since the mutant was drawn.
+    (tree / "toy/sums.py").write_text("#\n" + TOY["toy/sums.py"], encoding="utf-8")
+    subprocess.run(["git", "init", "-q"], cwd=tree, check=True)
+    mutant = toy_mutant("*", "/", "double")
+    keep_record(keep, Record("after", mutant.key, GOT_AWAY, "no test runs it", "", 0, 0, 0.0))
+
+    def judged(test: str, again: bool = True) -> list[Record]:
+        return list(judge([mutant], tree, SuiteMap.empty(), keep, suite="after", again=again,
+                          named={mutant.key: [f"test_toy.py::{test}"]}, options=["test_toy.py"]))
+
+    assert not judged("test_child", again=False)
+    passed, = judged("test_other_side")
+    assert (passed.end, passed.why) == (GOT_AWAY, "the tests passed that were named")
+    caught, = judged("test_child")
+    assert (caught.end, caught.by, caught.why, caught.ran, caught.candidates) == (
+        CAUGHT, "test_toy.py::test_child", "failed, was named beforehand", 1, 1)
+    unsound, = judged("test_fails_by_itself")
+    assert (unsound.end, unsound.why) == (GOT_AWAY, UNSOUND)
+    with pytest.raises(ValueError, match=r"not among the tests that count: .*::test_gone"):
+        judged("test_gone")
+    # There is one record of a mutant, the last.
+    assert [one.end for one in read_records(keep)] == [GOT_AWAY]
+
+
 def test_the_table_has_every_suite() -> None:
     mutants = [mutant_of("fem/film.py", SOURCE, change) for change in changes(SOURCE)[:2]]
     records = [Record("before", mutants[0].key, CAUGHT, "failed", "tests/test_a.py::test_b[c|d]",
                       3, 9, 12.3),
                Record("after", mutants[0].key, GOT_AWAY, "all candidates passed", "", 4, 4, 15.0)]
-    text = page(mutants, records)
+    text = page([Part("All of it", mutants, records)])
+    assert "## All of it" in text
     assert "| all | 1 of 1: 100 % (21 to 100 %) | 0 of 1: 0 % (0 to 79 %) |" in text
     assert r"test_a.py `test_b[c\|d]` | 3 of 9 | 12 s | **got away**: all candidates passed" in text
     assert "not judged" in text
+    assert "| swapped arguments |" in text
+
+
+def test_the_table_leaves_an_equivalent_mutant_out_of_the_shares() -> None:
+    mutants = [mutant_of("verdict.py", JUDGING, change) for change in rules(JUDGING)[:3]]
+    records = [Record("after", mutants[0].key, CAUGHT, "failed", "tests/test_a.py::test_b", 1, 1,
+                      2.0),
+               Record("after", mutants[1].key, EQUIVALENT, "rounding", "", 0, 0, 0.0)]
+    text = page([Part("Rules", mutants, records)])
+    assert "| all | 1 of 1: 100 % (21 to 100 %) |" in text
+    assert "| equivalent: rounding |  |  |" in text
+    assert "| swapped arguments |" not in text

@@ -33,6 +33,7 @@ from tympan.reports.viewer import viewer
 from tympan.studies.data.checks import lines_of
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.hypothesis import Cause
+from tympan.studies.diagnosis.inference.verdict import SURE
 from tympan.studies.diagnosis.reading_table import LENGTHS, UNITS
 from tympan.studies.diagnosis.result import (
     CHANNELS,
@@ -72,6 +73,9 @@ _UNKNOWN = 0.1
 
 #: Effects told of where none explains what is wrong.
 _TRIED = 4
+#: Share of the misfit that an effect must take away alone to be listed. One that takes away less is
+#: of no size.
+_WORTH = 0.02
 
 #: Outliers in successive lines from which they may be a sensor that was moved: a typing error is of
 #: one line.
@@ -148,11 +152,13 @@ def _write(folder: Path, diagnosis: Diagnosis, pictures: Mapping[str, Callable[[
 
 def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: str = "") -> str:
     """The page as text; pictures as data URIs by what they show, and films to turn as HTML."""
-    tried = diagnosis.attempts[:_TRIED] if diagnosis.verdict == "unexplained" else ()
+    attempts = [one for one in diagnosis.attempts if one.explains >= _WORTH]
+    tried = attempts[:_TRIED] if diagnosis.verdict == "unexplained" else []
     unit = _unit(diagnosis)
     return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=diagnosis, verdict=verdict_words(diagnosis), viewer=viewer, unit=unit,
-        tried=tried, suspects=_suspects(diagnosis), gain=gain_words(diagnosis),
+        attempts=attempts, worth=100 * _WORTH, tried=tried, suspects=_suspects(diagnosis),
+        gain=gain_words(diagnosis),
         robust=_said("robust", diagnosis), noise=_said("noise", diagnosis.misfit, unit),
         more=[(name.removesuffix(_LEFT).replace("_", " "), picture)
               for name, picture in pictures.items() if name.endswith(_LEFT)],
@@ -169,7 +175,7 @@ def verdict_words(diagnosis: Diagnosis) -> str:
     named = [cause for cause in diagnosis.causes if diagnosis.verdict == "named" and cause.named]
     words = _said("verdict", diagnosis, named, _suspects(diagnosis),
                   _worst_ratios(diagnosis.misfit), _unit(diagnosis),
-                  diagnosis.probability.unknown >= _UNKNOWN)
+                  diagnosis.probability.unknown >= _UNKNOWN, 100 * SURE)
     return " ".join(filter(None, (words, _said("told", diagnosis, _unit(diagnosis)))))
 
 

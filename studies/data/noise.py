@@ -80,6 +80,25 @@ def stated_ratio(dataset: Dataset) -> Noise | None:
     return Noise.pooled(values, groups, sigma[stated])
 
 
+def stated_noise(dataset: Dataset) -> float | None:
+    """Standard deviation of one deflection that a dataset's files state [m]; None if they do not.
+
+    The root mean square where readings have several; that of a range is as it is written, or that
+    of the difference of two readings.
+    """
+    noise = dataset.noise or np.nan
+    sigmas = [np.empty(0)]
+    if dataset.static is not None:
+        sigmas.append(_own_or(dataset.static, noise)[~dataset.unused])
+    if dataset.ranges is not None:
+        sigmas.append(_own_or(dataset.ranges, np.sqrt(2) * noise))
+    every = np.concatenate(sigmas)
+    known = every[np.isfinite(every)]
+    if not len(known):
+        return dataset.noise
+    return float(known[0] if np.ptp(known) == 0 else np.sqrt(np.mean(known**2)))
+
+
 def reading_sigma(dataset: Dataset) -> Array:
     """Standard deviation of each static reading [m]: its own, the dataset's, of repeats, or nan."""
     return np.empty(0) if dataset.static is None else _own_or(dataset.static, _of_one(dataset))

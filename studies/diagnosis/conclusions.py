@@ -14,6 +14,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import dataset_warnings, findings
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.noise import stated_noise
 from tympan.studies.diagnosis import result
 from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
 from tympan.studies.diagnosis.fits.evidence import interval
@@ -22,6 +23,8 @@ from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.families import (
     family_size,
+    found_sizes,
+    has_size,
     one_load_instead,
     undecided,
 )
@@ -40,7 +43,6 @@ from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.diagnosis.sentences import (
     WORDS,
     check_of,
-    found_sizes,
     headline,
     headline_of,
     next_step,
@@ -332,6 +334,7 @@ class Conclusions:
 
     def _causes(self, posterior: Posterior) -> Iterator[result.FoundCause]:
         judged, probabilities = self.judgement, posterior.of_causes()
+        in_library = posterior.in_library()
         rivals = {fit.hypothesis[0]: fit for fit in judged.rivals}
         for cause in dict.fromkeys([*probabilities, *rivals]):
             probability = probabilities.get(cause, 0.0)
@@ -347,7 +350,7 @@ class Conclusions:
                 effect=cause.name, which=cause.which, again=cause.again, probability=probability,
                 headline=(f"{family.headline} ({chance})" if family else with_other_loads(
                     headline_of(fit, cause, chance), self._loads_instead(fit, cause))),
-                clear=any(size.clear for size in found_sizes(fit, cause).values()),
+                in_library=in_library.get(cause, 0.0), clear=has_size(fit, cause),
                 check=check_of(cause, self.readings.told, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),
@@ -389,6 +392,7 @@ class Conclusions:
             baseline_rmse=self._rmse(None),
             noise=self._root(np.where(table.lengths, table.noise.total, table.sigma)),
             noise_from=self.readings.table.noise.source,
+            noise_stated=self._noise_stated(),
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,
             p_value_of_all=None if judged.test_of_all is None else judged.test_of_all.p_value,
@@ -399,6 +403,19 @@ class Conclusions:
             ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
                            if name in judged.patterns))
+
+    def _noise_stated(self) -> float | None:
+        """Noise of one reading as the files state it, in the readings' unit; None without one."""
+        unit = self.films.table.unit
+        if self.simulation.loaded:
+            stated = stated_noise(self.dataset)
+            return None if stated is None else unit.per_si * stated
+        coupons = self.dataset.coupons
+        # Of a drop under voltage the noise is that of two readings.
+        if coupons is None or coupons.sigma is None or self.dataset.coupon_reading == "drop":
+            return None
+        known = coupons.sigma[np.isfinite(coupons.sigma)]
+        return unit.per_si * float(np.sqrt(np.mean(known**2))) if len(known) else None
 
     def _cannot_tell(self, misfit: result.Misfit) -> str:
         """Sentences on why it is not known whether the simulation agrees; "" where it is."""

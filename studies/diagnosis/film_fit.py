@@ -35,11 +35,11 @@ from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
 from tympan.studies.diagnosis.inference.exploration import COUNT, Exploration
+from tympan.studies.diagnosis.inference.families import found_sizes
 from tympan.studies.diagnosis.inference.nominal import with_noise_found
 from tympan.studies.diagnosis.law_fit import fit_law
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Factor, Json
-from tympan.studies.diagnosis.sentences import found_sizes
 from tympan.studies.effects.findings import FoundSize
 from tympan.studies.files import remove, to_json, words_beside, write_json, write_text
 

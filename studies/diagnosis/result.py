@@ -106,6 +106,9 @@ class FoundCause:
     which: Annotated[str | None, Key("the specimen it happens to; none for all")] = None
     again: Annotated[bool, Key("whether it is there beside the same effect of other sizes")] = False
     probability: Annotated[float, Key("probability of the cause, given that something is wrong")]
+    in_library: Annotated[float | None, Key(
+        "its share of the probability of all effects in the library, alone and in pairs, by which "
+        "it may be named")] = None
     headline: Annotated[str, Key("what it means here")]
     clear: Annotated[bool, Key("whether its sign is certain")] = True
     check: Annotated[str, Key("what to look at on the bench")]
@@ -182,6 +185,9 @@ class Misfit:
                                         in_unit=True)]
     noise: Annotated[float, Key("standard deviation of one reading", in_unit=True)]
     noise_from: Annotated[str, Key("where the noise is from")]
+    noise_stated: Annotated[float | None, Key(
+        "standard deviation of one reading as the files state it, the root mean square where they "
+        "state several; none where they state none", in_unit=True)] = None
     noise_over_stated: Annotated[float | None, Key("what readings scatter by, over the noise "
                                                    "stated")]
     p_value: Annotated[float, Key("probability of so much misfit by noise alone")]

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.data.findings import Finding
-from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
-from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, sizes_of
-from tympan.studies.diagnosis.inference.families import undecided
+from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
+from tympan.studies.diagnosis.inference.families import found_sizes, undecided
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
@@ -19,7 +18,7 @@ from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, 
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import load_columns, run_columns
 from tympan.studies.effects.effect import Quantity
-from tympan.studies.effects.findings import FoundSize, finding, limits_told
+from tympan.studies.effects.findings import finding, limits_told
 from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
@@ -60,16 +59,6 @@ def listed(items: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(items[:-1]), *items[-1:])))
 
 
-def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
-    """The parameters of a cause at a fit with their 95 % limits."""
-    first = sizes_of(fit.hypothesis, cause).start
-    sizes = {}
-    for number, parameter in enumerate(cause.effect.parameters, first):
-        value, *limits = (parameter.value(size) for size in interval(fit, number))
-        sizes[parameter.name] = FoundSize(parameter, value, min(limits), max(limits))
-    return sizes
-
-
 def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
     """Meaning of a cause at a fit, with its size, and its probability in words."""
     sizes = found_sizes(fit, cause)
@@ -79,11 +68,14 @@ def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
 
 
 def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) -> str:
-    """Headline of a mass on every load, with what one load alone would weigh that does as much."""
-    if not loads:
-        return headline
+    """Headline of a mass on every load, with what one load alone would weigh that does as much.
+
+    A load that may be as it is labelled is no alternative.
+    """
     each = [WORDS["one_load"].format(label=1e3 * label, low=1e3 * low, high=1e3 * high)
-            for label, (low, high) in loads.items()]
+            for label, (low, high) in loads.items() if not low <= label <= high]
+    if not each:
+        return headline
     return WORDS["one_load_instead"].format(headline=headline, loads=listed(each, "or"))
 
 
@@ -94,9 +86,12 @@ def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()
 
 
 def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
-    """Those of the listed causes that may be it, of a family that has one name the first."""
-    likely = [cause for cause in causes
-              if cause.only_its_size or (cause.clear and cause.probability >= _SUSPECT)]
+    """Those of the listed causes that may be it, of a family that has one name the first.
+
+    One whose size may be none is no alternative.
+    """
+    likely = [cause for cause in causes if cause.clear
+              and (cause.only_its_size or cause.probability >= _SUSPECT)]
     named = {cause.family.name if cause.family else f"{cause.effect} {cause.which}": cause
              for cause in likely[::-1]}
     return [cause for cause in likely if cause in named.values()][:_MOST] or list(causes[:1])

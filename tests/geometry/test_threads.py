@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import scipy.linalg
 
 from tests.support.specimens import specimen_toml
 from tests.support.threads import MAPS, counted
-from tympan.geometry.process.threads import VARIABLES, blas_threads, one_thread
+from tympan.geometry.process.threads import VARIABLES, _linked, blas_threads, one_thread
 from tympan.studies.parallel import mapped
 
 pytestmark = pytest.mark.skipif(not MAPS.exists(), reason="no /proc")
@@ -123,3 +124,8 @@ def test_calls_in_several_threads_end_in_any_order() -> None:
     thread.join()
     assert blas_threads() == before
     assert dict(os.environ) == outer
+
+
+def test_a_package_whose_library_is_no_file_has_no_threads_to_set(tmp_path: Path) -> None:
+    """An extension module may lie in an archive, or be a part of the interpreter."""
+    assert _linked(str(tmp_path / "archive.zip" / "_umath.so")) is None

@@ -12,8 +12,11 @@ from tests.support.checks.policy import unlawful
 from tests.support.diagnosed import diagnosed
 from tympan.reports.diagnosis.figures import compose_residuals
 from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
+from tympan.reports.diagnosis.self_check import _compose
 from tympan.studies.data.findings import Finding
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.result import (
+    Attempt,
     FoundCause,
     FoundFamily,
     NextExperiment,
@@ -23,6 +26,7 @@ from tympan.studies.diagnosis.result import (
     ShownSize,
     Verdict,
 )
+from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
 
 
 def cause(effect: str, headline: str, **others: Any) -> FoundCause:
@@ -170,4 +174,65 @@ def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], word
         page)
     assert "misses by 22 µm where the baseline model misses by 61 µm; the noise is 20 µm" in page
     assert "Of 90 readings not seen, 94 % lay within the bands that are to hold 95 %" in page
-    assert "15.4 µm as stated, times 1.3 because the readings scatter so much" in page
+
+
+@pytest.mark.parametrize(("over", "words"), [
+    (0.919, "noise of one reading: 15 µm is stated, and the readings scatter less about smooth "
+            "curves than stated, 0.919 times as much"),
+    (1.3, "noise of one reading: 15 µm is stated, and the readings scatter more about smooth "
+          "curves than stated, 1.3 times as much"),
+    (1.02, "noise of one reading, stated</div>")])
+def test_the_noise_is_stated_as_the_file_has_it(over: float, words: str) -> None:
+    """With the errors of the reduced model it is not what was found over what it is found to be."""
+    usual = diagnosed("named", cause("drift", "Readings rise", named=True))
+    misfit = replace(usual.misfit, noise=14.4 * over, noise_stated=15.0, noise_over_stated=over)
+    page = " ".join(render_diagnosis(replace(usual, misfit=misfit), {}).split())
+    assert words in page
+
+
+def test_what_cannot_be_told_of_two_families_is_said_once_with_both() -> None:
+    def of_family(effect: str, member: str) -> FoundCause:
+        size = ShownSize(0.1, "%", 0.05, 0.2, "")
+        return cause(effect, f"A {effect}", named=True, family=FoundFamily(
+            name=effect, headline=f"A {effect}", size=size, members=(effect,), member=member))
+
+    both = of_family("electrode_margin", "A margin of 2 mm"), of_family("creep", "A branch of 9 s")
+    words = " ".join(verdict_words(diagnosed("named", *both)).split())
+    assert words.count("These readings cannot tell more.") == 1
+    assert ("one of the causes that fit them equally well, in each of these cases: "
+            "A margin of 2 mm; A branch of 9 s.") in words
+    words = " ".join(verdict_words(diagnosed("named", both[0])).split())
+    assert "one of the causes that fit them equally well: A margin of 2 mm." in words
+
+
+def test_an_effect_that_takes_nothing_away_is_not_listed() -> None:
+    def attempt(effect: str, explains: float) -> Attempt:
+        return Attempt(effect=effect, which=None, explains=explains, parameters={},
+                       headline=f"An attempt at {effect}", prior_widths=0.0, plausible=True,
+                       at_limit=False)
+
+    page = render_diagnosis(diagnosed(
+        "unexplained", cause("drift", "Readings rise"), attempts=(
+            attempt("drift", 0.6), attempt("creep", 0.0))), {})
+    assert "An attempt at drift" in page
+    assert "An attempt at creep" not in page
+    assert "<tr><th>creep</th>" not in page
+
+
+def test_a_name_says_its_share_of_the_library_where_something_else_is_probable() -> None:
+    """Such a share of 90 % is what a name takes; the probability printed beside it may be less."""
+    named = cause("drift", "Readings rise", named=True, probability=0.81, in_library=0.94)
+    usual = diagnosed("named", named)
+    words = "Drift has 94 % of the probability of all effects in the library; from 90 % on it can"
+    assert words not in " ".join(verdict_words(usual).split())
+    doubted = replace(usual, probability=NoEffect(0.0, 0.14))
+    assert words in " ".join(verdict_words(doubted).split())
+
+
+def test_the_bars_of_a_self_check_end_within_the_page() -> None:
+    check = summary_of([SyntheticSet(Cause("drift"), 2.0, "named", (Cause("drift"),))])
+    axes, = _compose(check.rows).axes
+    left, right = axes.get_position().x0, axes.get_position().x1
+    # Names stand on the left, and the last number of the axis ends on the right.
+    assert 0.2 < left < 0.3
+    assert 0.9 < right < 1.0

@@ -1,4 +1,4 @@
-"""Draw mutants over all chapters in proportion to their lines."""
+"""Draw mutants: over all chapters in proportion to their lines, or rules of some files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmarks.trials.mutants.kinds import KINDS, Change, changes
 from benchmarks.trials.mutants.mutant import Mutant, chapter_of
+from benchmarks.trials.mutants.rules import rules
 from benchmarks.trials.mutants.source import PRODUCT, code_lines, product_files
 
 
@@ -75,6 +76,26 @@ def draw(tree: Path, count: int, seed: int, product: Sequence[str] = PRODUCT) ->
     return drawn
 
 
+def draw_rules(tree: Path, count: int, seed: int, scope: Sequence[str]) -> list[Mutant]:
+    """Draw rules of some folders and files, reproducibly, and one change of each.
+
+    Every rule is equally likely.
+    """
+    random_numbers = random.Random(seed)
+    places: dict[tuple[str, str, int], list[Change]] = {}
+    for file in product_files(tree, scope):
+        for change in rules((tree / file).read_bytes()):
+            places.setdefault((file, change.function, change.start), []).append(change)
+    drawn: list[Mutant] = []
+    for place in random_numbers.sample(sorted(places), len(places)):
+        change = random_numbers.choice(places[place])
+        source = (tree / place[0]).read_bytes()
+        mutant = mutant_of(place[0], source, change, len(drawn) + 1)
+        if len(drawn) < count and differs(source, mutant):
+            drawn.append(mutant)
+    return drawn
+
+
 def _one(possible: list[tuple[str, Change]], random_numbers: random.Random) -> tuple[str, Change]:
     """A random place, then a random change there."""
     places = sorted({(file, change.start) for file, change in possible})
@@ -98,7 +119,7 @@ def moved(mutant: Mutant, source: bytes) -> Mutant | None:
     if (source[mutant.start:end] == mutant.old.encode()
             and _line(source, mutant.start, end) == mutant.before):
         return mutant
-    same = [other for change in changes(source)
+    same = [other for change in [*changes(source), *rules(source)]
             if (change.kind, change.function, change.old, change.new) == (
                 mutant.kind, mutant.function, mutant.old, mutant.new)
             and (other := mutant_of(mutant.file, source, change, mutant.number)).before

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -15,8 +15,8 @@ from queue import SimpleQueue
 from typing import Any
 
 from benchmarks.trials.mutants.draw import moved
-from benchmarks.trials.mutants.mutant import Mutant
-from benchmarks.trials.mutants.suite_map import REASONS, Candidate, SuiteMap, digest
+from benchmarks.trials.mutants.mutant import Key, Mutant
+from benchmarks.trials.mutants.suite_map import NAMED, REASONS, Candidate, SuiteMap, digest
 from benchmarks.trials.mutants.tree import STOP, End, collected, copy_tree, run_tests
 
 #: Expected time of the first batch of tests, some starts of pytest; each next one is as long again
@@ -26,6 +26,12 @@ _BATCH = 10.0
 _LATER = 1000.0
 #: Ends of a mutant.
 GOT_AWAY, CAUGHT, ABSENT = "got away", "caught", "not in this tree"
+#: Not judged by tests: a person has found that it does what the program does, and says why.
+EQUIVALENT = "equivalent"
+#: No named tests.
+EMPTY: Mapping[Key, Sequence[str]] = {}
+#: Said of a mutant of which no test can tell anything.
+UNSOUND = "the tests that run it fail without it, too"
 #: Stands for a test where the mutant lets none be collected.
 IMPORT = "the import of its file"
 
@@ -34,14 +40,14 @@ IMPORT = "the import of its file"
 class Record:
     """How a mutant ended in a suite.
 
-    ``suite`` is a name that the user gave. ``end`` is "caught", "got away", or "not in this tree"
-    where the place to be changed is missing; ``why`` says how.
+    ``suite`` is a name that the user gave. ``end`` is "caught", "got away", "equivalent", or "not
+    in this tree" where the place to be changed is missing; ``why`` says how.
     ``by`` is the test that failed or hung. Of ``candidates`` that may notice it ``ran`` were run,
     in so many ``seconds`` of processor time.
     """
 
     suite: str
-    mutant: tuple[str, int, str, str]
+    mutant: Key
     end: str
     why: str
     by: str
@@ -68,9 +74,13 @@ def read_records(file: Path) -> list[Record]:
 
 
 def keep_record(file: Path, record: Record) -> None:
-    """Append a record."""
-    with file.open("a", encoding="utf-8") as records:
-        records.write(json.dumps(asdict(record)) + "\n")
+    """Add a record to a file, in place of an earlier one of the same mutant and suite."""
+    records = read_records(file)
+    others = [one for one in records if (one.suite, one.mutant) != (record.suite, record.mutant)]
+    lines = "".join(json.dumps(asdict(one)) + "\n" for one in [*others, record])
+    written = file.with_name(f"{file.name}.new")
+    written.write_text(lines, encoding="utf-8")
+    written.replace(file)
 
 
 def batches(candidates: Sequence[Candidate], total: Callable[[Iterable[str]], float],
@@ -118,7 +128,8 @@ class Judge:
     """Judge of mutants by the tests of a suite that may notice them.
 
     ``tests`` are those that count, ``limit`` is the processor time for a mutant [s]. ``unsound``
-    remembers tests that fail without a mutant.
+    remembers tests that fail without a mutant. ``named`` tests of a mutant are run before those of
+    the map.
     """
 
     suite: str
@@ -126,11 +137,19 @@ class Judge:
     tests: frozenset[str]
     limit: float
     unsound: set[str]
+    named: Mapping[Key, Sequence[str]]
+
+    def _candidates(self, mutant: Mutant) -> list[Candidate]:
+        """Tests that may notice a mutant, in the order in which they are run."""
+        mapped = {candidate.test: candidate for candidate in self.suite_map.candidates(mutant)}
+        named = {test: mapped.get(test) or Candidate(test, NAMED, self.suite_map.seconds(test))
+                 for test in self.named.get(mutant.key, ())}
+        return [candidate for candidate in (named | mapped).values()
+                if candidate.test in self.tests]
 
     def record(self, mutant: Mutant, copy: Copy) -> Record:
         """Judge one mutant in a copy of the tree."""
-        candidates = [candidate for candidate in self.suite_map.candidates(mutant)
-                      if candidate.test in self.tests]
+        candidates = self._candidates(mutant)
         reasons = {candidate.test: REASONS[candidate.reason] for candidate in candidates}
         ran, spent, by, why = 0, 0.0, "", ""
         left = candidates
@@ -158,9 +177,10 @@ class Judge:
                                  f"make the map again: {end.said}")
             left = [candidate for candidate in left if candidate.test not in done]
         if not why:
-            why = _escape([candidate for candidate in candidates
-                           if candidate.test not in self.unsound],
-                          {candidate.test for candidate in left}, self.limit)
+            sound = [candidate for candidate in candidates
+                     if candidate.test not in self.unsound]
+            why = (_escape(sound, {candidate.test for candidate in left}, self.limit)
+                   if sound or not candidates else UNSOUND)
         return Record(self.suite, mutant.key, CAUGHT if by else GOT_AWAY, why, by, ran,
                       len(candidates), round(spent, 1))
 
@@ -179,6 +199,8 @@ def _escape(candidates: Sequence[Candidate], left: set[str], limit: float) -> st
     """How a mutant got away; tests that run its block are counted apart."""
     if not candidates:
         return "no test runs it"
+    if all(candidate.reason == NAMED for candidate in candidates):
+        return "the tests passed that were named"
     direct = [candidate.test for candidate in candidates if not candidate.reason]
     passed = sum(test not in left for test in direct)
     ended = f"not caught within {limit:.0f} s" if left else "all candidates passed"
@@ -193,17 +215,24 @@ def suite_tests(tree: Path, scratch: Path, left_out: bool, options: Sequence[str
 
 
 def judge(mutants: Sequence[Mutant], tree: Path, suite_map: SuiteMap, keep: Path, *, suite: str,
-          left_out: bool = False, limit: float = 600.0, workers: int = 1) -> Iterator[Record]:
+          left_out: bool = False, limit: float = 600.0, workers: int = 1,
+          options: Sequence[str] = (), named: Mapping[Key, Sequence[str]] = EMPTY,
+          again: bool = False) -> Iterator[Record]:
     """Judge mutants that have no record of this suite yet; each record is kept at once.
+
+    ``options`` of pytest say which tests count. ``named`` tests of a mutant are run first. With
+    ``again`` mutants with a record are judged too: their new record takes the old one's place.
 
     Raises
     ------
     ValueError
-        When a mutant's file is not that of the map, or the tests cannot be collected.
+        When a mutant's file is not that of the map, or the tests cannot be collected, or a test
+        that was named is not among those that count.
     """
-    known = {record.mutant for record in read_records(keep) if record.suite == suite}
+    known = {record.mutant for record in read_records(keep)
+             if record.suite == suite and not again}
     missing = [mutant for mutant in mutants if mutant.key not in known]
-    placed: dict[tuple[str, int, str, str], Mutant] = {}
+    placed: dict[Key, Mutant] = {}
     for mutant in missing:
         file = tree / mutant.file
         source = file.read_bytes() if file.exists() else b""
@@ -212,7 +241,7 @@ def judge(mutants: Sequence[Mutant], tree: Path, suite_map: SuiteMap, keep: Path
             record = Record(suite, mutant.key, ABSENT, "", "", 0, 0, 0.0)
             keep_record(keep, record)
             yield record
-        elif suite_map.digests.get(mutant.file) != digest(source):
+        elif suite_map.digests.get(mutant.file, digest(source)) != digest(source):
             raise ValueError(f"{mutant.file} is not the file of the map; make the map again")
         else:
             placed[mutant.key] = there
@@ -222,8 +251,13 @@ def judge(mutants: Sequence[Mutant], tree: Path, suite_map: SuiteMap, keep: Path
         scratch = Path(name)
         # The first collection in the copy compiles it; nothing is compiled for keeps later.
         copy_tree(tree, scratch / "0")
-        tests = suite_tests(scratch / "0", scratch, left_out)
-        judging = Judge(suite, suite_map, tests, limit, set())
+        tests = suite_tests(scratch / "0", scratch, left_out, options)
+        gone = {test for mutant in missing for test in named.get(mutant.key, ())} - tests
+        if gone:
+            raise ValueError(f"not among the tests that count: {', '.join(sorted(gone))}")
+        # A mutant that has moved has another key than that it was drawn with.
+        judging = Judge(suite, suite_map, tests, limit, set(),
+                        {placed[key].key: tests for key, tests in named.items() if key in placed})
         copies: SimpleQueue[Copy] = SimpleQueue()
         for number in range(workers):
             if number:

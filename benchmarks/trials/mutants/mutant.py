@@ -16,6 +16,11 @@ def chapter_of(file: str) -> str:
     return "/".join(PurePosixPath(file).parent.parts[:_DEPTH])
 
 
+#: What makes a mutant another one than all others: its file, its place there [bytes], the text at
+#: that place, and the text in its stead.
+Key = tuple[str, int, str, str]
+
+
 @dataclass(frozen=True)
 class Mutant:
     """One changed place of one file.
@@ -41,7 +46,7 @@ class Mutant:
         return chapter_of(self.file)
 
     @property
-    def key(self) -> tuple[str, int, str, str]:
+    def key(self) -> Key:
         """What makes it another mutant than all others."""
         return self.file, self.start, self.old, self.new
 

@@ -18,10 +18,14 @@ _NO_CODE = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, to
 
 
 def product_files(tree: Path, product: Sequence[str] = PRODUCT) -> list[str]:
-    """Python files of the product, by their paths from the root of the tree."""
-    return sorted((Path(folder) / name).relative_to(tree).as_posix()
-                  for top in product for folder, _, names in os.walk(tree / top)
-                  for name in names if name.endswith(".py"))
+    """Python files of the product, by their paths from the root of the tree.
+
+    ``product``: folders, and files.
+    """
+    files = {top for top in product if (tree / top).is_file()}
+    return sorted(files | {(Path(folder) / name).relative_to(tree).as_posix()
+                           for top in product for folder, _, names in os.walk(tree / top)
+                           for name in names if name.endswith(".py")})
 
 
 class _Placed(Protocol):

@@ -1,35 +1,67 @@
-"""The table of mutants, as a page."""
+"""The tables of mutants, as a page."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from scipy.stats import binomtest
 
-from benchmarks.trials.mutants.judge import ABSENT, CAUGHT, Record
+from benchmarks.trials.mutants.judge import ABSENT, CAUGHT, EQUIVALENT, Record
 from benchmarks.trials.mutants.kinds import KINDS
-from benchmarks.trials.mutants.mutant import Mutant
+from benchmarks.trials.mutants.mutant import Key, Mutant
+from benchmarks.trials.mutants.rules import RULES
 
 #: Letters of a changed line around its change.
 _WIDTH = 60
 _HEAD = """# Mutants
 
-A mutant is a small fault that is made on purpose in the program. A test suite should notice it.
-These mutants were drawn at random over all chapters, in proportion to their lines of code. A
-mutant is caught when a test fails or hangs that passes without it.
+A mutant is a small fault that is made on purpose in the program. A test suite should notice it. A
+mutant is caught when a test fails or hangs that passes without it. Only tests that always run
+count: no dear ones (see CONTRIBUTING.md). An equivalent mutant does what the program does, or the
+same within rounding, as a person has found; the shares leave it out.
+"""
+#: What is said of mutants drawn over all chapters, and of rules.
+_DRAWN = """These mutants were drawn at random over all chapters, in proportion to their lines of
+code.
+"""
+_RULES = """These mutants are rules, drawn at random from some files: a condition that is switched
+off, or a constant that becomes zero, a thousandth or a thousand times as large.
 """
 
 
-def page(mutants: Sequence[Mutant], records: Sequence[Record]) -> str:
-    """Markdown of the mutants, how each ended in every suite, and the shares caught."""
-    suites = list(dict.fromkeys(record.suite for record in records))
-    ends = {(record.suite, record.mutant): record for record in records}
-    return "\n".join([_HEAD, *_summary(mutants, ends, suites), "", "## Each mutant", "",
-                      *_rows(mutants, ends, suites), ""])
+#: How each mutant ended in a suite.
+_Ends = dict[tuple[str, Key], Record]
 
 
-_Ends = dict[tuple[str, tuple[str, int, str, str]], Record]
+@dataclass(frozen=True)
+class Part:
+    """A part of the page: mutants that were drawn together, and how they ended."""
+
+    title: str
+    mutants: Sequence[Mutant]
+    records: Sequence[Record]
+
+    @property
+    def of_rules(self) -> bool:
+        """Whether its mutants are rules."""
+        return all(mutant.kind in RULES for mutant in self.mutants)
+
+    def lines(self) -> Iterator[str]:
+        """Its shares caught, and each mutant with how it ended in every suite."""
+        suites = list(dict.fromkeys(record.suite for record in self.records))
+        ends = {(record.suite, record.mutant): record for record in self.records}
+        yield from (f"## {self.title}", "", _RULES if self.of_rules else _DRAWN)
+        yield from _summary(self.mutants, ends, suites, () if self.of_rules else KINDS)
+        yield ""
+        yield from _rows(self.mutants, ends, suites)
+        yield ""
+
+
+def page(parts: Sequence[Part]) -> str:
+    """Markdown of some parts."""
+    return "\n".join([_HEAD, *(line for part in parts for line in part.lines())])
 
 
 def _rows(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iterator[str]:
@@ -43,6 +75,7 @@ def _rows(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iter
         for suite in suites:
             record = ends.get((suite, mutant.key))
             cells += (["not judged", "", ""] if record is None else
+                      [_by(record), "", ""] if record.end in (ABSENT, EQUIVALENT) else
                       [_by(record), f"{record.ran} of {record.candidates}",
                        f"{record.seconds:.0f} s"])
         yield "| " + " | ".join(cells) + " |"
@@ -51,6 +84,8 @@ def _rows(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iter
 def _by(record: Record) -> str:
     if record.end == ABSENT:
         return ABSENT
+    if record.end == EQUIVALENT:
+        return f"{EQUIVALENT}: {record.why}"
     if record.end != CAUGHT:
         return f"**got away**: {record.why}"
     file, _, test = record.by.partition("::")
@@ -76,12 +111,14 @@ def _cut(text: str, first: int) -> str:
     return (("… " if first else "") + text[first:last].strip() + (" …" if text[last:] else ""))
 
 
-def _summary(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> Iterator[str]:
-    """Shares caught, by kind and by package, with their 95 % intervals."""
+def _summary(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str],
+             kinds: Sequence[str]) -> Iterator[str]:
+    """Shares caught, also by ``kinds`` and, with these, by package; with 95 % intervals."""
     packages = list(dict.fromkeys(mutant.chapter.partition("/")[0] for mutant in mutants))
+    packages = packages if kinds else []
     groups: list[tuple[str, Callable[[Mutant], bool]]] = [("all", lambda mutant: True)]
     groups += [(kind, lambda mutant, kind=kind: mutant.kind == kind)  # type: ignore[misc]
-               for kind in KINDS]
+               for kind in kinds]
     groups += [(f"{package}/",
                 lambda mutant, name=package: mutant.file.startswith(f"{name}/"))  # type: ignore[misc]
                for package in packages]
@@ -92,7 +129,7 @@ def _summary(mutants: Sequence[Mutant], ends: _Ends, suites: Sequence[str]) -> I
         for suite in suites:
             judged = [record for mutant in mutants if belongs(mutant)
                       and (record := ends.get((suite, mutant.key))) is not None
-                      and record.end != ABSENT]
+                      and record.end not in (ABSENT, EQUIVALENT)]
             cells.append(share(sum(record.end == CAUGHT for record in judged), len(judged)))
         yield f"| {name} | " + " | ".join(cells) + " |"
 

@@ -1,4 +1,4 @@
-"""Families of causes that readings do not tell apart: what is said of them together."""
+"""Sizes of causes, and of families of them that readings do not tell apart."""
 
 from __future__ import annotations
 
@@ -31,6 +31,21 @@ def undecided(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = (
         return (cause,)
     alike = tuple(other for other in suspects if other.effect.family is family)
     return alike if len(alike) > 1 and cause in alike else ()
+
+
+def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
+    """The parameters of a cause at a fit with their 95 % limits."""
+    first = sizes_of(fit.hypothesis, cause).start
+    sizes = {}
+    for number, parameter in enumerate(cause.effect.parameters, first):
+        value, *limits = (parameter.value(size) for size in interval(fit, number))
+        sizes[parameter.name] = FoundSize(parameter, value, min(limits), max(limits))
+    return sizes
+
+
+def has_size(fit: Fit, cause: Cause) -> bool:
+    """Whether a cause at a fit is there at all: the limits of some parameter leave none out."""
+    return any(size.clear for size in found_sizes(fit, cause).values())
 
 
 def family_size(model: Model, fits: Mapping[Cause, Fit]) -> FoundSize:

@@ -74,10 +74,22 @@ class Posterior:
 
     def of_causes(self) -> dict[Cause, float]:
         """Probability of each cause given that something is wrong; most probable first."""
+        return self._shares(self.wrong)
+
+    def in_library(self) -> dict[Cause, float]:
+        """Share of each cause in the probability of all effects of the library, alone and in pairs.
+
+        The most probable first. A cause is named by it, however probable something beside the
+        library is up to a limit; so it may be named at a lower probability than its share.
+        """
+        return self._shares(float(self.probabilities.sum()))
+
+    def _shares(self, whole: float) -> dict[Cause, float]:
+        """Probabilities of causes over that of a whole."""
         shares: dict[Cause, float] = {}
         for fit, share in zip(self.fits, self.probabilities.tolist(), strict=True):
             for cause in fit.hypothesis:
-                shares[cause] = shares.get(cause, 0.0) + share / max(self.wrong, 1e-300)
+                shares[cause] = shares.get(cause, 0.0) + share / max(whole, 1e-300)
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
     def fit_of(self, causes: Sequence[Cause]) -> Fit | None:

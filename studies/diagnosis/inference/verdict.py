@@ -14,6 +14,7 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
+from tympan.studies.diagnosis.inference.families import has_size
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
     classes_of,
@@ -46,7 +47,8 @@ ALARM = 0.02
 #: Probability by noise alone below which a cause is out of the question where another one leaves
 #: noise.
 HARDLY = 1e-3
-#: Probability from which a cause is named.
+#: Share of the probability of all effects in the library, alone and in pairs, from which a cause is
+#: named.
 SURE = 0.9
 #: Probability of something beside the library, among all that is wrong, from which nothing is
 #: named.
@@ -471,8 +473,10 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
     unknown = {scale: posterior.discrepancy for scale, posterior in scaled.items()}
-    suspects = tuple(dict.fromkeys([*weighed.suspects, *_causes(rivals)]))
-    weighed = replace(weighed, robust=robust, unknown=unknown, rivals=rivals, suspects=suspects)
+    # One that may be of no size is a doubt, but no alternative.
+    seen = tuple(fit for fit in rivals if has_size(fit, fit.hypothesis[0]))
+    suspects = tuple(dict.fromkeys([*weighed.suspects, *_causes(seen)]))
+    weighed = replace(weighed, robust=robust, unknown=unknown, rivals=seen, suspects=suspects)
     firm = len({frozenset(names) for names in robust.values()}) == 1
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1
@@ -529,8 +533,7 @@ def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:
 
 def _sure(posterior: Posterior) -> tuple[Cause, ...]:
     """Causes of which the library is sure, if it is one of its effects at all."""
-    least = SURE * posterior.probabilities.sum() / posterior.wrong
-    return tuple(cause for cause, share in posterior.of_causes().items() if share >= least)
+    return tuple(cause for cause, share in posterior.in_library().items() if share >= SURE)
 
 
 def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Fit, ...]:

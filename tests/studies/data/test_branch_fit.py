@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ from tympan.fem.film.memory import Memory
 from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
+from tympan.studies.material import branches
 from tympan.studies.material.branches import (
     BranchFit,
     compare_in_time,
@@ -328,3 +330,33 @@ def test_bad_histories_are_told(tmp_path: Path, capsys, change, arguments, messa
     assert out == ""
     assert err.count("\n") == 1
     assert message in err
+
+
+@dataclass
+class Fitted:
+    """A fit in which every branch but the first does nothing."""
+
+    count: int
+    foretold: float | None = None
+    tried: dict[int, float | None] = field(default_factory=dict)
+    asked: int = 0
+
+    @property
+    def idle(self) -> bool:
+        self.asked += 1
+        assert self.asked == 1, "asked again without another fit"
+        return self.count > 1
+
+
+def test_branches_that_do_nothing_are_left_out_however_well_they_foretell(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {count: {"slow": error, "fast": error}
+              for count, error in enumerate((9.0, 5.0, 2.0, 1.0))}
+    for name, answer in (("held_out_groups", lambda coupons: {"slow": None, "fast": None}),
+                         ("_held_out", lambda tests, count, groups: errors[count]),
+                         ("_counts", lambda tests: range(4)),
+                         ("fit_branches", lambda tests, count, noise, errors: Fitted(count))):
+        monkeypatch.setattr(branches, name, answer)
+    chosen = branches._chosen(SimpleNamespace(coupons=None), None, None)
+    assert (chosen.count, chosen.foretold) == (1, 5.0)
+    assert chosen.tried == {0: 9.0, 1: 5.0, 2: 2.0, 3: 1.0}

@@ -26,6 +26,7 @@ from tympan.studies.data.noise import (
     range_sigma,
     reading_sigma,
     repeat_noise,
+    stated_noise,
     stated_ratio,
 )
 from tympan.studies.estimation.noise import Noise
@@ -463,6 +464,21 @@ def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
     unknown = read_dataset(write_dataset(tmp_path / "d", static=TOP + ROW))
     assert repeat_noise(unknown) is None
     assert np.isnan(reading_sigma(unknown)).all()
+
+
+def test_the_noise_that_is_stated_is_as_it_is_written(tmp_path) -> None:
+    rows = "A,1,0,1,0.03\nA,1,3,2,\n"
+    own = TOP[:-1] + ",sigma_mm\n" + rows
+    ranges = "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,17.9,0,7,1.6\n"
+    head = HEAD + 'noise = "15 um"\n'
+    for number, (top, files, expected) in enumerate((
+            (head, {"static": TOP + ROW}, 15e-6), (HEAD, {"static": own}, 30e-6),
+            (head, {"static": own}, ((15e-6**2 + 30e-6**2) / 2) ** 0.5),
+            (head, {"range": ranges}, 2**0.5 * 15e-6), (HEAD, {"static": TOP + ROW}, None),
+            (head, {"transient": "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\n"
+                                 "A,1,1,0,0,1\nA,1,1,1,0,1\n"}, 15e-6))):
+        data = read_dataset(write_dataset(tmp_path / str(number), top, **files))
+        assert stated_noise(data) == (None if expected is None else pytest.approx(expected))
 
 
 def test_ranges_have_the_noise_of_a_difference_where_they_state_none(tmp_path) -> None:

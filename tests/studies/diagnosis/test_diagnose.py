@@ -319,7 +319,7 @@ def listed(name: str, probability: float, clear: bool = True, rival: bool = Fals
 
 def test_suspects_have_a_size_and_a_probability_or_nothing_but_their_size_against_them() -> None:
     causes = [listed("lead", 0.6), listed("drift", 0.3, clear=False), listed("hook", 0.01),
-              listed("probe", 0.001, rival=True)]
+              listed("probe", 0.001, rival=True), listed("stand", 0.001, clear=False, rival=True)]
     assert [cause.effect for cause in suspects_among(causes)] == ["lead", "probe"]
     assert suspects_among(causes[1:2]) == causes[1:2]
 

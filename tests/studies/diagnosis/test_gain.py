@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from tests.support.costs import dear
+from tests.support.straight_bench import MASSES, StraightBench
+from tests.support.straight_bench import readings as straight_readings
 from tests.support.trials import design, every_cause, few_causes, read, size_of
 from tympan.studies.diagnosis.gain import (
     GainReport,
@@ -66,6 +68,31 @@ def test_too_little_is_said(three_shapes: Simulation) -> None:
     splits, impossible = splits_of(three_shapes, few)
     assert not splits
     assert len(impossible) == 3
+
+
+def test_a_part_of_which_no_reading_counts_is_not_held_out() -> None:
+    bench, table = StraightBench(), straight_readings({Cause("sensor_zero"): 3.0})
+    causes = [Cause("sensor_zero"), Cause("drift")]
+    judged = judge(bench, table, causes)
+    light, heavy = (f"{1e3 * mass:.4g} g" for mass in MASSES)
+    off = np.where(table.mass == MASSES[1], 1e-3, 0.0)
+    for told, expected in ((judged.told, {light, heavy}),
+                           (replace(judged.told, off=off), {light})):
+        report = gain_of(bench, table, causes, replace(judged, told=told))
+        assert {split.held_out for split in report.splits if split.kind == "mass"} == expected
+        assert report.overall is not None
+        assert report.overall.ratio < 1
+
+
+def test_only_what_cannot_be_held_out_is_told_and_why() -> None:
+    bench, table = StraightBench(), straight_readings({})
+    assert splits_of(bench, table)[1] == ()
+    two = table[table.specimen < 2].compact()
+    splits, impossible = splits_of(bench, two)
+    assert [kind for kind, _, _ in splits] == ["mass", "mass", "voltage"]
+    assert impossible == tuple(
+        f"{specimen.name} cannot be held out: fewer than 2 shapes would be left"
+        for specimen in bench.setup.specimens[:2])
 
 
 def test_nothing_wrong_gains_nothing(three_shapes: Simulation) -> None:

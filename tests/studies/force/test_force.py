@@ -82,6 +82,8 @@ def test_a_curve_ends_where_the_film_does(family: ForceResult) -> None:
         exact = brentq(hoop, 1e-3, most, args=(curve.voltage_V,))
         assert curve.ended.displacement_m == pytest.approx(exact, rel=5e-3)
         assert curve.displacement_m[-1] == curve.ended.displacement_m
+        there = axisymmetric.solve_deflection(EXACT, curve.ended.displacement_m, curve.voltage_V)
+        assert curve.stiffness_N_per_m[-1] == pytest.approx(there.stiffness, rel=1e-3)
         assert np.hypot(curve.ended.x_m, curve.ended.y_m) == pytest.approx(10e-3)
 
 

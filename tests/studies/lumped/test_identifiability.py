@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.lumped import clean
 from tympan.geometry.errors import InputError
-from tympan.reports.figures.identification import draw_correlations, draw_profiles
+from tympan.reports.figures.identification import _prefix, draw_correlations, draw_profiles
 from tympan.studies.estimation.identifiability import identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.noise import Noise
@@ -169,6 +169,14 @@ def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:
     assert Noise.left(100.0, 100, 0.1, widen=True).size == 1.0
     assert Noise.left(100.0, 100, 0.1).size == 0.1
     assert Noise.left(100.0, 10).quantile > Noise.left(100.0, 10, 1.0).quantile
+
+
+@pytest.mark.parametrize(("largest", "unit", "expected"), [
+    (2e6, "Pa", (1e6, "M")), (2e4, "Pa", (1e3, "k")), (20.0, "Pa", (1.0, "")),
+    (2e6, "1", (1.0, ""))])
+def test_a_prefix_leaves_numbers_below_a_thousand(largest: float, unit: str,
+                                                  expected: tuple[float, str]) -> None:
+    assert _prefix(largest, unit) == expected
 
 
 def test_pictures(tmp_path: Path) -> None:

@@ -264,6 +264,13 @@ def test_a_wrong_label_of_one_of_two_loads_is_told_beside_a_mass_on_both(
     assert with_other_loads("as it is", {}) == "as it is"
 
 
+def test_a_load_that_may_be_as_it_is_labelled_is_no_alternative() -> None:
+    head = "Every load is 1 g lighter than its label"
+    assert with_other_loads(head, {0.0179: (0.0178, 0.0180)}) == head
+    said = with_other_loads(head, {0.0179: (0.0178, 0.0180), 0.02245: (0.021, 0.022)})
+    assert said == f"{head}, or only one of the two is wrong: that of 22.45 g has 21 to 22 g"
+
+
 def test_suspects_that_have_one_name_are_one() -> None:
     """Of a stiff electrode and a hardening law one is told; another cause stays beside them."""
     size = ShownSize(1.0, "", 0.5, 1.5, "")

@@ -168,6 +168,19 @@ def test_an_axis_ends_where_its_films_cannot_be_solved_and_says_why() -> None:
     assert force == pytest.approx(0.5 * ((0.95 * stretch) ** 2 - 0.3))
 
 
+def test_a_side_without_a_sample_grows_from_none() -> None:
+    whole = _circle(Yielding())
+    law = whole.laws[0]
+    number, axis = next((number, axis) for number, axis in enumerate(law.axes) if axis.side(-1))
+    kept = {sizes: sample for sizes, sample in law.samples.items()
+            if not {(number, size) for size in axis.side(-1)} & set(sizes)}
+    assert len(kept) == len(law.samples) - len(axis.side(-1))
+    axes = (*law.axes[:number], replace(axis, places=axis.side(1)), *law.axes[number + 1:])
+    bare = replace(whole, laws=(replace(law, axes=axes, samples=kept),))
+    again = grown(bare, Cause(axis.effect), axis.index, -1).laws[0].axes[number]
+    assert again.span(-1) == pytest.approx(axis.parameter.deviation, rel=1e-6)
+
+
 def test_a_film_that_fails_at_the_highest_voltage_is_sampled_up_to_a_lower_one() -> None:
     stretch = actuators()[0].membrane.prestretch[0]
     simulation = _circle(Yielding(top=0.99 / stretch))
