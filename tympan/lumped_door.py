@@ -108,8 +108,8 @@ def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
 
     The plate is to follow the deflections at rest of the ``signal``'s voltages. ``interval`` is the
     sampling interval, ``supply`` the highest voltage (the lowest is 0), ``sensor_lag`` the time by
-    which the sensor lags, ``method`` how the controller is designed, ``sensor`` what is read. With
-    ``fmu=True`` ``result.save(folder)`` also writes NAME-control.fmu. The rest is as for
+    which the sensor lags, ``method`` how the controller is designed, ``sensor`` what is read.
+    ``high`` is half of the supply unless it is given. With ``fmu=True`` ``result.save(folder)`` also writes NAME-control.fmu. The rest is as for
     ``simulate``.
     """
     from tympan.studies.lumped.control.run import ControlSettings, controlled, supplied
@@ -117,6 +117,7 @@ def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
 
     loop = ControlSettings(supply=supply, interval=interval, sensor_lag=sensor_lag,
                            method=method, sensor=sensor, fmu=fmu)
+    wave.setdefault("high", loop.usual_high)
     voltages = Wave(signal, interval=loop.interval, **wave).signal()
     case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
     return Result(controlled(supplied(case, loop, settings), voltages, loop))

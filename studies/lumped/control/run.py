@@ -106,6 +106,11 @@ class ControlSettings:
                 raise InputError("must be one of " + ", ".join(allowed), key=key,
                                  given=getattr(self, key))
 
+    @property
+    def usual_high(self) -> float:
+        """Upper end of a signal that states none [V]: the supply has as much left above it."""
+        return self.supply / 2
+
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
