@@ -50,6 +50,9 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
         When the plate cannot be pulled so far.
     """
     specimen.needed_plate()
+    if rig.guide == "fixed":
+        raise InputError("must let the plate move: no mass pulls it down", key="rig.guide",
+                         given=rig.guide)
     model, rest = equilibrate(Case(specimen, mass=0.0, rig=rig), settings)
     start = rest.solution if rest.status == "equilibrium" else None
     deflection = _SINKS * specimen.gap + (start.state.plate.deflection if start else 0.0)

@@ -26,8 +26,8 @@ from tympan.options import (
          argument("--interval", default="10 ms", help="sampling interval of the controller"),
          argument("--supply", default="7 kV", metavar="VOLTAGE",
                   help="highest voltage of the supply; the lowest is 0"),
-         argument("--sensor-lag", default="0 s", metavar="TIME",
-                  help="time by which the sensor lags, by a factor e"),
+         argument("--sensor-lag", metavar="TIME",
+                  help="time by which the sensor lags, by a factor e (default: the rig's)"),
          argument("--method", choices=("pi", "lqg"), default="pi",
                   help="PI behind two lags, or LQG: a Kalman filter that knows the plate's swing, "
                        "with a linear quadratic regulator"),
@@ -56,7 +56,8 @@ def lumped_control(options: argparse.Namespace) -> None:
         settings = ControlSettings(
             supply=parse_quantity(options.supply, "voltage", "--supply"),
             interval=parse_quantity(options.interval, "time", "--interval"),
-            sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
+            sensor_lag=None if options.sensor_lag is None
+            else parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
             method=options.method, sensor=options.sensor, fmu=options.fmu)
     _, signal = wave_of(options, len(options.specimens) + len(options.model), settings.usual_high)
     case = read_case(options)
