@@ -155,8 +155,8 @@ class Actuator:
     @cached_property
     def mechanisms(self) -> tuple[ForceCurve | None, ...]:
         """Mechanisms of the rig on arrays of deflections; None of one that is not at 0."""
-        far = self._longest
-        return tuple(_curve(bias, far) for bias in self.rig.biases)
+        biases: tuple[Any, ...] = self.rig.biases
+        return tuple(_curve(bias, self._longest) for bias in biases)
 
     @property
     def _longest(self) -> float:
