@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test study-tests benchmarks scaling verification robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
+.PHONY: study check test study-tests benchmarks scaling verification compose robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
 
 # Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
 # that they import again.
@@ -44,6 +44,10 @@ scaling: .venv/dev
 
 verification: .venv/dev
 	.venv/bin/python -m benchmarks.verification
+
+# Every question of every film and rig, or of PAIRS drawn ones by a SEED; goes on from OUT/compose.
+compose: .venv/dev
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.compose "$(OUT)/compose" $(if $(PAIRS),--pairs $(PAIRS)) $(if $(SEED),--seed $(SEED))
 
 robustness: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.robustness --workers 2 -o docs/robustness.md

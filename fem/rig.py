@@ -146,12 +146,15 @@ class Rig:
         return (GAS_SIGN,) if self.gas_pressure else ()
 
     @property
-    def without_inertia(self) -> tuple[str, ...]:
-        """Sentences that belong to every motion on this rig."""
-        if not any(isinstance(bias, JoinedFilm) for bias in self.biases):
-            return ()
-        return ("the film that a rod joins to the plate follows without mass and with relaxed "
-                "branches: the mass of its plate belongs to the mass of the load",)
+    def in_motion(self) -> tuple[str, ...]:
+        """Sentences that belong to every motion on this rig: what of it a motion does not have."""
+        left_out = [f"{key} of the rig changes readings at rest and is left out in time"
+                    for key in AGAINST_THE_WAY if getattr(self, key)]
+        if any(isinstance(bias, JoinedFilm) for bias in self.biases):
+            left_out.append("the film that a rod joins to the plate follows without mass and with "
+                            "relaxed branches: the mass of its plate belongs to the mass of the "
+                            "load")
+        return tuple(left_out)
 
     @property
     def loading(self) -> Loading:

@@ -439,7 +439,7 @@ class Specimen:
         """The plate, for what has no meaning without one; InputError where there is none."""
         if self.plate is None:
             raise InputError("is needed here: films without plate have solve, limits, curve, path, "
-                             "modes, sensitivity, sweep, draw and export", key="plate",
+                             "modes, transient, sensitivity, sweep, draw and export", key="plate",
                              given=f"none in {self.name}")
         return self.plate
 

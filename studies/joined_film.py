@@ -22,25 +22,13 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.biases import Interval, JoinedFilm
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.quintics import CUBIC, HALVINGS, Known, cubic_miss, powers_of, values
 from tympan.fem.results.firmness import firmness
 from tympan.geometry.errors import InputError
 
 #: First distance of solved places, relative to the frame's half extent: a film's force is nearly a
 #: polynomial so far.
 _STEP = 1 / 16
-#: Miss of a cubic through both ends in their middle, relative to the forces, up to which the
-#: quintic through all three is taken. Where a cubic misses by so much, with four numbers, a quintic
-#: with six misses by its power of 3/2.
-_CUBIC = 1e-9
-#: Halvings of a step: a film that wrinkles has forces that no polynomial follows closer, and one
-#: that gives way does so within a 250th of a step.
-_HALVINGS = 8
-
-#: Values and slopes at 0, 1/2 and 1 of the powers up to the fifth, inverted.
-_QUINTIC = np.linalg.inv(np.array([
-    *([place**power for power in range(6)] for place in (0.0, 0.5, 1.0)),
-    *([power * place ** max(power - 1, 0) for power in range(6)] for place in (0.0, 0.5, 1.0))]))
-
 
 @dataclass(frozen=True, eq=False)
 class _Rung:
@@ -50,6 +38,10 @@ class _Rung:
     force: float
     stiffness: float
     solution: Solution
+
+    @property
+    def known(self) -> Known:
+        return self.place, self.force, self.stiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +55,8 @@ class _Piece:
 
     def derivatives(self, place: Any) -> tuple[Any, Any, Any]:
         span = self.high - self.low
-        t = (place - self.low) / span
-        energy, force, slope = 0.0 * t, 0.0 * t, 0.0 * t
-        for power in range(5, -1, -1):
-            factor = self.powers[power]
-            slope = slope * t + force
-            force = force * t + factor
-            energy = energy * t + factor / (power + 1)
-        return self.stored + span * energy * t, force, slope / span
+        energy, force, stiffness = values(self.powers, (place - self.low) / span, span)
+        return self.stored + energy, force, stiffness
 
 
 class _Side:
@@ -181,9 +167,9 @@ class HeldForce:
                 known[where] = self._solved(where, near.solution)
         inner, outer = known[middle], known[place]
         if inner is not None and outer is not None:
-            if halved == _HALVINGS or _cubic_miss(near, inner, outer) <= _CUBIC:
+            if halved == HALVINGS or cubic_miss(near.known, inner.known, outer.known) <= CUBIC:
                 return [(near, inner, outer)], outer, False
-        elif halved == _HALVINGS:
+        elif halved == HALVINGS:
             return [], near, True
         spans, last, ended = self._spans(near, middle, known, halved + 1)
         if ended:
@@ -226,18 +212,8 @@ class HeldForce:
         return with_tangent(model, replace(solution, state=exact), self.settings)
 
 
-def _cubic_miss(first: _Rung, middle: _Rung, last: _Rung) -> float:
-    """Error of the cubic of both ends for the force in their middle, relative to forces."""
-    span = last.place - first.place
-    value = (first.force + last.force) / 2 + span * (first.stiffness - last.stiffness) / 8
-    scale = max(abs(rung.force) for rung in (first, middle, last)) + abs(span * middle.stiffness)
-    return float(abs(value - middle.force) / scale)
-
-
 def _piece(low: _Rung, middle: _Rung, high: _Rung) -> _Piece:
-    rungs, span = (low, middle, high), high.place - low.place
-    powers = _QUINTIC @ [*(rung.force for rung in rungs),
-                         *(span * rung.stiffness for rung in rungs)]
+    powers = powers_of(low.known, middle.known, high.known)
     return _Piece(low.place, high.place, tuple(powers.tolist()), 0.0)
 
 

@@ -141,7 +141,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
                     for number, name in enumerate(mode_names(full, computed))),
         wall_s=time.perf_counter() - began,
         warnings=(*_warnings(case, computed), *state_warnings(model, state),
-                  *case.rig.without_inertia, *case.remarks),
+                  *case.rig.in_motion, *case.remarks),
         film=film)
 
 

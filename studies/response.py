@@ -98,7 +98,7 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     result = ResponseResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
         status=outcome.status, dofs=model.unknowns, wall_s=0.0,
-        warnings=(*case.rig.without_inertia, *case.remarks))
+        warnings=(*case.rig.in_motion, *case.remarks))
     if outcome.status != "equilibrium":
         return replace(result, warnings=(failure_reason(outcome), *case.remarks))
     rig = case.rig

@@ -23,7 +23,7 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import node_fields
-from tympan.fem.rig import AGAINST_THE_WAY, Rig, checked_load
+from tympan.fem.rig import Rig
 from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
@@ -98,8 +98,10 @@ class TransientCase:
                      steps: StepSettings = ...) -> None: ...
 
     def __post_init__(self) -> None:
-        self.specimen.needed_plate()
-        checked_load(self.mass, self.signal.peak, self.rig.gas_pressure)
+        highest = self.highest  # refuses loads that no such film can bear
+        if self.inertia and highest.specimen.plate is None:
+            raise InputError("must be left out: the film has no plate that swings, and moves "
+                             "without inertia itself", key="--swing", given=self.specimen.name)
         if self.inertia and self.mass + self.rig.added_mass <= 0:
             raise InputError("must be positive where the plate swings: the film has no inertia",
                              key="mass", given=f"{self.mass:g} kg")
@@ -160,14 +162,16 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     # Numbers alone: a signal read from a table may have millions of moments.
     record, energies = array("d"), array("d")
     farthest: Moment | None = None
+    most = 0.0
     before = Energy.of(transient, Moment(0.0, state, memory))
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
     try:
         for moment in transient.moments(state, memory):
             jumped = bool(past) and moment.time == past[-1].time
             past = [moment] if jumped else [*past[-2:], moment]
-            if farthest is None or _deflected(moment) > _MORE * _deflected(farthest):
-                farthest = moment
+            deflected = abs(model.deflection(moment.state))
+            if farthest is None or deflected > _MORE * most:
+                farthest, most = moment, deflected
             record.extend(_numbers(model, moment))
             energies.extend(astuple(Energy.of(transient, moment)))
             progress(moment.time / case.signal.end)
@@ -187,13 +191,9 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     times, deflection, voltage, capacitance, tilt, current = moments.T.copy()
     if not transient.circuit.resistance:  # the source charges the film at once
         current = Trace(times).rates(capacitance * voltage)
-    return History(times, deflection, voltage, capacitance, tilt, current, state.plate.deflection,
+    return History(times, deflection, voltage, capacitance, tilt, current, model.deflection(state),
                    stopped, slack, balance, farthest.time,
                    _failures(transient, farthest), pictures)
-
-
-def _deflected(moment: Moment) -> float:
-    return abs(moment.state.plate.deflection)
 
 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
@@ -227,7 +227,7 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
     model = transient.remembering(moment)
     outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
     (result, _), = summaries(model, [(case, outcome)])
-    result = replace(result, warnings=(*result.warnings, *_left_out(case.rig)))
+    result = replace(result, warnings=(*result.warnings, *case.rig.in_motion))
     if (case.voltage and result.deflection_m is not None
             and creep.rested == inf):
         result = replace(result, stroke_m=result.deflection_m - transient.model.deflection(state))
@@ -236,15 +236,9 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
     return replace(result, wall_s=time.perf_counter() - began)
 
 
-def _left_out(rig: Rig) -> list[str]:
-    """Parts of a rig that a motion does not have, in words."""
-    return [*(f"{key} of the rig changes readings at rest and is left out in time"
-              for key in AGAINST_THE_WAY if getattr(rig, key)), *rig.without_inertia]
-
-
 def _remarks(case: TransientCase) -> list[str]:
     """Remarks that belong to every result of a case in time."""
-    return [*_left_out(case.rig), *case.highest.remarks]
+    return [*case.rig.in_motion, *case.highest.remarks]
 
 
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
@@ -283,7 +277,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
     """Numbers that are kept of every moment, :data:`_NUMBERS` of them."""
     state = moment.state
-    return (moment.time, state.plate.deflection, float(np.sqrt(state.voltage_squared)),
+    return (moment.time, model.deflection(state), float(np.sqrt(state.voltage_squared)),
             float(model.capacitance(state)), state.plate.tilt, moment.current)
 
 
@@ -344,7 +338,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         case.signal, when, deflection, low, high, step and case.inertia,
         specimen=case.specimen.name, mass_kg=case.mass,
         status="done" if done.stopped is None else done.stopped.kind,
-        stroke_m=None if rest is None else high - rest,
+        stroke_m=None if rest is None else max(low, high, key=abs) - rest,
         lowest_s=low_s, highest_s=high_s, hysteresis_area_V_m=area,
         highest_film_voltage_V=float(done.voltage.max()),
         highest_current_A=float(np.abs(done.current).max()), energy=done.balance,
@@ -367,20 +361,22 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
               progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
     """Responses of films to the signal of a wave, sampled with its interval.
 
-    Each bears the ``mass``, or one that suits them all. ``films``: times [s] at which each film is
-    kept. ``progress`` is called with a specimen's name, then with the ``share`` of the signal that
-    is over.
+    Each bears the ``mass``, or one that suits all with a plate. ``films``: times [s] at which each
+    film is kept. ``progress`` is called with a specimen's name, then with the ``share`` of the
+    signal that is over.
     """
     def over(share: float) -> None:
         progress(share=share)
 
     require_different_names(specimens)
-    carried = (min(usual_masses(specimen, settings, rig)[0] for specimen in specimens)
-               if mass is None else mass)
+    usual = [usual_masses(specimen, settings, rig)[0] for specimen in specimens
+             if mass is None and specimen.plate is not None]
+    carried = min(usual, default=0.0) if mass is None else mass
     done = []
     for specimen in specimens:
         progress(specimen.name)
-        case = TransientCase(specimen, signal, mass=carried, rig=rig, rest=rest, inertia=swing)
+        load = 0.0 if mass is None and specimen.plate is None else carried
+        case = TransientCase(specimen, signal, mass=load, rig=rig, rest=rest, inertia=swing)
         done.append(respond(case, settings, wave.interval, wave.period, wave.kind == "step", films,
                             over)[0])
     return Responses(tuple(done), tuple(specimens), rig)
@@ -394,8 +390,9 @@ def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
     time, voltage, deflection = sampled
     # A sample at rest may stand in front of what begins with a jump.
     added = len(time) - len(when)
+    # The curve between moments may pass below 0 by its rounding.
     film_voltage = np.append(np.repeat(float(case.rig.film_voltage(case.signal.first)), added),
-                             done.at(done.voltage, when))
+                             np.maximum(done.at(done.voltage, when), 0.0))
     current = np.append(np.zeros(added), done.at(done.current, when))
     shown = lagging(time, case.rig.reading(deflection, time), case.rig.sensor_lag)
     samples = pd.DataFrame({

@@ -99,7 +99,7 @@ def linearise(*actuators: Specimen | LumpedModel | File, at: float | str = 3e3, 
 @one_thread()
 def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
             interval: float | str = 10e-3, supply: float | str = 7e3,
-            sensor_lag: float | str = 0.0, method: Literal["pi", "lqg"] = "pi",
+            sensor_lag: float | str | None = None, method: Literal["pi", "lqg"] = "pi",
             sensor: Literal["deflection", "capacitance"] = "deflection", fmu: bool = False,
             mass: float | str | None = None, paper: bool = False,
             alpha: Sequence[float] | None = None, table_1: float | None = None, rig: Rig = Rig(),
@@ -108,15 +108,16 @@ def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
 
     The plate is to follow the deflections at rest of the ``signal``'s voltages. ``interval`` is the
     sampling interval, ``supply`` the highest voltage (the lowest is 0), ``sensor_lag`` the time by
-    which the sensor lags, ``method`` how the controller is designed, ``sensor`` what is read. With
-    ``fmu=True`` ``result.save(folder)`` also writes NAME-control.fmu. The rest is as for
-    ``simulate``.
+    which the sensor lags (left out, the rig's), ``method`` how the controller is designed,
+    ``sensor`` what is read. ``high`` is half of the supply unless it is given. With ``fmu=True``
+    ``result.save(folder)`` also writes NAME-control.fmu. The rest is as for ``simulate``.
     """
     from tympan.studies.lumped.control.run import ControlSettings, controlled, supplied
     from tympan.studies.signals import Wave
 
     loop = ControlSettings(supply=supply, interval=interval, sensor_lag=sensor_lag,
                            method=method, sensor=sensor, fmu=fmu)
+    wave.setdefault("high", loop.usual_high)
     voltages = Wave(signal, interval=loop.interval, **wave).signal()
     case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
     return Result(controlled(supplied(case, loop, settings), voltages, loop))

@@ -100,15 +100,15 @@ def _case(number: int, random: Generator) -> tuple[Case, bool]:
     plate = Plate(outline, (0.0, 0.0) if plain or centred else _offset(random, frame, outline))
     bare = Specimen(f"random {number}", frame, plate, film)
     specimen = bare if plain else replace(bare, electrode=_electrode(random, bare))
-    tension = _tension(film)
-    load = tension * 2 * np.pi * float(np.mean(outline.semi_axes)) * random.uniform(0, 1.2)
+    pull = tension(film)
+    load = pull * 2 * np.pi * float(np.mean(outline.semi_axes)) * random.uniform(0, 1.2)
     rig = Rig() if plain else _rig(random, specimen, load)
     voltage = slack_voltage(film) * random.uniform(0, 1.3) * (random.random() > 0.1)
     mass = min(MOST_MASS, load / GRAVITY)
     return Case(specimen, mass=mass, voltage=float(voltage), rig=rig), plain
 
 
-def _tension(film: Film) -> float:
+def tension(film: Film) -> float:
     """Smaller resultant of the flat film without voltage [N/m]."""
     l1, l2 = (np.asarray(stretch) for stretch in film.prestretch)
     _, w1, w2, *_ = film.material.derivatives(l1, l2)

@@ -480,6 +480,11 @@ class ForceTable:
         return tuple((places[number], places[number + 1]) for number in range(len(places) - 1)
                      if forces[number + 1] < forces[number])
 
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Deflections [m] between which force and stiffness are smooth; neither jumps there."""
+        return tuple(np.real(self.displacement).tolist())
+
     @cached_property
     def _cubics(self) -> tuple[Array, Array, Array]:
         """Breaks, coefficients of the force (4, pieces) and the energy up to each break."""

@@ -202,7 +202,7 @@ class Transient:
                 if duration == rest:  # halves may add up to a little less
                     following = replace(following, time=end)
                 yield following
-                if abs(following.state.plate.deflection) > settings.reach * self.model.size:
+                if abs(self.model.deflection(following.state)) > settings.reach * self.model.size:
                     raise Stopped("pull_in", following.time)
                 past = [*past[-2:], following]
             elif duration < settings.shortest * scale:
@@ -245,7 +245,7 @@ class Transient:
     def _stopped(self, moment: Moment) -> Stopped:
         least = _PART * small_strain_modulus(self.model.specimen.membrane.material)
         thin = self.model.thinning_margin(moment.state) < least
-        there, near = moment.state.plate.deflection, _NEAR * self.model.size
+        there, near = self.model.deflection(moment.state), _NEAR * self.model.size
         ends = (without_mechanism(self.model, there + way * near) for way in (1, -1))
         return Stopped("thinning" if thin else "pull_in", moment.time, next(filter(None, ends), ""))
 
@@ -373,10 +373,10 @@ class Transient:
         return None if halves is None else (ahead, middle[0], *halves)
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
-        """Distance of plate, charge and force, in a step's middle, from the curve kept."""
+        """Distance of deflection, charge and force, in a step's middle, from the curve kept."""
         shares = list(_shares([*past[-3:], end], middle.time))
-        heave = sum(share * moment.state.plate.deflection for moment, share in shares)
-        miss = abs(middle.state.plate.deflection - heave) / self.model.size
+        heave = sum(share * self.model.deflection(moment.state) for moment, share in shares)
+        miss = abs(self.model.deflection(middle.state) - heave) / self.model.size
         if self.circuit.resistance:
             charge = sum(share * moment.charge for moment, share in shares)
             miss = max(miss, _CHARGE * abs(middle.charge - charge) / self._most_charge(end))

@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields
@@ -126,11 +125,11 @@ def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array
     return np.asarray(np.bincount(part_of, np.diff(ends), parts) / total)
 
 
-def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, radii: Radii,
+def membrane_forces(specimen: Specimen, settings: Settings, rig: Rig, radii: Radii,
                     samples: Samples) -> Array:
     """Force [N] of centred membrane circles with film, electrode and plate of the specimen.
 
-    Shape (samples, circles).
+    Under the rig's gas, if there is any. Shape (samples, circles).
     """
     columns = []
     for radius in radii:
@@ -141,9 +140,9 @@ def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, ra
         except InputError as error:
             raise InputError(f"has no circle of radius {size} to compare with: {error.allowed}",
                              key="alpha", given=specimen.name) from None
-        model, column, start = build_model(circle, settings, loading), [], None
+        model, column, start = build_model(circle, settings, rig.loading), [], None
         for deflection, voltage in zip(samples.deflection, samples.voltage, strict=True):
-            outcome = held(model, deflection, voltage, start, settings.path)
+            outcome = held(model, deflection, voltage, start, settings.path, rig.gas_pressure)
             start = outcome.solution if outcome.solution.converged else None
             if outcome.status != "equilibrium":
                 settings.path.require_work(specimen.name)

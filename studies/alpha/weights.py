@@ -250,7 +250,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
         raise InputError(greatest.doubted("has no equilibrium at any load of the fit"),
                          key="alpha", given=specimen.name)
     progress(f"{specimen.name}: circles")
-    forces = partial(membrane_forces, specimen, settings, rig.loading)
+    forces = partial(membrane_forces, specimen, settings, rig)
     radii = RADII[how](specimen, count, forces, fit) if radii is None else radii
     membrane = [forces(radii, samples) for samples in (fit, test)]
     cone = [cone_forces(specimen, radii, samples) for samples in (fit, test)]

@@ -154,7 +154,8 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
                  masses: Sequence[float] = (), voltages: Sequence[float] = ()) -> Path:
     """Write the film as ``NAME.inp``, with a step for each mass [kg], then for each voltage [V].
 
-    Voltages ascend, under the last mass, in standard gravity.
+    Voltages ascend, under the last mass, in standard gravity. Of a stack of films one is written,
+    under its part of the mass: it moves as they all do.
 
     Raises
     ------
@@ -172,32 +173,41 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     planes = specimen.mirror_planes
     part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
     mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt
-    if specimen.membrane.layers > 1:
-        raise InputError("cannot be exported: the input has one film; set layers = 1 and divide "
-                         "the mass by their number", key="membrane.layers",
-                         given=specimen.membrane.layers)
-    weights = [Step(f"{mass * 1e3:g} g", force=Rig().force(mass)) for mass in masses]
-    actuated = _actuated(specimen, mesh, masses[-1] if masses else 0.0, voltages)
+    layers = specimen.membrane.layers
+    single = replace(specimen, membrane=replace(specimen.membrane, layers=1))
+    weights = [Step(_load_words(mass, layers), force=Rig().force(mass / layers))
+               for mass in masses]
+    actuated = _actuated(single, mesh, masses[-1] if masses else 0.0, layers, voltages)
     sheet = FlatFilm.of(mesh, plate.offset)
-    lines = film_input(specimen.name, sheet, specimen.membrane, [*weights, *actuated])
+    lines = film_input(specimen.name, sheet, single.membrane, [*weights, *actuated])
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")
     return file
 
 
-def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, voltages: Sequence[float]
-              ) -> Iterator[Step]:
-    """Steps of the electric forces that the same mesh has at its equilibria."""
-    rig = Rig()
+def _load_words(mass: float, layers: int) -> str:
+    """Mass on a stack of films, and that on the one which is written."""
+    return f"{mass * 1e3:g} g" + (f" on {layers} films, {mass / layers * 1e3:g} g on this one"
+                                 if layers > 1 else "")
+
+
+def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, layers: int,
+              voltages: Sequence[float]) -> Iterator[Step]:
+    """Steps of the electric forces that the same mesh has at its equilibria.
+
+    The mass [kg] is that on so many films, of which the specimen is one.
+    """
+    rig, own = Rig(), mass / layers
     model = Model(Discretisation.of(mesh), specimen, rig.loading)
-    for case, outcome in voltage_ramp(model, mass, voltages, rig, PathSettings()):
+    for case, outcome in voltage_ramp(model, own, voltages, rig, PathSettings()):
         if outcome.status != "equilibrium":
             raise InputError(f"must have an equilibrium: {failure_reason(outcome)}",
                              key="--voltage", given=f"{case.voltage / 1e3:g} kV")
         state = outcome.state
         electric = (model.forces(state.positions, 0.0)
                     - model.forces(state.positions, state.voltage_squared))
-        yield Step(f"{mass * 1e3:g} g, {case.voltage / 1e3:g} kV", rig.force(mass), None, electric)
+        yield Step(f"{_load_words(mass, layers)}, {case.voltage / 1e3:g} kV", rig.force(own),
+                   None, electric)
 
 
 def film_input(name: str, sheet: FlatFilm, film: Film, steps: Sequence[Step]) -> Iterator[str]:

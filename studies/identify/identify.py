@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tympan.fem.rig import AGAINST_THE_WAY
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Settings
 from tympan.studies.data.dataset import Dataset
@@ -61,7 +62,11 @@ class IdentifySettings:
         return (1 + self.dynamic) * (1 + self.nelder_mead) + 4 * len(dataset.specimens)
 
     def require(self, dataset: Dataset) -> None:
-        """Refuse a dataset without the readings that are asked for."""
+        """Refuse a dataset without the readings that are asked for, or on another rig."""
+        for key in (*AGAINST_THE_WAY, "sensor_lag"):
+            if getattr(dataset.rig, key):
+                raise InputError("must be 0: constants are found of readings without it",
+                                 key=f"rig.{key}", given=getattr(dataset.rig, key))
         if self.dynamic:
             records_of(dataset)
         if self.at_rest(dataset):

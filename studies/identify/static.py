@@ -211,8 +211,8 @@ class StaticProblem:
         if self._alphas[number]:
             slopes[:, self._place(number)] = linear @ (pulls[..., 0] - pulls[..., 1])
         force = slopes[:, :len(linear)] @ linear
-        spring = self.rig.spring
-        return force + spring * y, linear @ (stiffs @ weights) + spring, slopes
+        _, beside, stiffness = actuator.beside(y)
+        return force + beside, linear @ (stiffs @ weights) + stiffness, slopes
 
     @property
     def read(self) -> Array:
@@ -222,7 +222,8 @@ class StaticProblem:
 
     @property
     def load(self) -> Array:
-        return np.asarray(self.rig.force(self.mass))
+        areas = np.array([actuator.plate_area for actuator in self.actuators])
+        return np.asarray(self.rig.force(self.mass, areas[self.which]))
 
     def rest(self, values: Array) -> tuple[Array, Array]:
         """Deflections at rest [m] and their derivatives by the constants (implicit functions).

@@ -15,7 +15,7 @@ from tympan.geometry.fields import Key, number
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, equilibrate
-from tympan.studies.limits.voltages import first_limit
+from tympan.studies.limits.voltages import first_limit, rise
 
 #: How far a usual mass pulls the plate down, as a share of the gap between plate and frame: well
 #: seen, and far from the film's end.
@@ -50,6 +50,9 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
         When the plate cannot be pulled so far.
     """
     specimen.needed_plate()
+    if rig.guide == "fixed":
+        raise InputError("must let the plate move: no mass pulls it down", key="rig.guide",
+                         given=rig.guide)
     model, rest = equilibrate(Case(specimen, mass=0.0, rig=rig), settings)
     start = rest.solution if rest.status == "equilibrium" else None
     deflection = _SINKS * specimen.gap + (start.state.plate.deflection if start else 0.0)
@@ -65,16 +68,21 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
                    over: Sequence[float] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) -> tuple[float, ...]:
     """Voltages [V] that suit a film under a mass [kg], ``over`` 0.6 of that of its first limit.
 
+    Of a film without limit, as where a mechanism's table ends first, over 0.6 of the voltage up to
+    which it is followed.
+
     Raises
     ------
     InputError
         When nothing limits the voltage.
     """
-    first = first_limit(Case(specimen, mass=mass, rig=rig), settings)
-    if first is None or not np.isfinite(first.voltage_V) or not first.voltage_V > 0:
+    risen = rise(Case(specimen, mass=mass, rig=rig), settings, first=True)
+    first = risen.limits.limit
+    end = first.voltage_V if first else max((case.voltage for case in risen.cases), default=0.0)
+    if not 0 < end < np.inf:
         raise InputError("no voltage can be chosen for this film, since it has no limit: give one",
                          key="voltage", given=specimen.name)
-    highest = _rounded(_APPLIED * first.voltage_V)
+    highest = _rounded(_APPLIED * end)
     return tuple(round(share * highest, 6) for share in over)
 
 

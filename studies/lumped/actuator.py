@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
+from operator import add
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
+from tympan.fem.membrane.biases import JoinedFilm
+from tympan.fem.membrane.quintics import ForceCurve
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
@@ -61,8 +64,9 @@ class Actuator:
 
     the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
     multiply the parts of σ_h and of E², where a specimen is not what its circles say. Of the rig
-    gravity, the unaccounted and the added mass, the parallel spring, the plate's damping and what
-    the amplifier does to the voltage count.
+    all counts that acts on the plate or the voltage at rest, and what damps or moves with the
+    plate; friction and a lag of the voltage do not. Gas, another film, and a resistance that
+    charges the film are refused.
     """
 
     circles: ConeCircle
@@ -85,13 +89,27 @@ class Actuator:
         if not (np.all(np.real(self.stiffness) > 0) and np.all(np.real(self.permittivity) >= 0)):
             raise InputError("stiffness must be positive, permittivity must not be negative",
                              key="correction", given=f"{self.stiffness}, {self.permittivity}")
+        self._check_rig()
+
+    def _check_rig(self) -> None:
+        """Refuse what circles do not have, and a mechanism that is not there at the flat film."""
         rig = self.rig
-        if any((rig.biases, rig.gas_pressure, rig.plate_pressure, rig.lag_voltage, rig.friction,
-                rig.series_resistance, rig.sensor_lag)):
-            raise InputError("the lumped model has no bias, gas or plate pressure, lag, friction, "
-                             "series resistance or late sensor: only gravity, unaccounted and "
-                             "added mass, spring, plate damping, amplifier, sag and sensor count",
-                             key="rig")
+        if rig.guide == "fixed":
+            raise InputError("must let the plate move: the lumped model is of its motion",
+                             key="rig.guide", given=rig.guide)
+        for key, given, words in (
+                ("gas_pressure", rig.gas_pressure, "gas: the film between the circles would bulge"),
+                ("series_resistance", rig.series_resistance,
+                 "series resistance: its film is charged at once"),
+                ("bias", any(isinstance(bias, JoinedFilm) for bias in rig.biases),
+                 "other film that a rod joins to the plate")):
+            if given:
+                raise InputError(f"the lumped model has no {words}; take the commands by finite "
+                                 "elements", key=f"rig.{key}")
+        for bias, curve in zip(rig.biases, self.mechanisms, strict=True):
+            if curve is None:
+                raise InputError(f"the mechanism {bias.law!r} has no force at the flat film, from "
+                                 "which the lumped model begins", key="rig.bias")
 
     @classmethod
     def of(cls, specimen: Specimen, mass: float, weights: Sequence[float] | None = None,
@@ -124,10 +142,26 @@ class Actuator:
     def specimen(self) -> Specimen:
         return self.circles.specimen
 
+    @cached_property
+    def plate_area(self) -> float:
+        """Area of the plate [m²]."""
+        return float(area(self.specimen.needed_plate().outline))
+
     @property
     def load(self) -> Any:
-        """The weight [N]."""
-        return self.rig.force(self.mass)
+        """The weight, and what a pressure on the plate adds [N]."""
+        return self.rig.force(self.mass, self.plate_area if self.rig.plate_pressure else 0.0)
+
+    @cached_property
+    def mechanisms(self) -> tuple[ForceCurve | None, ...]:
+        """Mechanisms of the rig on arrays of deflections; None of one that is not at 0."""
+        biases: tuple[Any, ...] = self.rig.biases
+        return tuple(_curve(bias, self._longest) for bias in biases)
+
+    @property
+    def _longest(self) -> float:
+        """Three times the longest film [m]."""
+        return 3 / float(np.min(self.circles.steepness))
 
     def case(self, voltage: float) -> Case:
         """The field model's case at a nominal voltage [V]; of several masses the largest."""
@@ -140,18 +174,35 @@ class Actuator:
     @cached_property
     def reach(self) -> float:
         """Largest deflection in use [m]: three times the longest film, while it has stress."""
-        longest = 3 / float(np.min(self.circles.steepness))
-        y = np.linspace(0, longest, 2001)
+        return self._far(self._longest)
+
+    @cached_property
+    def lowest(self) -> float:
+        """Lowest deflection in use [m]: 0, or where a mechanism may lift the plate to."""
+        return self._far(-self._longest) if self.rig.biases else 0.0
+
+    def _far(self, end: float) -> float:
+        """Deflection to which there is stress on the way from 0 to an end [m]."""
+        y = np.linspace(0, end, 2001)
         with np.errstate(all="ignore"):
             stiffness = self.elastic(y.reshape(-1, *[1] * (np.ndim(self.circles.radius) - 1)))[2]
         good = np.isfinite(stiffness).reshape(len(y), -1).all(axis=1)
-        return longest if good.all() else float(y[np.argmin(good) - 1])
+        return end if good.all() else float(y[np.argmin(good) - 1])
 
     def elastic(self, y: Any) -> tuple[Any, Any, Any]:
-        """Energy [J], force [N] and stiffness [N/m] of film and spring, with ε₁ = λ_r − 1."""
+        """Energy [J], force [N], stiffness [N/m] of film, spring, mechanisms, with ε₁ = λ_r − 1."""
+        film = self._mixed(self.circles.elastic(_each(y)), self.stiffness)
+        energy, force, stiffness = map(add, film, self.beside(y))
+        return energy, force, stiffness
+
+    def beside(self, y: Any) -> tuple[Any, Any, Any]:
+        """The same of the rig's spring and mechanisms alone."""
         k = self.rig.spring
-        energy, force, stiffness = self._mixed(self.circles.elastic(_each(y)), self.stiffness)
-        return energy + k * y * y / 2, force + k * y, stiffness + k + 0 * y
+        energy, force, stiffness = k * y * y / 2, k * y, k + 0 * y
+        for curve in self.mechanisms:
+            assert curve is not None
+            energy, force, stiffness = map(add, (energy, force, stiffness), curve.derivatives(y))
+        return energy, force, stiffness
 
     def electric(self, y: Any) -> tuple[Any, Any, Any]:
         """The voltage's, per V² across the film; energy and force are negative."""
@@ -245,6 +296,12 @@ class Actuator:
         energy, force, stiffness = (factor * np.sum(self.weights * part, axis=-1)
                                     for part in parts)
         return energy, force, stiffness
+
+
+@lru_cache(maxsize=64)
+def _curve(bias: Any, far: float) -> ForceCurve | None:
+    """A mechanism's curve as far as deflections [m] of both signs, kept for the next actuator."""
+    return ForceCurve.of(bias.derivatives, -far, far, getattr(bias, "kinks", ()))
 
 
 def paper_cones(specimens: Sequence[Specimen], weights: Sequence[float] | None = None,

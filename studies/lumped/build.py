@@ -275,7 +275,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     model = build_model(specimen, settings, rig.loading)
     viscous_film = in_time and bool(specimen.membrane.branches)
     settings = settings.bounded(model, chosen.loads + viscous_film * IN_TIME)
-    deflection, capacitance = _at_rest(model, settings, chosen, rig)
+    deflection, capacitance, pull = _at_rest(model, settings, chosen, rig)
     weights = alpha(specimen, settings,
                     AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii),
                     rig, progress)
@@ -283,8 +283,10 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     film, viscous = None, chosen.viscous
     if viscous_film:
         progress(f"{specimen.name}: in time")
-        forces = [float(rig.force(mass)) for mass in chosen.masses]
-        film, viscous = reduced_film(model, forces, highest, rig.spring, path=settings.path), STILL
+        # It is the film's own: mechanisms are left out, under the forces that they leave it.
+        bare = replace(model, loading=replace(rig, biases=()).loading)
+        forces = (pull + rig.spring * deflection).max(axis=1).tolist()
+        film, viscous = reduced_film(bare, forces, highest, rig.spring, path=settings.path), STILL
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
                         model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
@@ -300,8 +302,8 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
 
 
 def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
-             rig: Rig) -> tuple[Array, Array]:
-    """Deflections [m] and capacitances [F] of the field model, shape (masses, voltages)."""
+             rig: Rig) -> tuple[Array, Array, Array]:
+    """Deflections [m], capacitances [F] and the film's pull [N], shape (masses, voltages)."""
     rests = []
     for mass in chosen.masses:
         for case, outcome in voltage_ramp(model, mass, chosen.voltages, rig, settings.path):
@@ -317,9 +319,10 @@ def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
             if deflection <= 1e-6 * model.size:
                 raise InputError("the plate must sink: the mass is too small to tell a force",
                                  key=case.specimen.name, given=f"{1e3 * mass:g} g")
-            rests.append((deflection, model.capacitance(outcome.state)))
-    deflections, capacitances = np.array(rests).T.reshape(2, len(chosen.masses), -1)
-    return deflections, capacitances
+            rests.append((deflection, model.capacitance(outcome.state),
+                          model.reaction(outcome.state)))
+    deflections, capacitances, pulls = np.array(rests).T.reshape(3, len(chosen.masses), -1)
+    return deflections, capacitances, pulls
 
 
 def _factors(model: LumpedModel, samples: Samples) -> tuple[float, float]:

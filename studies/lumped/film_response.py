@@ -13,6 +13,7 @@ from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import area
 from tympan.studies.case import Case
 from tympan.studies.films.driven_film import ERROR, ReducedMoment
 from tympan.studies.films.film import NoBalance, ReducedFilm
@@ -81,15 +82,15 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         When the rig has what the reduced film does not know.
     """
     checked_load(mass, signal.peak)
-    if any((rig.biases, rig.gas_pressure, rig.plate_pressure, rig.lag_voltage, rig.friction,
-            any(rig.weight_offset), rig.series_resistance)):
-        raise InputError("the reduced film has no bias, gas or plate pressure, lag, friction, "
-                         "weight beside the centre, resistance: take tympan transient", key="rig")
+    if any((rig.biases, rig.gas_pressure, any(rig.weight_offset), rig.series_resistance)):
+        raise InputError("the reduced film has no bias, gas pressure, weight beside the centre, "
+                         "resistance: take tympan transient", key="rig")
     moved = mass + rig.unaccounted_mass + rig.added_mass
     if inertia and moved <= 0:
         raise InputError("must be positive where the plate swings: the film has no inertia",
                          key="mass", given=f"{mass:g} kg")
-    return ReducedMotion(film, float(rig.force(mass)), Supplied(signal, rig), rig.spring,
+    plate = float(area(film.specimen.needed_plate().outline)) if rig.plate_pressure else 0.0
+    return ReducedMotion(film, float(rig.force(mass, plate)), Supplied(signal, rig), rig.spring,
                          moved if inertia else None, rig.plate_damping, error, budget)
 
 
@@ -105,7 +106,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     motion = film_motion(model.film, signal, mass, rig, inertia, budget=Budget(WORK))
     name = model.specimen.name
     case = Case(model.specimen, mass=mass, voltage=signal.peak, rig=rig)
-    warnings = [*case.remarks]
+    warnings = [*rig.in_motion, *case.remarks]
     try:
         moments, stopped = _followed(motion, progress)
     except NoBalance:

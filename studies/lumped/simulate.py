@@ -26,7 +26,7 @@ from tympan.studies.lumped.equilibria import (
 )
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.remarks import origin, remark
-from tympan.studies.signals import Signal, nominal
+from tympan.studies.signals import Signal, lagging, nominal
 from tympan.studies.trace import Response, sample_count, unclosed, with_rest
 
 Array = NDArray[np.float64]
@@ -220,7 +220,7 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step, after
     which an oscillation settles; ``remarks`` are on how the actuator was chosen.
     """
-    actuator, drawn_in = response.actuator, response.drawn_in
+    actuator, drawn_in, rig = response.actuator, response.drawn_in, response.actuator.rig
     name, first = actuator.specimen.name, response.signal.first
     limit = pull_in(actuator)
     time = np.linspace(0.0, response.end, sample_count(response.end, interval))
@@ -244,10 +244,12 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
         flat_stored_energy_J=flat * float(np.abs(voltage).max()) ** 2 / 2,
         linear=linearise(actuator, first, by="U" if first else "U2").motions(),
         evaluations=response.evaluations, loop=loop,
-        warnings=(*warnings, *origin(actuator), *actuator.case(response.signal.peak).remarks),
+        warnings=(*warnings, *origin(actuator), *rig.in_motion,
+                  *actuator.case(response.signal.peak).remarks),
         samples=pd.DataFrame({
             "specimen": name, "mass": actuator.mass, "run": "simulated", "t": shown[0],
-            "voltage": shown[1], "displacement": actuator.rig.reading(shown[2], shown[0])}))
+            "voltage": shown[1],
+            "displacement": lagging(shown[0], rig.reading(shown[2], shown[0]), rig.sensor_lag)}))
 
 
 def _area(loop: pd.DataFrame) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -135,12 +135,14 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
     bases = {base: Table.read(base, "specimen").data
              for base in (table.named_file("specimen", name) for name in names)}
     grid, rows = choices(table)
-    varied, loads = {*grid, *rows[0]}, {}
+    varied, loads = {*grid, *rows[0]}, dict[str, tuple[float, ...]]()
+    if not _plates(bases.values(), varied) and "mass" not in (*varied, *table.data):
+        loads["mass"] = (0.0,)  # no plate, no mass
     for name in _LOADS:
         if name in varied and name in table:
             raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
                                     "both")
-        if name not in rows[0]:
+        if name not in (*rows[0], *loads):
             loads[name] = _loads(table.table("grid") if name in grid else table, name)
             grid.pop(name, None)
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
@@ -180,6 +182,12 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         entries = tuple(replace(entry, task=task)
                         for entry, task in zip(entries, related, strict=True))
     return Sweep(entries, file_text(file), grid, ask, figures)
+
+
+def _plates(specimens: Iterable[Mapping[str, Any]], varied: Iterable[str]) -> bool:
+    """Whether some specimen's table has a plate, or a key of one varies."""
+    return any("plate" in table for table in specimens) or any(
+        key.partition(".")[0] == "plate" for key in varied)
 
 
 def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:

@@ -27,12 +27,14 @@ from tympan.fem.rig import GAS_SIGN, Rig
 from tympan.fem.vibration.air import air_volumes
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, Polygon, RoundedRectangle
-from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
+from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.limits import limits
 from tympan.studies.modes import modes
 from tympan.studies.path import path
 from tympan.studies.sensitivity import sensitivity
+from tympan.studies.signals import Pieces
+from tympan.studies.transient import TransientCase, history
 
 B, T, MU, ROOT5, DENSITY, EPS = 45e-3, 1e-3, 20e3, 5**0.5, 1000.0, 4.7 * 8.8541878128e-12
 #: As good as none: fall acceleration is positive.
@@ -90,6 +92,27 @@ def test_inflated_when_prestretched(pressure: float, voltage: float, error: floa
     assert result.reaction_N is None
     assert result.tilt_rad is None
     assert result.warnings == (GAS_SIGN,)
+
+
+def test_creeps_from_what_its_branch_resists_to_its_law() -> None:
+    """Just mounted, a branch adds its modulus to the law's; after twenty of its times, nothing.
+
+    Under gas and voltage, both put on at once.
+    """
+    fresh, loads = film(density=0.0), Loads(100.0, voltage=5000.0)
+    branched = replace(fresh, membrane=replace(
+        fresh.membrane, branches=(ViscousBranch(30e3, 1.0),), mounted=0.0))
+    signal = Pieces(np.array([0.0, 20.0]), np.full(2, loads.voltage))
+    done = history(TransientCase(branched, signal, mass=0.0, rig=under(loads.pressure)), Settings())
+    for number, modulus in ((0, MU + 30e3), (-1, MU)):
+        exact = minimise(Disc(0.0, B, T, ROOT5, neo_hooke(modulus), 4.7), loads).apex
+        assert done.deflection[number] == pytest.approx(-exact, rel=1e-5)
+    assert done.stopped is None
+    assert abs(done.balance.unexplained_J) < 1e-4 * done.balance.heat_J
+    with pytest.raises(InputError, match=r"--swing.*no plate that swings"):
+        TransientCase(branched, signal, mass=0.0, inertia=True)
+    with pytest.raises(InputError, match="no plate to carry it"):
+        TransientCase(branched, signal, mass=1e-3)
 
 
 @pytest.mark.parametrize("pressure", [20.0, 300.0, -20.0])

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,22 @@ def test_what_has_no_equilibrium_or_no_card_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"electrode\.stiffness"):
         export_input(stiff, coarse, tmp_path)
     assert not list(tmp_path.glob("*.inp"))
+
+
+def test_of_a_stack_one_film_is_written_under_its_part_of_the_mass(tmp_path: Path) -> None:
+    """As a single film, whose deflection under that is the stack's."""
+    single = actuator(Circle(45e-3), NEO, (ROOT5, ROOT5))
+    stack = replace(single, membrane=replace(single.membrane, layers=4))
+    deflections = [solve(Case(film, mass=mass, voltage=3e3), Settings()).deflection_m
+                   for film, mass in ((single, 10e-3), (stack, 40e-3))]
+    assert deflections[0] == pytest.approx(deflections[1], rel=1e-9)
+    coarse = MeshSettings().refined(0.5)
+    texts = [export_input(film, coarse, tmp_path / name, [mass], [3e3]).read_text()
+             for name, film, mass in (("one", single, 10e-3), ("four", stack, 40e-3))]
+    assert "3: 40 g on 4 films, 10 g on this one\n" in texts[1]
+    assert "4: 40 g on 4 films, 10 g on this one, 3 kV\n" in texts[1]
+    cards = [[line for line in text.splitlines() if not line.startswith("**")] for text in texts]
+    assert cards[0] == cards[1]
 
 
 def run_ccx(folder: Path) -> list[tuple[float, float]]:

@@ -15,6 +15,7 @@ from tests.oracles.unstable import slack_voltage
 from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.fem.film.laws import Gent, NeoHooke
 from tympan.fem.film.library import MATERIALS, library_strength
+from tympan.fem.membrane.biases import ForceTable
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
@@ -196,6 +197,22 @@ def test_usual_loads_follow_from_the_film(film: Specimen) -> None:
     first = limits(Case(film, mass=mass), Settings()).limit
     assert first is not None
     assert highest == pytest.approx(0.6 * first.voltage_V, rel=0.05)
+
+
+def test_usual_voltages_stay_on_a_mechanism_that_ends_before_the_film(film: Specimen) -> None:
+    """Its table reaches to 3 mm, where the film has no limit yet."""
+    coarse = Settings(MeshSettings(order=2).refined(0.5))
+    rig = Rig(biases=(ForceTable((-5e-3, 0.0, 3e-3), (-0.1, 0.0, 0.02)),))
+    case = Case(film, mass=5e-3, rig=rig)
+    assert limits(case, coarse).limit is None
+    highest = max(usual_voltages(film, 5e-3, coarse, rig))
+    deflection = solve(replace(case, voltage=highest), coarse).deflection_m
+    assert deflection is not None
+    assert deflection < 3e-3
+    beyond = solve(replace(case, voltage=1.05 * highest / 0.6), coarse)
+    assert beyond.status != "equilibrium"
+    with pytest.raises(InputError, match="no voltage can be chosen"):
+        usual_voltages(film, 5e-3, coarse, Rig(guide="fixed"))
 
 
 def test_limits_are_nominal_voltages(soft: Limits) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.fields import Key, asks
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
@@ -89,15 +90,16 @@ class ControlSettings:
     supply: Annotated[float, Key("highest voltage of the supply; the lowest is 0", "voltage",
                                  POSITIVE)] = 7e3
     interval: Annotated[float, Key("sampling interval", "time", POSITIVE)] = 10e-3
-    sensor_lag: Annotated[float, Key("time by which the sensor lags, by a factor e", "time",
-                                     NON_NEGATIVE)] = 0.0
+    sensor_lag: Annotated[float | None, Key(
+        "time by which the sensor lags, by a factor e; left out, the rig's", "time",
+        NON_NEGATIVE)] = None
     method: Annotated[Method, Key("how the controller is designed")] = "pi"
     sensor: Annotated[Measured, Key("what is read")] = "deflection"
     fmu: Annotated[bool, Key("whether controllers are stored as FMUs, too")] = False
 
     if TYPE_CHECKING:
         def __init__(self, *, supply: float | str = 7e3, interval: float | str = 10e-3,
-                     sensor_lag: float | str = 0.0, method: Method = "pi",
+                     sensor_lag: float | str | None = None, method: Method = "pi",
                      sensor: Measured = "deflection", fmu: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
@@ -105,6 +107,15 @@ class ControlSettings:
             if getattr(self, key) not in allowed:
                 raise InputError("must be one of " + ", ".join(allowed), key=key,
                                  given=getattr(self, key))
+
+    @property
+    def usual_high(self) -> float:
+        """Upper end of a signal that states none [V]: the supply has as much left above it."""
+        return self.supply / 2
+
+    def lag(self, rig: Rig) -> float:
+        """Time by which the sensor lags on a rig [s]."""
+        return rig.sensor_lag if self.sensor_lag is None else self.sensor_lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,8 +227,8 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
     """A controller designed on circles, run on them, or on a model's film in time."""
     if model is not None:
         actuator = creeping_circles(model, actuator.mass, actuator.rig, settings.supply / 2)
-    designed = design(actuator, settings.supply, settings.interval, settings.sensor_lag,
-                      settings.method)
+    lag = settings.lag(actuator.rig)
+    designed = design(actuator, settings.supply, settings.interval, lag, settings.method)
     controller = designed.controller
     time = _times(count, settings.interval)
     voltages = np.abs(nominal(signal, time))
@@ -228,7 +239,7 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
     before = float(rest_curve(actuator, abs(signal.first)))
     parts = _parts(wanted, before, controller)
     sensed = _sensed(actuator, controller) if settings.sensor == "capacitance" else None
-    run = closed_loop(controller, begin, before, wanted, settings.sensor_lag, progress,
+    run = closed_loop(controller, begin, before, wanted, lag, progress,
                       {part.start for part in parts}, sensed)
     free = LoopRun(time, wanted, begin.driven(signal, time), voltages)
     ends = [linearise(actuator, voltage, by="U2") for voltage in (0.0, settings.supply)]
@@ -245,7 +256,7 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
         steps=tuple(_step(run, free, controller, part, before) for part in parts),
         scattered=_scattered(designed, actuator),
         sensed=sensed, disturbance=_disturbed(controller, actuator, begin, settings, sensed),
-        warnings=(*chosen.remarks, *([] if model else origin(actuator)),
+        warnings=(*chosen.remarks, *([] if model else origin(actuator)), *actuator.rig.in_motion,
                   *actuator.case(settings.supply).remarks),
         samples=pd.DataFrame({
             "specimen": actuator.specimen.name, "t": time, "wanted": wanted,
@@ -389,7 +400,7 @@ def _disturbed(controller: Controller, actuator: Actuator, plant: Plant,
     count = 1 + int(min(_DECAYS / min(rates) / controller.interval_s, _LONGEST))
     run = closed_loop(controller, heavier, target,
                       np.full(count, target),
-                      settings.sensor_lag, sensed=sensed)
+                      settings.lag(actuator.rig), sensed=sensed)
     shifted = float(heavier.rested(voltage).deflection) - target
     return Disturbance(mass_kg=mass, open_m=shifted,
                        largest_m=float(np.abs(run.deflection - target).max()),

@@ -10,7 +10,7 @@ from dataclasses import astuple, replace
 from functools import cache
 from itertools import count, pairwise
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NoReturn, get_args
 
 import fmpy
 import numpy as np
@@ -23,6 +23,7 @@ import tympan
 from tests.support.costs import dear
 from tests.support.lumped import MODELS, OVAL, compiled_controller
 from tests.support.specimens import elliptical
+from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
@@ -56,7 +57,7 @@ from tympan.studies.lumped.model_file import STILL, LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.sense.inverse import Inverse
-from tympan.studies.signals import step, through
+from tympan.studies.signals import Pieces, step, through
 
 SUPPLY, INTERVAL = 7e3, 10e-3
 #: Membrane circles of the paper's large ellipse, as `tympan lumped build` finds them.
@@ -206,6 +207,27 @@ def chosen() -> ChosenActuators:
 def test_a_film_that_does_not_bear_the_supply_says_so() -> None:
     with pytest.raises(InputError, match=r"given '9 kV': .*of the supply, 9 kV: give a lower one"):
         tympan.lumped.control(OVAL, mass="17.9 g", high="1 kV", duration="2 s", supply="9 kV")
+
+
+def test_a_signal_without_an_upper_end_follows_the_supply(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a supply below the usual 3.5 kV too, by both doors; one that is given stays."""
+    peaks: list[float] = []
+
+    def controlled(_: ChosenActuators, signal: Pieces, *others: object) -> NoReturn:
+        peaks.append(signal.peak)
+        raise InputError("is not run here")
+
+    monkeypatch.setattr("tympan.studies.lumped.control.run.controlled", controlled)
+    write_model(tmp_path / "oval.lumped.toml", MODEL)
+    line = ["lumped", "control", "--model", str(tmp_path / "oval.lumped.toml"), "--mass", "17.9 g"]
+    for supply, high in ((2e3, None), (7e3, None), (2e3, 1.5e3)):
+        given = {} if high is None else {"high": high}
+        with pytest.raises(InputError, match="is not run here"):
+            tympan.lumped.control(MODEL, mass="17.9 g", supply=supply, **given)
+        assert main([*line, "--supply", f"{supply} V", *(["--high", f"{high} V"] if given else [])]
+                    ) == 2
+        assert peaks[-2:] == [high or supply / 2] * 2
 
 
 def test_a_slow_loop_is_followed_until_it_is_done() -> None:

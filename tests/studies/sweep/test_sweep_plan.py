@@ -55,6 +55,16 @@ def test_loads_may_be_varied_with_the_specimen(tmp_path) -> None:
     assert [task.masses for task in tasks(tmp_path, text)] == [(1e-3,), (2e-3,)]
 
 
+def test_a_film_without_plate_needs_no_mass(tmp_path) -> None:
+    bare = specimen_toml().replace('[plate]\nshape = "circle"\nradius = "1 cm"\n', "")
+    text = 'specimen = "oval.toml"\nvoltage = "1 kV"\nrig = { gas_pressure = "50 Pa" }\n'
+    assert [task.masses for task in tasks(tmp_path / "bare", text, oval=bare)] == [(0.0,)]
+    for more in ("", '[grid]\n"plate.shape" = ["circle"]\n"plate.radius" = ["8 mm"]'):
+        film = bare if more else specimen_toml()
+        with pytest.raises(InputError, match=r"SWEEP.toml: mass: is missing"):
+            read(tmp_path / "with a plate", text + more, oval=film)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
     points = sample_points(method, 3, 60, 1)

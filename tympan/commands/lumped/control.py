@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from tympan.commands.lumped.response import ACTUATORS, read_case
-from tympan.commands.signal import VOLTAGES, wave_of
+from tympan.commands.signal import voltages, wave_of
 from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
@@ -20,12 +20,14 @@ from tympan.options import (
 )
 
 
-@command("lumped control", *ACTUATORS, *VOLTAGES,
+@command("lumped control", *ACTUATORS,
+         *voltages(argument("--high", help="after the step; upper end (default: half of the "
+                                           "supply)")),
          argument("--interval", default="10 ms", help="sampling interval of the controller"),
          argument("--supply", default="7 kV", metavar="VOLTAGE",
                   help="highest voltage of the supply; the lowest is 0"),
-         argument("--sensor-lag", default="0 s", metavar="TIME",
-                  help="time by which the sensor lags, by a factor e"),
+         argument("--sensor-lag", metavar="TIME",
+                  help="time by which the sensor lags, by a factor e (default: the rig's)"),
          argument("--method", choices=("pi", "lqg"), default="pi",
                   help="PI behind two lags, or LQG: a Kalman filter that knows the plate's swing, "
                        "with a linear quadratic regulator"),
@@ -50,13 +52,14 @@ def lumped_control(options: argparse.Namespace) -> None:
 
     if options.fmu and not options.output:
         raise InputError("must be given to say where the FMU goes", key="-o")
-    _, signal = wave_of(options, len(options.specimens) + len(options.model))
     with naming_options(options):
         settings = ControlSettings(
             supply=parse_quantity(options.supply, "voltage", "--supply"),
             interval=parse_quantity(options.interval, "time", "--interval"),
-            sensor_lag=parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
+            sensor_lag=None if options.sensor_lag is None
+            else parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
             method=options.method, sensor=options.sensor, fmu=options.fmu)
+    _, signal = wave_of(options, len(options.specimens) + len(options.model), settings.usual_high)
     case = read_case(options)
     with naming_options(options), bar(4 * len(case.specimens)) as progress:
         chosen = supplied(case, settings, read_settings(options), progress)

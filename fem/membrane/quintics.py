@@ -1,0 +1,131 @@
+"""A force along one deflection as quintics between places where it and its slope are known.
+
+Energy, force and stiffness of one piece are each other's derivatives, and so of all pieces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+#: Miss of a cubic through both ends in their middle, relative to the forces, up to which the
+#: quintic through all three is taken. Where a cubic misses by so much, with four numbers, a quintic
+#: with six misses by its power of 3/2.
+CUBIC = 1e-9
+#: Halvings of a step: a film that wrinkles has forces that no polynomial follows closer, and one
+#: that gives way does so within a 250th of a step.
+HALVINGS = 8
+#: Pieces that a range is divided into before these are halved.
+_PIECES = 32
+
+#: Values and slopes at 0, 1/2 and 1 of the powers up to the fifth, inverted.
+_QUINTIC = np.linalg.inv(np.array([
+    *([place**power for power in range(6)] for place in (0.0, 0.5, 1.0)),
+    *([power * place ** max(power - 1, 0) for power in range(6)] for place in (0.0, 0.5, 1.0))]))
+
+#: A place [m], the force [N] and the stiffness [N/m] there.
+Known = tuple[float, float, float]
+#: Both ends of a piece and its middle between them.
+Piece = tuple[Known, Known, Known]
+
+
+def cubic_miss(first: Known, middle: Known, last: Known) -> float:
+    """Error of the cubic of both ends for the force in their middle, relative to forces."""
+    span = last[0] - first[0]
+    value = (first[1] + last[1]) / 2 + span * (first[2] - last[2]) / 8
+    scale = max(abs(each[1]) for each in (first, middle, last)) + abs(span * middle[2])
+    return abs(value - middle[1]) / scale if scale else 0.0
+
+
+def powers_of(first: Known, middle: Known, last: Known) -> Array:
+    """Powers of the share of the way from the first to the last place, (6,)."""
+    three, span = (first, middle, last), last[0] - first[0]
+    return np.asarray(_QUINTIC @ [*(force for _, force, _ in three),
+                                  *(span * stiffness for *_, stiffness in three)])
+
+
+def values(powers: Any, share: Any, span: Any) -> tuple[Any, Any, Any]:
+    """Energy from the piece's start on [J], force [N] and stiffness [N/m] at a share of its way.
+
+    ``powers``: (6, …), ``span`` [m]; both broadcast with the share.
+    """
+    energy, force, slope = 0.0 * share, 0.0 * share, 0.0 * share
+    for power in range(5, -1, -1):
+        slope = slope * share + force
+        force = force * share + powers[power]
+        energy = energy * share + powers[power] / (power + 1)
+    return span * energy * share, force, slope / span
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCurve:
+    """A force between ``breaks`` [m], ascending; ``powers`` (6, pieces), ``stored`` (pieces,) [J].
+
+    Answers arrays of deflections; nan beyond its ends.
+    """
+
+    breaks: Array
+    powers: Array
+    stored: Array
+
+    @classmethod
+    def of(cls, force: Callable[[float], Sequence[float]], low: float, high: float,
+           kinks: Sequence[float] = (), through: float = 0.0) -> Self | None:
+        """The curve of a mechanism between two deflections [m], as far as it is there.
+
+        ``force`` answers energy, force and stiffness, nan where there is none. Force and stiffness
+        are smooth between ``kinks`` [m] and do not jump there. Of several parts the one
+        ``through`` a deflection [m] is taken; None where there is none.
+        """
+        def known(place: float) -> Known:
+            _, push, stiffness = force(place)
+            return place, float(push), float(stiffness)
+
+        within = [kink for kink in kinks if low < kink < high]
+        places = np.unique([*np.linspace(low, high, _PIECES + 1), *within, through])
+        pieces = [piece for first, last in pairwise(map(known, places.tolist()))
+                  for piece in _halved(known, first, last, HALVINGS)]
+        runs: list[list[Piece]] = [[]]
+        for piece in pieces:
+            if runs[-1] and runs[-1][-1][-1] is not piece[0]:
+                runs.append([])
+            runs[-1].append(piece)
+        pieces = next((run for run in runs if run and run[0][0][0] <= through <= run[-1][-1][0]),
+                      [])
+        if not pieces:
+            return None
+        breaks = np.array([*(first[0] for first, *_ in pieces), pieces[-1][-1][0]])
+        powers = np.array([powers_of(*piece) for piece in pieces]).T
+        spans = np.diff(breaks)
+        ends = np.cumsum(values(powers, np.ones(len(spans)), spans)[0])
+        stored = np.append(0.0, ends[:-1])
+        made = cls(breaks, powers, stored)
+        return cls(breaks, powers, stored + force(through)[0] - made.derivatives(through)[0])
+
+    def derivatives(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """Energy [J], force [N] and stiffness [N/m] at deflections [m]."""
+        at = np.real(deflection)
+        number = np.clip(np.searchsorted(self.breaks, at, "right") - 1, 0, len(self.stored) - 1)
+        low, span = self.breaks[number], np.diff(self.breaks)[number]
+        there = np.where((at >= self.breaks[0]) & (at <= self.breaks[-1]), 0.0, np.nan)
+        energy, force, stiffness = values(self.powers[:, number], (deflection - low) / span, span)
+        return self.stored[number] + energy + there, force + there, stiffness + there
+
+
+def _halved(known: Callable[[float], Known], first: Known, last: Known, halvings: int
+            ) -> Iterator[Piece]:
+    """Pieces between two places, each with its middle, where the force is there."""
+    middle = known((first[0] + last[0]) / 2)
+    whole = np.isfinite([*first, *middle, *last]).all()
+    if whole and (not halvings or cubic_miss(first, middle, last) <= CUBIC):
+        yield first, middle, last
+    elif halvings:
+        yield from _halved(known, first, middle, halvings - 1)
+        yield from _halved(known, middle, last, halvings - 1)
