@@ -82,9 +82,11 @@ def acting(biases: Sequence[Bias], deflections: Array) -> Array:
     At many deflections [m] of any shape; nan where one of them cannot be.
     """
     total = np.zeros((3, *deflections.shape), dtype=deflections.dtype)
+    found: Any
     for bias in biases:
         if getattr(bias, "on_arrays", False):
-            found = bias.derivatives(deflections)  # type: ignore[arg-type]
+            law: Any = bias
+            found = law.derivatives(deflections)
         elif deflections.size <= _ONE_BY_ONE or np.iscomplexobj(deflections):
             found = np.reshape([bias.derivatives(place) for place in deflections.ravel().tolist()],
                                (*deflections.shape, 3)).transpose(-1, *range(deflections.ndim))
@@ -135,7 +137,7 @@ class _Tabled:
 
 
 @lru_cache(maxsize=32)
-def _tabled(bias: Bias) -> _Tabled:
+def _tabled(bias: Any) -> _Tabled:
     """Kept, since a search asks for its force in many steps."""
     return _Tabled(bias)
 
@@ -218,7 +220,7 @@ class Magnet:
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
         n, d = self.power, self.decay
-        near = 1 + (self.gap - deflection) / d
+        near: Any = 1 + (self.gap - deflection) / d
         # No step may end beyond the pole, nor pass it.
         near = np.where(np.real(near) > 0, near, np.nan)[()]
         return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,

@@ -546,7 +546,9 @@ class FilmFamily:
         """States of films in equilibrium, by their numbers, under loads of each."""
         if films.loading.softening:
             return films.first_rests(number, force, squared)
-        return self.guess.balanced(films, self.box.scaled(films.rows), number, force, squared)
+        near: Balance = self.guess.balanced(films, self.box.scaled(films.rows), number, force,
+                                            squared)
+        return near
 
     def _tilt(self, q: Array) -> Array:
         """Tilts of the plates [rad]."""

@@ -151,7 +151,7 @@ class Films:
     @property
     def count(self) -> int:
         """Number of shapes, the deflection's included, without bends."""
-        return self.turns.shape[1]
+        return int(self.turns.shape[1])
 
     @property
     def bends(self) -> bool:
@@ -162,7 +162,7 @@ class Films:
     def lift(self) -> Array:
         """Rates by q of how far the place moves at which the force is applied, (shapes,)."""
         x, y = self.loading.arm
-        lift = y * self.turns[0] - x * self.turns[1]
+        lift: Array = y * self.turns[0] - x * self.turns[1]
         lift[0] += 1.0
         return lift
 
