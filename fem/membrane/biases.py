@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
+from tympan.fem.membrane.quintics import ForceCurve
 from tympan.geometry.columns import LEAST_STEP, Column, Sheet, read_sheet
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Key, Registry, read
@@ -83,76 +84,38 @@ def acting(biases: Sequence[Bias], deflections: Array) -> Array:
     """
     total = np.zeros((3, *deflections.shape), dtype=deflections.dtype)
     found: Any
+    law: Any
     for bias in biases:
+        law = bias
         if getattr(bias, "on_arrays", False):
-            law: Any = bias
             found = law.derivatives(deflections)
         elif deflections.size <= _ONE_BY_ONE or np.iscomplexobj(deflections):
             found = np.reshape([bias.derivatives(place) for place in deflections.ravel().tolist()],
                                (*deflections.shape, 3)).transpose(-1, *range(deflections.ndim))
         else:
-            found = _tabled(bias).derivatives(deflections)
+            far = np.abs(deflections[np.abs(deflections) < _FAR]).max(initial=_REACH)
+            curve = _curve(law, float(_REACH * 2 ** np.ceil(np.log2(far / _REACH))))
+            found = [np.nan] * 3 if curve is None else curve.derivatives(deflections)
         for number, part in enumerate(found):
             total[number] += part
     return total
 
 
-class _Tabled:
-    """A law that takes one deflection, on arrays: polynomials between places of an even grid.
-
-    The energy is a quintic by its own two derivatives, and so its derivatives are each other's.
-    Values are computed where they are first asked for, and kept.
-    """
-
-    def __init__(self, bias: Bias) -> None:
-        self._bias = bias
-        self._known: dict[int, tuple[float, float, float]] = {}
-
-    def derivatives(self, deflections: Array) -> Array:
-        """Energy and derivatives, (3, …)."""
-        flat = deflections.ravel()
-        finite = np.isfinite(flat) & (np.abs(flat) < _FAR)
-        cell = np.where(finite, np.floor(flat / _GRID), 0).astype(np.int64)
-        cells, place = np.unique(cell, return_inverse=True)
-        ends = np.array([[self._at(number), self._at(number + 1)] for number in cells.tolist()])
-        t = np.where(finite, flat / _GRID - cell, np.nan)
-        # Energy, derivative and second derivative at both ends, over the grid's powers.
-        scale = _GRID ** np.arange(3)
-        known = (ends * scale)[place].reshape(len(flat), 6)
-        powers = known @ _QUINTIC.T
-        values = np.empty((3, len(flat)))
-        slopes = powers
-        for order in range(3):
-            value = np.zeros(len(flat))
-            for column in slopes[:, ::-1].T:
-                value = value * t + column
-            values[order] = value / scale[order]
-            slopes = slopes[:, 1:] * np.arange(1, slopes.shape[1])
-        return values.reshape(3, *deflections.shape)
-
-    def _at(self, number: int) -> tuple[float, float, float]:
-        if number not in self._known:
-            self._known[number] = self._bias.derivatives(number * _GRID)
-        return self._known[number]
-
-
 @lru_cache(maxsize=32)
-def _tabled(bias: Any) -> _Tabled:
-    """Kept, since a search asks for its force in many steps."""
-    return _Tabled(bias)
+def _curve(bias: Any, reach: float) -> ForceCurve | None:
+    """A law that takes one deflection, on arrays up to a reach [m]; None where it is not at all.
+
+    Kept, since a search asks for its force in many steps.
+    """
+    return ForceCurve.of(bias.derivatives, -reach, reach, getattr(bias, "kinks", ()))
 
 
 #: Places up to which a law that takes one number is asked for each.
 _ONE_BY_ONE = 64
-#: Grid of a law that takes one number [m]: a beam's force is a quintic's to 1e-9 over it.
-_GRID = 50e-6
-#: Deflections beyond which nothing is computed [m].
+#: The least reach of a law on arrays [m]; others are doubled from it.
+_REACH = 5e-3
+#: The farthest [m].
 _FAR = 1.0
-#: Powers of a quintic by values and two derivatives at 0 and 1.
-_QUINTIC = np.linalg.inv(np.array([
-    [factorial(power) / factorial(power - order) * place ** (power - order)
-     if power >= order else 0.0 for power in range(6)]
-    for place in (0.0, 1.0) for order in range(3)]))
 
 #: Bias mechanisms that rig files may name.
 BIASES: Registry[Any] = Registry("law")

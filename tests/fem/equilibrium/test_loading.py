@@ -19,7 +19,7 @@ from tests.support.specimens import circular, elliptical
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.solve import equilibrium
-from tympan.fem.membrane.biases import BIASES, Magnet, Spring
+from tympan.fem.membrane.biases import BIASES, Magnet, Spring, acting
 from tympan.fem.membrane.loading import GUIDES, Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
@@ -231,6 +231,17 @@ def test_bias_derivatives_are_the_complex_step_s(name: str, heave: float) -> Non
     assert stepped[0].imag / step == pytest.approx(push, rel=1e-13, abs=1e-300)
     assert stepped[1].imag / step == pytest.approx(stiffness, rel=1e-13)
     assert stepped[0].real == pytest.approx(energy, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", sorted(BIASES))
+def test_a_mechanism_at_many_deflections_is_what_it_is_at_each(name: str) -> None:
+    """Whether a law takes arrays or one number; nan where it cannot be."""
+    bias, places = SAMPLES[name], np.linspace(-8e-3, 12e-3, 81)
+    each = np.array([bias.derivatives(place) for place in places.tolist()]).T
+    for part, exact in zip(acting((bias,), places), each, strict=True):
+        assert part == pytest.approx(exact, rel=1e-8, abs=1e-8 * np.nanmax(abs(exact)),
+                                     nan_ok=True)
+    assert acting((bias, bias), places[:2]) == pytest.approx(2 * each[:, :2], nan_ok=True)
 
 
 def test_a_magnet_pulls_as_it_says_and_is_finite_until_contact() -> None:
