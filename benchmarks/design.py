@@ -30,12 +30,12 @@ from tympan.geometry.process.threads import one_thread
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.design import design
 from tympan.studies.design.exact import ExactFilm
-from tympan.studies.design.quantities import QUANTITIES, misses
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.scatter import ScatteredFilms, drawn
 from tympan.studies.design.search import Search
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.limits.voltages import first_limit
+from tympan.studies.wanted import QUANTITIES
 
 Array = NDArray[np.float64]
 
@@ -147,15 +147,15 @@ def _failed(space: DesignSpace, values: Array, points: Array) -> int:
     """How many copies of a design, at points from 0 to 1, miss a bound by finite elements."""
     wanted, voltage, drawn = space.requirements, space.voltage(values), space.scattered(values,
                                                                                          points)
-    scattering = {key: bound for key, bound in wanted.kept(space.specimen).items()
-                  if QUANTITIES[key].scatters}
+    scattering = [bound for bound in wanted.kept(space.specimen).values()
+                  if bound.quantity.scatters]
     failed = 0
     for row, load, across, strength in zip(drawn.rows, drawn.loads, drawn.across,
                                            np.ravel(drawn.strength), strict=True):
         exact = ExactFilm(space.family.box.member(row), float(load) / wanted.rig.gravity, voltage,
                           wanted.rig, Settings(), wanted.margin, float(across[1]) / voltage,
                           float(strength))
-        failed += not all(misses(key, bound, exact)[0] <= 0 for key, bound in scattering.items())
+        failed += not all(bound.misses(exact)[0] <= 0 for bound in scattering)
     return failed
 
 

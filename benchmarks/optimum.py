@@ -15,9 +15,9 @@ from tympan.reports.figures.design import draw_design
 from tympan.studies.case import Settings
 from tympan.studies.design.design import design
 from tympan.studies.design.exact import ExactFilm
-from tympan.studies.design.quantities import QUANTITIES, TENSION
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.result import DesignedFilm, DesignedQuantity, DesignResult
+from tympan.studies.wanted import QUANTITIES, TENSION, Bound
 
 #: Semi-axes of an ellipse that differ by less, relative, are those of a circle for this search.
 _ROUND = 0.02
@@ -47,7 +47,7 @@ def _in_room(requirements: Requirements, room: str) -> Requirements:
     """The requirements with the frame's area or perimeter at most that of the given film."""
     specimen, = requirements.specimens
     size = {"frame_area": requirements.bounds["frame_area"],
-            "frame_perimeter": float(perimeter(specimen.frame))}
+            "frame_perimeter": Bound("frame_perimeter", float(perimeter(specimen.frame)), False)}
     bounds = {key: bound for key, bound in requirements.bounds.items() if key not in size}
     return replace(requirements, bounds={**bounds, room: size[room]})
 

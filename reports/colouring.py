@@ -65,7 +65,7 @@ COLOURINGS = {
     "field": Colouring("electric field", "electric field", "MV/m",
                        lambda film: film.values["electric_field"] / 1e6),
     "margin": Colouring("breakdown margin",
-                        f"strength over field, to {MOST_MARGIN:g}: at 1 the film breaks down", "",
+                        f"strength over field, to {MOST_MARGIN:g}: 1 is breakdown", "",
                         _margin, _margins),
     "thickness": Colouring("thickness", "thickness", "µm",
                            lambda film: film.values["thickness"] * 1e6),

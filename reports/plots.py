@@ -184,8 +184,8 @@ def _(result: LimitsResult, axes: Axes) -> None:
     reached = result.limits.told
     if not reached:
         raise InputError(f"there is nothing to draw: no limit up to {result.limits.ended}")
-    axes.barh([limit.state.verb for limit in reached], [limit.voltage_V / 1e3 for limit in reached],
-              color=look.PALETTE[0])
+    axes.barh([limit.state.label for limit in reached],
+              [limit.voltage_V / 1e3 for limit in reached], color=look.PALETTE[0])
     axes.invert_yaxis()
     axes.set(xlabel="voltage (kV)", title=f"{result.specimen}: {1e3 * result.mass_kg:.4g} g")
 

@@ -33,6 +33,7 @@ from tympan.geometry.specimen import (
 from tympan.geometry.toml_reader import FINITE
 from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.reports.template import template
+from tympan.studies import wanted
 from tympan.studies.effects import EFFECTS, listing
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.tolerance.given import (
@@ -61,6 +62,7 @@ def page(rig: type[Rig] = Rig) -> str:
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
         tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, quantities=QUANTITIES,
+        wanted=wanted.QUANTITIES,
         libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})
 
 

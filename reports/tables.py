@@ -277,7 +277,8 @@ def _(result: FilmFit) -> Any:
 
 @table.register
 def _(result: DesignResult) -> Any:
-    return pd.DataFrame([{"film": film.specimen_file, "quantity": each.name, **{
-        key: getattr(each, key) for key in ("unit", "given", "value", "reached", "sense", "bound",
-                                            "binding", "relaxing", "attainable")}}
+    return pd.DataFrame([{"film": film.specimen_file, "quantity": each.key, **{
+        key: getattr(each, key) for key in ("unit", "given", "value", "reached", "sense", "bound")},
+        "kept": None if each.kept is None else each.kept.probability, **{
+        key: getattr(each, key) for key in ("missed", "binding", "relaxing", "attainable")}}
         for film in result.films for each in film.quantities])

@@ -37,7 +37,14 @@ from tympan.fem.results.fields import (
     node_fields,
 )
 from tympan.fem.results.firmness import firmness
-from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
+from tympan.fem.results.limit_states import (
+    BREAKDOWN,
+    INSTABILITY,
+    LIMIT_STATES,
+    PULL_IN,
+    TENSION,
+    LimitState,
+)
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks, checks_types
@@ -229,9 +236,9 @@ _VAGUE = 1.0
 class Limit:
     """First limit of a film as its voltage rises, and where in the mounted film."""
 
-    kind: Annotated[LimitKind, Key("what happens there: a mechanism makes the plate snap through, "
-                                   "or back as the voltage falls; the film loses tension, breaks "
-                                   "down, gives way in itself, or pulls in")]
+    kind: Annotated[LimitKind, Key("what happens there: snap_through and snap_back of a plate that "
+                                   "a mechanism makes jump, loss of tension, breakdown, "
+                                   "instability of the film itself, or pull_in")]
     voltage_V: Annotated[float, Key("nominal voltage")]
     x_m: Annotated[float, Key("where it begins, in the mounted film: for a pull-in, where the film "
                               "thins fastest")]
@@ -245,9 +252,14 @@ class Limit:
 
     @property
     def state(self) -> LimitState:
-        """Its words and its mark."""
+        """Its label and its mark."""
         state: LimitState = LIMIT_STATES[self.kind]
         return state
+
+    @property
+    def words(self) -> str:
+        """Label and voltage."""
+        return self.state.at(self.text)
 
     @property
     def place(self) -> str:
@@ -294,7 +306,7 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """The voltages at which a film under a mass loses tension, breaks down, gives way and pulls in.
+    """Voltages of loss of tension, breakdown, instability and pull-in of a film under a mass.
 
     And those at which a mechanism of the rig makes its plate snap, the first time. None where that
     does not happen as far as the voltage was raised.
@@ -305,11 +317,11 @@ class Limits:
     snap_back: Annotated[Limit | None, Key(
         "where it jumps back as the voltage falls; none where it stays there without voltage")] = (
         None)
-    tension: Annotated[Limit | None, Key("where the film first loses tension")] = None
-    breakdown: Annotated[Limit | None, Key("where it first breaks down")] = None
-    instability: Annotated[Limit | None, Key("where the film itself gives way, before its plate "
-                                             "does")] = None
-    pull_in: Annotated[Limit | None, Key("where it pulls in")] = None
+    tension: Annotated[Limit | None, Key("first loss of tension")] = None
+    breakdown: Annotated[Limit | None, Key("first breakdown")] = None
+    instability: Annotated[Limit | None, Key("instability of the film itself, before the plate's "
+                                             "pull-in")] = None
+    pull_in: Annotated[Limit | None, Key("pull-in of the plate")] = None
     first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
     ended: Annotated[str, Key("why the voltage was not raised further")]
     thins: Annotated[bool, Key("whether the instability is thinning without bound of a film that "
@@ -350,7 +362,7 @@ class Limits:
 
     def beyond(self, voltage: float) -> Limit | None:
         """The most severe that a nominal voltage [V] is beyond."""
-        # Where a film that thins would pull in is no limit of what it is.
+        # The pull-in of a film that would not thin is no limit of one that does.
         beyond = {limit.kind: limit for limit in self.reached if voltage > limit.voltage_V
                   and not (self.thins and limit.kind == PULL_IN.kind)}
         return next((beyond[kind] for kind in reversed(LIMIT_STATES) if kind in beyond), None)
@@ -641,7 +653,7 @@ def state_warnings(model: Model, state: State) -> list[str]:
 
 
 def _firm(model: Model, state: State) -> Array | None:
-    """The firmness of a charged film; without voltage its law alone says whether it gives way."""
+    """The firmness of a charged film; without voltage its law alone says whether it is firm."""
     return firmness(model, state) if state.voltage_squared > 0 else None
 
 
@@ -654,15 +666,15 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
     if firm is not None and firm.min() <= 0:
         place = place_text(*fields.position[np.argmin(firm), :2].tolist())
-        warnings.append(f"the film gives way in itself at {place}: this equilibrium is unstable, "
-                        "since short waves of the film grow there at this voltage")
+        warnings.append(f"{INSTABILITY.at(place)}: this equilibrium is unstable, since short "
+                        "waves of the film grow there at this voltage")
     if len(loose.tension):
         x, y, _ = loose.position[np.argmin(loose.stress_2)]
         area_cm2, slack_cm2 = (loss.wrinkled + loss.slack) * 1e4, loss.slack * 1e4
         over = (f" over {area_cm2:.3g} cm² of the mounted film ({loss.share:.2%})" if area_cm2
                 else "")
         over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
-        warnings.append(f"the film loses tension and wrinkles{over}, most at "
+        warnings.append(f"{TENSION.label}: the film wrinkles{over}, most at "
                         f"{place_text(float(x), float(y))}")
     weakest = int(np.argmax(fields.breakdown_share))
     x, y, _ = fields.position[weakest]
@@ -685,8 +697,8 @@ def breakdown_warning(share: float, electric: float, strength: float, x: float, 
     """Warning of a field [V/m] that is a large share of the film's strength, at a place [m]."""
     if not share * LEAST_MARGIN >= 1:
         return []
-    what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
-    return [f"the film {what} at {place_text(x, y)}: field {electric / 1e6:.3g} of "
+    what = BREAKDOWN.label if share > 1 else f"near {BREAKDOWN.label} (margin {1 / share:.2f})"
+    return [f"{what} at {place_text(x, y)}: field {electric / 1e6:.3g} of "
             f"{strength / 1e6:.3g} MV/m"]
 
 
@@ -699,5 +711,5 @@ def failure_reason(outcome: Outcome) -> str:
         # Blown up like a balloon, it is pulled nowhere.
         return f"the film bears no more than {load}"
     if outcome.kind == "thinning":
-        return f"the film loses tension at {load} and, wrinkled, thins without bound"
-    return f"the film pulls in at {load}"
+        return f"{TENSION.at(load)}, where the film, wrinkled, thins without bound"
+    return PULL_IN.at(load)

@@ -38,6 +38,7 @@ from tympan.geometry.outlines import area
 from tympan.studies.case import (
     Case,
     CaseRecord,
+    LimitKind,
     Settings,
     Unknowns,
     WallTime,
@@ -99,11 +100,8 @@ _ONWARDS = 1e-4
 
 #: What may grow along a branch.
 Along = Literal["voltage", "charge", "mass", "pressure"]
-#: What is passed on the way: the ``event`` of each of :data:`LIMIT_STATES`.
-What = Literal["snap-through", "snap-back", "tension lost", "breakdown", "instability", "limit"]
-
 #: Events at limit points.
-_LIMIT_POINTS = {PULL_IN.event, SNAP_THROUGH.event, SNAP_BACK.event}
+_LIMIT_POINTS = {PULL_IN.kind, SNAP_THROUGH.kind, SNAP_BACK.kind}
 
 #: The load that grows, and the unit in results.
 _GROWING: dict[Along, tuple[Load, str]] = {
@@ -141,7 +139,7 @@ class Station:
 class Event:
     """Something that happens at one point of a branch."""
 
-    what: Annotated[What, Key("what happens there")]
+    what: Annotated[LimitKind, Key("what happens there, a kind of limit")]
     value: Annotated[float, Key("value of what grows along the path")]
     unit: Annotated[str, Key("unit of the value")]
     x_m: Annotated[float, Key("where in the mounted film: at a limit, where the film thins "
@@ -150,6 +148,11 @@ class Event:
     spread: Annotated[float, Key("how far the value may be off for the mesh, relative, by the "
                                  "jumps of what is watched between elements")]
     station: Annotated[Station, Key("the equilibrium there")]
+
+    @property
+    def label(self) -> str:
+        """Label of the limit."""
+        return str(LIMIT_STATES[self.what].label)
 
     @property
     def value_text(self) -> str:
@@ -261,7 +264,7 @@ def _with_snaps(passed: Iterator[Stop], settings: PathSettings) -> Iterator[Stop
     """
     turns, snaps = 0, False
     for stop in passed:
-        if stop.event is None or stop.event.what != PULL_IN.event or stop.along == "charge":
+        if stop.event is None or stop.event.what != PULL_IN.kind or stop.along == "charge":
             yield stop
             continue
         turns += 1
@@ -392,7 +395,7 @@ class Stop:
     def at(self, state: LimitState) -> Stop:
         """The same where what happens is another limit state."""
         assert self.event is not None
-        return replace(self, event=replace(self.event, what=cast(What, state.event)))
+        return replace(self, event=replace(self.event, what=cast(LimitKind, state.kind)))
 
     def landed(self, settings: PathSettings) -> Solution | None:
         """Equilibrium to which the plate comes from here, at a limit point; None if nowhere."""
@@ -599,7 +602,7 @@ def _passed(case: Case, branch: Branch, first: Stop, before: Stop, after: Stop) 
 def _to_thinning(passed: list[Stop]) -> Iterator[Stop]:
     """Events of a wrinkled film before a point that it does not reach."""
     for stop in passed:
-        gone = stop.event is not None and stop.event.what == INSTABILITY.event
+        gone = stop.event is not None and stop.event.what == INSTABILITY.kind
         yield replace(stop, ended=_THINS if gone and stop.thins else UNFOLLOWED)
         if gone:
             return
@@ -633,7 +636,7 @@ def _happening(case: Case, stop: Stop, state: LimitState, sign: Sign,
             pace = max(pace, share * abs(value - begun) / begins)
         spread *= pace / abs(value) if value else 0.0
     x, y = stop.place(state)
-    what = cast(What, state.event)
+    what = cast(LimitKind, state.kind)
     return replace(stop, event=Event(
         what=what, value=value, unit=_GROWING[stop.along][1], x_m=x, y_m=y, spread=spread,
         station=stop.station))

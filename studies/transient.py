@@ -269,7 +269,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
     try:
         *_, last = resting.moments(flat, memory)
     except Stopped as ending:
-        raise InputError("must leave the film at rest before the signal begins: it pulls in after "
+        raise InputError("must leave the film at rest before the signal begins: pull-in after "
                          f"{ending.time:.4g} s", key="mass", given=f"{case.mass:g} kg") from None
     return transient, last.state, last.memory
 
@@ -327,8 +327,8 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     if done.stopped is not None:
         warnings.append(str(done.stopped))
     if done.slack is not None:
-        warnings.append(f"the film loses tension and wrinkles from {done.slack:.4g} s on; its "
-                        "branches then resist compression")
+        warnings.append(f"loss of tension from {done.slack:.4g} s on: the film wrinkles, and its "
+                        "branches resist compression")
     loop = area = None
     if period is not None and done.stopped is None:
         loop, area = done.last_loop(case.signal, period, done.deflection)

@@ -148,7 +148,7 @@ def test_past_pull_in_there_is_nothing_to_draw(tmp_path: Path) -> None:
     gone = tympan.solve(circular(), COARSE, mass="17.9 g", voltage="20 kV")
     assert gone.status == "no_equilibrium"
     assert gone.deflection_m is None
-    with pytest.raises(tympan.InputError, match=r"no film to draw: the film .*(pulls in|thins)"):
+    with pytest.raises(tympan.InputError, match=r"no film to draw: .*(pull-in|thins)"):
         gone.plot(tmp_path / "a.png")
 
 

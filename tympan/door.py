@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
@@ -274,6 +274,7 @@ def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
 @names_arguments()
 @one_thread()
 def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
+              want: Mapping[str, object] | str = "",
               mass: float | str | None = None, voltage: float | str | None = None,
               films: int = 10_000, seed: int = 1, rig: Rig = Rig(),
               pressure: float | str | None = None, settings: Settings = Settings()
@@ -283,14 +284,20 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
     ``tolerances``: a file, :class:`Tolerances`, or the defaults of the film's material. Mass and
     voltage suit the film where they are not given. ``result.quantities["stroke_m"]`` has the
     median, the 5 and 95 % quantiles and the shares of the variance; ``result.reached`` the
-    probability that a film bears the voltage.
+    probability that a film bears the voltage, and ``result.fails`` what the others meet.
+
+    ``want``: bounds as in a file of requirements, ``{"stroke": "2 mm", "deflection": "at most 6
+    mm"}``; ``result.kept`` is the share of the films that keep all of them, and ``result.wanted``
+    has each. A tolerances file may have them in its table ``[want]``.
     """
-    from tympan.studies.tolerance.given import Tolerances
+    from tympan.studies.tolerance.given import Tolerances, asked_bounds
     from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
 
     given = Tolerances() if tolerances is None else _tolerances(tolerances)
-    case = ToleranceCase(specimen, mass=mass, voltage=voltage, tolerances=given, films=films,
-                         seed=seed, rig=rig.pressed(pressure))
+    file = None if isinstance(tolerances, Tolerances) else tolerances
+    case = ToleranceCase(specimen, mass=mass, voltage=voltage, tolerances=given,
+                         wanted=asked_bounds(file, want), films=films, seed=seed,
+                         rig=rig.pressed(pressure))
     return Result(tolerance(case, settings))
 
 

@@ -46,7 +46,8 @@ LimitKind = Literal["pull_in", "thinning"]
 #: A number of a state that is positive up to where something happens to it.
 Margin = Callable[[State], float]
 
-_ENDS: dict[LimitKind, str] = {"pull_in": "pulls in", "thinning": "thins without bound"}
+#: What the outcome says of each kind.
+_ENDS: dict[LimitKind, str] = {"pull_in": "pull-in", "thinning": "the film thins without bound"}
 #: What is said of such a film, still slack under what is named.
 SLACK = ("the film is slack when mounted, and still {}: it has no definite shape; prestretch or "
          "load it more")
@@ -331,7 +332,7 @@ class Ramp:
             # Where the film by itself resists no more, the plate's stiffness passes a pole: its
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
-                return self._ended("pull_in", stable, after, "loses its stability")
+                return self._ended("pull_in", stable, after, "the film loses its stability")
             if abs(self.model.deflection(after.state)) > settings.reach * self.model.high:
                 break
             if branch.subspace is FULL:
@@ -361,11 +362,11 @@ class Ramp:
         beyond = without_mechanism(self.model, self.model.deflection(ahead))
         return Outcome("not_converged", last, beyond or _UNFOLLOWED)
 
-    def _ended(self, kind: LimitKind, last: Solution, critical: PathPoint | None, verb: str = ""
+    def _ended(self, kind: LimitKind, last: Solution, critical: PathPoint | None, words: str = ""
                ) -> Outcome:
         state = last.state if critical is None else critical.state
         return Outcome("no_equilibrium", last,
-                       f"the film {verb or _ENDS[kind]} before the {self._word} is reached",
+                       f"{words or _ENDS[kind]} before the {self._word} is reached",
                        state.load(self.load), self.load, critical, kind)
 
     @property

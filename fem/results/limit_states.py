@@ -1,6 +1,6 @@
 """Limit states: what can happen to a film on the way to its end, each registered once.
 
-A limit state has a margin along a branch, the place where it begins, and its words and mark.
+A limit state has a margin along a branch, the place where it begins, its one label and its mark.
 Whatever lists limits asks :data:`LIMIT_STATES`.
 """
 
@@ -68,26 +68,39 @@ class Sign:
 class LimitState:
     """One kind of limit.
 
-    ``kind`` is its key in results, ``event`` its name along a path. ``field``: at the nodes of
-    every element, least where it begins; ``by_element`` the same by each element alone, whose jumps
-    say how certain it is. ``signs``: it happens where the first of them changes; a snap, which has
-    none, is a limit point beyond which the plate comes to rest again. ``verb`` is said of the film,
-    ``noun`` stands alone, ``sentence`` holds a voltage, ``legend`` is for the picture of a path;
-    ``marker`` is matplotlib's. ``falling``: it is met as the voltage falls, once it was beyond
-    another.
+    ``kind`` is its key in JSON, CSV and Python. ``label`` is the one name of it that people read,
+    on the terminal, in pages, pictures and messages; it contains the words of the key. ``field``:
+    at the nodes of every element, least where it begins; ``by_element`` the same by each element
+    alone, whose jumps say how certain it is. ``signs``: it happens where the first of them changes;
+    a snap, which has none, is a limit point beyond which the plate comes to rest again. ``marker``
+    is matplotlib's. ``falling``: it is met as the voltage falls, once it was beyond another.
+
+    Raises
+    ------
+    ValueError
+        When the label lacks the key's words: nobody could match the two.
     """
 
     kind: str
-    event: str
+    label: str
     field: Callable[[BranchPoint], Array]
     by_element: Callable[[BranchPoint], Array]
     signs: tuple[Sign, ...]
-    verb: str
-    noun: str
-    sentence: str
     marker: str
-    legend: str
     falling: bool = False
+
+    def __post_init__(self) -> None:
+        if self.word not in self.label:
+            raise ValueError(f"the label {self.label!r} must contain {self.word!r}")
+
+    @property
+    def word(self) -> str:
+        """Words of the key as people write them."""
+        return self.kind.replace("_", "-")
+
+    def at(self, where: str) -> str:
+        """Statement that it happens at a load, in words: "pull-in at 3 kV"."""
+        return f"{self.label} at {where}"
 
 
 #: All limit states by kind, the most severe last.
@@ -115,32 +128,21 @@ def _firmness(point: BranchPoint) -> Array:
 
 
 SNAP_THROUGH: LimitState = LIMIT_STATES.register(LimitState(
-    "snap_through", "snap-through", _thinning, _thinning, (),
-    verb="snaps through", noun="snap-through", sentence="snaps through at {}",
-    legend="plate snaps through", marker=">"))
+    "snap_through", "snap-through", _thinning, _thinning, (), ">"))
 
 SNAP_BACK: LimitState = LIMIT_STATES.register(LimitState(
-    "snap_back", "snap-back", _thinning, _thinning, (),
-    verb="snaps back", noun="snap-back as the voltage falls", sentence="snaps back at {}",
-    legend="plate snaps back", marker="<", falling=True))
+    "snap_back", "snap-back", _thinning, _thinning, (), "<", falling=True))
 
 TENSION: LimitState = LIMIT_STATES.register(LimitState(
-    "tension", "tension lost", _tension, _tension, (_least(_tension),),
-    verb="loses tension", noun="the first loss of tension", sentence="loses tension from {} on",
-    legend="tension lost from here", marker="s"))
+    "tension", "loss of tension", _tension, _tension, (_least(_tension),), "s"))
 
 BREAKDOWN: LimitState = LIMIT_STATES.register(LimitState(
-    "breakdown", "breakdown", _strength_left, _strength_left, (_least(_strength_left),),
-    verb="breaks down", noun="breakdown", sentence="would break down from {} on",
-    legend="field reaches the film's strength", marker="X"))
+    "breakdown", "breakdown", _strength_left, _strength_left, (_least(_strength_left),), "X"))
 
 INSTABILITY: LimitState = LIMIT_STATES.register(LimitState(
     "instability", "instability", _firmness, lambda point: point.rough_firmness,
-    (_least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)),
-    verb="gives way", noun="the film's own instability", sentence="gives way in itself at {}",
-    legend="film gives way in itself", marker="D"))
+    (_least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)), "D"))
 
 PULL_IN: LimitState = LIMIT_STATES.register(LimitState(
-    "pull_in", "limit", _thinning, _thinning,
-    (Sign(lambda point: point.growth, of_state=False, local=False),),
-    verb="pulls in", noun="pull-in", sentence="pulls in at {}", legend="limit point", marker="x"))
+    "pull_in", "pull-in", _thinning, _thinning,
+    (Sign(lambda point: point.growth, of_state=False, local=False),), "x"))

@@ -138,15 +138,15 @@ ImplicitStep = tuple[Moment, Tangent | None]
 
 
 class Stopped(ArithmeticError):
-    """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound.
+    """The motion goes no further than a ``time`` [s]: by pull-in, or as the film thins.
 
     ``why``: what ends in place of the film, in words.
     """
 
     def __init__(self, kind: Literal["pull_in", "thinning"], time: float, why: str = "") -> None:
-        word = "pulls in" if kind == "pull_in" else "thins without bound"
+        words = "pull-in" if kind == "pull_in" else "the film thins without bound"
         super().__init__(f"{why}, after {time:.4g} s" if why else
-                         f"the film {word} after {time:.4g} s; lower the voltage")
+                         f"{words} after {time:.4g} s; lower the voltage")
         self.kind, self.time, self.why = kind, time, why
 
 

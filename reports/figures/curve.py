@@ -101,15 +101,14 @@ class VoltageCurve:
             if not len(self.voltage):
                 return "no equilibrium"
             return f"no limit up to {self.voltage[-1]:.4g} kV"
-        words = f"{first.state.verb} at {first.text} (the limit)"
+        words = f"{first.words} (the limit)"
         if last is None:
             return f"{words}, followed to {self.voltage[-1]:.4g} kV"
-        verb = "thins without bound" if limits.thins else last.state.verb
         if last == first:
             return words
         if last.voltage_V == first.voltage_V:
-            return f"{first.state.verb} and {verb} at {first.text} (the limit)"
-        return f"{words}, {verb} at {last.text}"
+            return f"{first.state.label} and {last.words} (the limit)"
+        return f"{words}, {last.words}"
 
     @cached_property
     def parts(self) -> tuple[Points, Points, Points]:
@@ -345,7 +344,7 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str, count: 
         silent = limits.thins and (limit.kind == PULL_IN.kind or (
             limit.kind == INSTABILITY.kind and limits.tension is not None
             and limit.voltage_V == limits.tension.voltage_V))
-        _mark(axes, curve, limit, "" if silent else limit.state.verb, colour)
+        _mark(axes, curve, limit, "" if silent else limit.state.label, colour)
     if limits.end is None and limits.instability is None:
         _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
 

@@ -111,7 +111,10 @@ def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
     title = "orange: binds"
     title += "; diamond: now" * any(each.given is not None for each in bounded)
     title += "" if film.reached is None else f"; line: {100 * result.share:g} % of films"
-    style.describe(axes, "value over bound", "", title)
+    # What copies fail of that bear their voltage not at all has no bar.
+    fails = ", ".join(f"{each.label} {100 * each.share.probability:.3g} %" for each in film.fails)
+    below = f"\nfilms that fail before: {fails}" if fails else ""
+    style.describe(axes, f"value over bound{below}", "", title)
 
 
 def _share(each: DesignedQuantity, value: float | None) -> float | None:

@@ -22,8 +22,6 @@ _TOP = 8.0
 #: Room between two axes beside each other, for the second one's numbers [mm].
 _GAP = 20.0
 
-#: Limit states by their events.
-_STATES = {state.event: state for state in LIMIT_STATES.values()}
 Scaled = tuple[str, str, float]  #: a quantity's words, its name in a station, and 1 / its unit
 _NAMES: dict[Along, Scaled] = {
     "voltage": ("film voltage (kV)", "voltage_V", 1e-3), "charge": ("charge (µC)", "charge_C", 1e6),
@@ -73,8 +71,8 @@ def _panel(axes: Axes, result: PathResult, across: Scaled, up: Scaled, title: st
             axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2,
                       label=label if number == 0 else None)
     for event in result.events:
-        state = _STATES[event.what]
-        words = f"{state.legend}: {event.value_text}"
+        state = LIMIT_STATES[event.what]
+        words = state.at(event.value_text)
         shown = axes.get_legend_handles_labels()[1]
         axes.plot(*places([event.station]), state.marker, color="#303030", markersize=4.5,
                   markerfacecolor="white", zorder=4, linestyle="none",

@@ -9,12 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.tolerance.result import QUANTITIES, Spread, ToleranceResult
+from tympan.studies.tolerance.result import QUANTITIES, Chance, Spread, ToleranceResult
 
 #: Width of an axis [mm].
 _WIDTH = 56.0
 #: Height of an axis [mm].
 _HEIGHT = 30.0
+#: Height of a row of shares of films [mm].
+_ROW = 5.0
+#: Room for the names of these rows [mm].
+_NAMES = 58.0
 #: Room between histogram and shares, for the names of these [mm].
 _GAP = 32.0
 #: Ends of the axis of films that are all alike, over their value.
@@ -33,15 +37,41 @@ def draw_tolerance(result: ToleranceResult, folder: Path) -> list[Path]:
 
 
 def _compose(result: ToleranceResult) -> Figure:
-    row = style.TITLE + _HEIGHT + style.AXIS
-    figure = style.new_figure(row * len(result.quantities),
-                              style.LEFT + 2 * _WIDTH + _GAP + style.RIGHT)
+    row, films = style.TITLE + _HEIGHT + style.AXIS, _ROW * len(_film_rows(result))
+    above, width = style.TITLE + films + style.AXIS, 2 * _WIDTH + _GAP
+    figure = style.new_figure(above + row * len(result.quantities),
+                              style.LEFT + width + style.RIGHT)
+    draw_films(style.place_axes(figure, style.LEFT + _NAMES, style.TITLE, width - _NAMES, films),
+               result)
     for number, (name, spread) in enumerate(result.quantities.items()):
-        top = number * row + style.TITLE
+        top = above + number * row + style.TITLE
         draw_histogram(style.place_axes(figure, style.LEFT, top, _WIDTH, _HEIGHT), name, spread)
         _draw_shares(style.place_axes(figure, style.LEFT + _WIDTH + _GAP, top, _WIDTH, _HEIGHT),
                      spread)
     return figure
+
+
+def _film_rows(result: ToleranceResult) -> list[tuple[str, Chance, str]]:
+    """Shares of films with their names and colours: what they bear, meet and keep."""
+    rows = [(f"reach {result.voltage_V / 1e3:.4g} kV", result.reached, style.PALETTE[0])]
+    rows += [(f"meet {failure.label} before", failure.share, style.PALETTE[1])
+             for failure in result.fails]
+    rows += [(each.text, each.kept, style.PALETTE[0]) for each in result.wanted]
+    return rows if result.kept is None else [*rows, ("all together", result.kept,
+                                                     style.PALETTE[0])]
+
+
+def draw_films(axes: Axes, result: ToleranceResult) -> None:
+    """Shares of films that bear their voltage, fail before it, and keep wanted bounds."""
+    rows = _film_rows(result)[::-1]
+    for number, (_, chance, colour) in enumerate(rows):
+        axes.barh(number, 100 * chance.probability, 0.6, color=colour)
+        axes.plot([100 * chance.low, 100 * chance.high], [number] * 2, color=style.GREY,
+                  linewidth=0.9)
+    axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
+    style.describe(axes, "share of the films (%)", "", "line: 95 % limits")
+    axes.set_xlim(0, 100)
+    axes.set_ylim(-0.5, len(rows) - 0.5)
 
 
 def draw_histogram(axes: Axes, name: str, spread: Spread) -> None:

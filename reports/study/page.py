@@ -170,14 +170,14 @@ def stroke(name: str, curve: VoltageCurve, low: float, high: float) -> dict[str,
     """Travel of one plate [mm] between two voltages [kV], or to the film's first limit."""
     end = float(curve.voltage[-1]) if len(curve.voltage) else -1.0
     if end < low:
-        trouble = "it pulls in at once" if len(curve.voltage) else "no equilibrium"
+        trouble = "pull-in at once" if len(curve.voltage) else "no equilibrium"
         return {"name": name, "trouble": trouble}
     limit = curve.first
     if limit is None or limit.voltage_V >= 1e3 * high:
         return {"name": name, "trouble": "", "limit": None, "end": min(end, high),
                 "stroke": curve.at(min(end, high)) - curve.at(low)}
     if limit.voltage_V < 1e3 * low:
-        return {"name": name, "trouble": f"it {limit.state.verb} at {limit.text}"}
+        return {"name": name, "trouble": limit.words}
     return {"name": name, "trouble": "", "limit": limit,
             "stroke": curve.deflection_at(limit) - curve.at(low)}
 
@@ -211,7 +211,7 @@ def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
         yield _say("no_result", name, curve.mass, unsolved)
     for limit in curve.limits.told:
         if limit.advice:
-            yield _say("unresolved", name, curve.mass, limit.state.sentence.format(limit.text),
+            yield _say("unresolved", name, curve.mass, limit.words,
                        limit.advice)
     if curve.limits.end is None and curve.limits.instability is None:
         yield _say("ended", name, curve.mass, curve.limits.ended)

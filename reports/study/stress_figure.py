@@ -188,7 +188,7 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
         sample.set_axis_off()
         sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black",
                                    hatch="//////", linewidth=0.6))
-        _write(figure, right + 9.5, top + 15.5, "tension lost", va="center")
+        _write(figure, right + 9.5, top + 15.5, "loss of tension", va="center")
 
 
 def stress_label(scale: AxisScale) -> str:

@@ -114,8 +114,8 @@ class SweepView:
 
     @cached_property
     def beyond(self) -> dict[str, list[bool]]:
-        """Noun of each limit that some case is beyond, at its voltage or before, and which are."""
-        return {LIMIT_STATES[limit].noun: cases.values.ravel().tolist()
+        """Label of each limit that some case is beyond, at its voltage or before, and which are."""
+        return {LIMIT_STATES[limit].label: cases.values.ravel().tolist()
                 for limit, cases in beyond_limits(self.table).items()}
 
     @cached_property

@@ -19,7 +19,7 @@ from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.front import front
-from tympan.studies.design.quantities import QUANTITIES, TENSION
+from tympan.studies.design.relaxed import RELAXED, Relaxed, attained, ends_at, gain_of
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.result import (
     DesignedFilm,
@@ -37,11 +37,12 @@ from tympan.studies.design.scatter import (
     missed_exactly,
     of_share,
 )
-from tympan.studies.design.search import KEPT, Search, value_of
+from tympan.studies.design.search import KEPT, Search, common_share, value_of
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent
 from tympan.studies.parallel import mapped
-from tympan.studies.tolerance.tolerance import chance
+from tympan.studies.tolerance.result import Chance, FilmFailure
+from tympan.studies.wanted import QUANTITIES, TENSION, Quantity
 
 Array = NDArray[Any]
 
@@ -59,12 +60,8 @@ _NEAR = 2e-2
 _AIMED = 0.9
 #: Shares of the allowed failing films between which the margins stay as they are.
 _NEARLY = (0.75, 0.96)
-#: Change of a bound for which it is told what it costs.
-_RELAXED = 0.01
 #: Rounds after which margins go half the way: two films may call each for the margins of the other.
 _DAMPED = 3
-#: Designs of which is looked at what a bound that cannot be kept may be instead.
-_EASED = 3
 #: Rounds without a film that keeps all bounds before most of the films shall, whichever they are.
 _IN_VAIN = 2
 #: Factors between which the share that may fail each bound changes at once.
@@ -73,8 +70,6 @@ _LEVEL_STEP = (0.7, 1.4)
 _BEYOND = 4
 #: Ranges about such a film, as a share of those asked for.
 _ABOUT = 0.3
-#: Distance of the neighbours by which that is seen, as a share of the ranges.
-_NEIGHBOUR = 0.02
 #: By what share of itself the aim must get better there.
 _BETTER = 1e-3
 #: Quantities that are told of every film.
@@ -88,6 +83,7 @@ class Sought:
 
     ``off``: by what share of each bound reduced films are better than finite elements; ``priced``:
     what a share of each bound costs of the aim, (bounds,), where the search's end does not say.
+    ``relaxed``: weaker bounds, each of which alone would do, by the keys of those they replace.
     """
 
     search: Search
@@ -97,6 +93,7 @@ class Sought:
     off: Mapping[str, float] = field(default_factory=dict)
     films: ScatteredFilms | None = None
     priced: Array | None = None
+    relaxed: Mapping[str, Relaxed] = field(default_factory=dict)
 
     @property
     def prices(self) -> Array:
@@ -129,16 +126,13 @@ class Sought:
             return False
         if self.inner_ends or self.end.status != "no_progress":
             return bool(self.inner_ends)
-        space = self.search.space
-        x = self.end.x[: len(space.variables)]
-        around = np.clip(x + _NEIGHBOUR * np.concatenate([np.eye(len(x)), -np.eye(len(x))]), 0, 1)
-        return not space.films(space.values(around)).sound.all()
+        return not ends_at(self.search.space, self.end.x).known
 
     @property
     def aim(self) -> float:
         """Quantity that was to be largest."""
         assert self.end.here is not None
-        return self.end.here.value
+        return self.end.here.value if self.search.best else common_share(self.end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +195,7 @@ def design(requirements: Requirements, settings: Settings = Settings(),
 def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) -> _Kind | FailedKind:
     """The best film of one kind; if it is the only one and has none, the reason is raised."""
     try:
-        sought = _sought(DesignSpace.of(requirements, specimen, settings), settings)
+        sought = sought_in(DesignSpace.of(requirements, specimen, settings), settings)
     except InputError as error:
         case = Case(specimen, mass=requirements.mass, voltage=requirements.voltage,
                     rig=requirements.rig)
@@ -213,7 +207,7 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
     # A process has a family's films to send where others are sought between them alone.
     space, values, exact = sought.search.space, sought.values, sought.exact
     assert exact is not None
-    return _Kind(_film(sought, specimen), space.built(values), space.rig(values),
+    return _Kind(designed_film(sought, specimen), space.built(values), space.rig(values),
                  [*_edge(sought), *exact.warnings], None if requirements.front is None else sought)
 
 
@@ -227,12 +221,51 @@ def _edge(found: Sought) -> list[str]:
             "better film is possible. Search again with narrower ranges about this film"]
 
 
-def _sought(space: DesignSpace, settings: Settings) -> Sought:
-    """The best film of a space, with margins for what scatters and for what reduced films miss."""
+def sought_in(space: DesignSpace, settings: Settings) -> Sought:
+    """The best film of a space; where none keeps all bounds, the nearest and what could be kept."""
     requirements = space.requirements
     search = Search(space, requirements.kept(space.specimen), requirements.best)
-    found = _checked(_beyond(_settled(search, search.starts()), settings), settings)
+    found = _beyond(_settled(search, search.starts()), settings)
+    found = _with_margins(_checked(found, settings), settings)
+    return found if found.possible else _relaxed(found, settings)
+
+
+def _relaxed(found: Sought, settings: Settings) -> Sought:
+    """The nearest film with what each bound that binds may be instead, all others kept.
+
+    Where that is no weaker than what was asked for, there is a film that keeps all bounds, after
+    all: the search goes on from it, and nothing is said where it does not keep them at the end.
+    """
+    relaxed = dict[str, Relaxed]()
+    for (key, bound), price in zip(found.search.bounds.items(), found.prices, strict=True):
+        if not price > 0 or key == TENSION:
+            continue
+        best = attained(found.search, bound, found.end.x, found.off, found.films is not None)
+        if best is None:
+            continue
+        weaker = bound.relaxed_to(best.value)
+        if weaker is not None:
+            relaxed[key] = Relaxed(weaker, ends_at(found.search.space, best.x))
+        elif bound.kept_by(best.value):
+            again = _from(found, best.x, settings)
+            if again.possible:
+                return again
+    return replace(found, relaxed=relaxed)
+
+
+def _from(found: Sought, x: Array, settings: Settings) -> Sought:
+    """The best film from one at shares x of the ranges that seems to keep all bounds."""
+    if found.films is not None:
+        return _kept_by_most(replace(found, end=replace(found.end, x=x)), settings)
+    best = found.search.space.requirements.best
+    again = _settled(replace(found.search, best=best), x[None])
+    return _with_margins(_checked(again, settings), settings)
+
+
+def _with_margins(found: Sought, settings: Settings) -> Sought:
+    """A film with margins for what scatters and for what reduced films miss."""
     space = found.search.space
+    requirements = space.requirements
     failing, points = 1 - requirements.share, drawn(space, _DRAWN, 1) if space.scatter else None
     level, shifts, vain = _AIMED * failing, dict[str, float](), 0
     kept: Sought | None = None
@@ -303,9 +336,7 @@ def _beyond(found: Sought, settings: Settings) -> Sought:
 def _checked(found: Sought, settings: Settings) -> Sought:
     """The film with its finite elements, and what reduced films are off by these."""
     space, values, search = found.search.space, found.values, found.search
-    requirements = space.requirements
-    exact = ExactFilm(space.built(values), space.load(values), space.voltage(values),
-                      space.rig(values), settings, requirements.margin)
+    exact = space.exact(values, settings)
     reduced = replace(search, shifts={}).missed(space.films(values[None]))[0]
     by_elements = missed_exactly(search, exact)
     off = by_elements - reduced if np.isfinite(by_elements).all() else np.zeros(len(reduced))
@@ -316,7 +347,7 @@ def _judged(found: Sought) -> Sought:
     """The film with others about it, by which it is possible or not."""
     space = found.search.space
     films = ScatteredFilms.of(found.search, found.values, drawn(space, _JUDGED, 2))
-    enough = chance(films.kept(found.off)).high >= space.requirements.share
+    enough = Chance.of(films.kept(found.off)).high >= space.requirements.share
     return replace(found, films=films, possible=found.possible and enough)
 
 
@@ -355,41 +386,45 @@ def _settled(search: Search, starts: Array) -> Sought:
     if end is None or end.here is None:
         raise InputError("has no film in the ranges of [vary] that bears its load and voltage",
                          key="vary", given=search.space.specimen.name)
-    possible = end.here.value >= -KEPT
+    possible = common_share(end) >= -KEPT
     if not (possible and search.best):
         return Sought(common, end, possible)
     best = search.from_start(end.x[:-1])
     return Sought(search, best, possible=best.here is not None and best.status != "infeasible")
 
 
-def _film(found: Sought, given: Specimen) -> DesignedFilm:
+def designed_film(found: Sought, given: Specimen) -> DesignedFilm:
     """The film as it is stored, beside the given one."""
     space, values = found.search.space, found.values
     status: DesignStatus = "met" if found.possible else "impossible"
-    reached = None
+    reached, fails = None, tuple[FilmFailure, ...]()
     if found.films is not None:
-        reached = chance(found.films.kept(found.off))
+        reached = Chance.of(found.films.kept(found.off))
+        fails = FilmFailure.of(found.films.films, found.films.lost, space.voltage(values))
     return DesignedFilm(
         specimen=space.specimen.name, status=status, specimen_file="", rig_file="",
         mass_kg=space.load(values), voltage_V=space.voltage(values), aim=found.aim,
-        numbers=_numbers(found), quantities=tuple(_quantities(found, given)), reached=reached)
+        numbers=_numbers(found), quantities=tuple(_quantities(found, given)), reached=reached,
+        fails=fails)
 
 
 def _numbers(found: Sought) -> dict[str, DesignedNumber]:
     space, end = found.search.space, found.end
+    ends = ends_at(space, end.x)
     numbers = {}
     for number, (each, value) in enumerate(zip(space.asked, found.values, strict=True)):
-        low_side = end.x[number] < 0.5
         price = 0.0
         if end.multipliers is not None and number not in found.inner_ends:
             price = float(end.multipliers.bounds[number])
-        bound = each.low if low_side else each.high
-        share = _RELAXED * abs(bound) / (each.high - each.low)
-        at_bound = bool(price)
+        bound = each.low if end.x[number] < 0.5 else each.high
+        # A range whose end is 0 is no wider by a share of that.
+        share = RELAXED * abs(bound) / (each.high - each.low)
+        kind = ends.numbers.get(each.key)
         numbers[each.key] = DesignedNumber(
             value=float(value), low=each.low, high=each.high,
-            unit=DIMENSIONS[each.dimension].si if each.dimension else "1", at_bound=at_bound,
-            relaxing=abs(price) * share / _scale(found) if at_bound else None)
+            unit=DIMENSIONS[each.dimension].si if each.dimension else "1",
+            end="range" if price else kind,
+            relaxing=abs(price) * share / _scale(found) if price and share else None)
     return numbers
 
 
@@ -399,89 +434,64 @@ def _scale(found: Sought) -> float:
 
 
 def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
+    """Numbers of a film: of all bounds, and of quantities without one."""
     search, exact = found.search, found.exact
     assert exact is not None
     now = replace(exact, specimen=given) if search.space.hold(given) else None
-    prices = found.prices
-    keys = dict.fromkeys((*search.bounds, *_TOLD, *filter(None, [search.space.requirements.best]),
-                          *(search.space.requirements.front or ())))
-    reduced = search.space.films(found.values[None])
+    films = search.space.films(found.values[None]), exact, now
+    bounded = {bound.name for bound in search.bounds.values()}
+    others = {*_TOLD, *filter(None, [search.space.requirements.best]),
+              *(search.space.requirements.front or ())} - bounded
+    prices = dict(zip(search.bounds, found.prices.tolist(), strict=True))
     told = []
-    for key in QUANTITIES:
-        if key not in keys:
-            continue
-        quantity = QUANTITIES[key]
-        price = 0.0
-        if key in search.bounds:
-            price = float(prices[list(search.bounds).index(key)])
-        told.append(DesignedQuantity(
-            name=key, unit=quantity.unit, sense="at least" if quantity.gain else "at most",
-            bound=search.bounds.get(key), value=_one(quantity.of(exact)),
-            reduced=_one(quantity.of(reduced)), reached=_reached(found, key),
-            given=None if now is None else _one(quantity.of(now)), binding=price > 0,
-            relaxing=price * _eased(found, key) / _scale(found) if price > 0 else None,
-            attainable=_attainable(found, key) if price > 0 and not found.possible else None))
+    for name, quantity in QUANTITIES.items():
+        if name in others:
+            reduced, value, before = (_one(quantity, each) for each in films)
+            told.append(DesignedQuantity(
+                name=name, unit=quantity.unit, bound=None, value=value,
+                sense="at least" if quantity.gain else "at most",
+                reduced=reduced, given=before,
+                reached=_reached(found, name, bool(quantity.gain))))
+        for key, bound in search.bounds.items():
+            if bound.name == name:
+                told.append(_bounded(found, key, prices[key], films))
     return told
 
 
-def _one(values: Array) -> float | None:
-    value = float(values[0])
+def _bounded(found: Sought, key: str, price: float, films: tuple[Any, ...]) -> DesignedQuantity:
+    """A bound, with what the film has, what its copies keep, and what the bound costs."""
+    bound, space = found.search.bounds[key], found.search.space
+    reduced, value, before = (_one(bound.quantity, each) for each in films)
+    kept = None if found.films is None else found.films.kept_each(found.off).get(key)
+    share = None if kept is None else Chance.of(kept)
+    missed = value is not None and not bound.kept_by(value)
+    if share is not None:
+        missed = share.high < space.requirements.share
+    weaker = found.relaxed.get(key)
+    gain = gain_of(found.search, bound, found.values, price) if price > 0 else None
+    return DesignedQuantity(
+        name=bound.name, unit=bound.quantity.unit, sense=bound.sense, bound=bound.value,
+        value=value, reduced=reduced, given=before,
+        reached=_reached(found, bound.name, bound.least), kept=share, missed=missed,
+        binding=price > 0, relaxing=None if gain is None else gain / _scale(found),
+        attainable=None if weaker is None else weaker.bound.value,
+        attainable_ends={} if weaker is None else weaker.ends.numbers)
+
+
+def _one(quantity: Quantity, films: Any) -> float | None:
+    """A quantity of one film, if it has it."""
+    if films is None:
+        return None
+    value = float(quantity.of(films)[0])
     return value if np.isfinite(value) else None
 
 
-def _reached(found: Sought, key: str) -> float | None:
-    """Value of a quantity that the share of the films reach."""
-    quantity, share = QUANTITIES[key], found.search.space.requirements.share
-    if found.films is None or not quantity.scatters or key == TENSION:
+def _reached(found: Sought, name: str, least: bool) -> float | None:
+    """Value of a quantity that the share of the films reach; None where fewer have it at all."""
+    quantity, share = QUANTITIES[name], found.search.space.requirements.share
+    if found.films is None or not quantity.scatters or name == TENSION:
         return None
     values = quantity.of(found.films.films)
-    if not np.isfinite(values).any():
-        return None
-    values = np.where(np.isfinite(values), values, 0.0 if quantity.gain else np.inf)
-    value = of_share(values, share, gain=quantity.gain)
+    values = np.where(np.isfinite(values) & ~found.films.lost, values, -np.inf if least else np.inf)
+    value = of_share(values, share, gain=least)
     return value if np.isfinite(value) else None
-
-
-def _eased(found: Sought, key: str) -> float:
-    """Fall of c where a bound is relaxed by 1 %."""
-    if key != TENSION:
-        return _RELAXED
-    space = found.search.space
-    eased_margin = (1 - _RELAXED) * space.requirements.margin
-    bounds = {**space.requirements.bounds, TENSION: eased_margin}
-    eased = replace(space, requirements=replace(space.requirements, bounds=bounds))
-    c = [float(Search(each, {TENSION: 1.0}, "").missed(each.films(found.values[None]))[0, 0])
-         for each in (space, eased)]
-    return c[0] - c[1]
-
-
-def _attainable(found: Sought, key: str) -> float | None:
-    """The best bound that could be kept with all others."""
-    search, quantity = found.search, QUANTITIES[key]
-    if key == TENSION:
-        return None
-    space, size = search.space, len(search.space.variables)
-    sign, missed = 1 if quantity.gain else -1, found.off[key] * search.bounds[key]
-    others = {other: bound for other, bound in search.bounds.items() if other != key}
-    alone = replace(search, bounds=others, best=key)
-    starts = np.concatenate([found.end.x[None, :size], alone.starts()])
-    if found.films is None or not quantity.scatters:
-        ended = alone.found(starts)
-        if ended is None or ended.status == "infeasible":
-            return None
-        value = float(quantity.of(space.films(space.values(ended.x)[None]))[0])
-        return value - sign * missed
-    share, points, values = space.requirements.share, drawn(space, _DRAWN, 1), found.values
-    reached = list[float]()
-    for _ in range(_EASED):
-        films = ScatteredFilms.of(search, values, points)
-        attained = films.attained(key, found.off, share)
-        reached += [] if attained is None else [attained - sign * missed]
-        # Half of the films that may fail do so by each of the other bounds.
-        shifts = films.shifts(values, (1 - share) / 2)
-        ended = replace(alone, shifts={other: shifts.get(other, 0.0) + found.off[other]
-                                       for other in others}).found(starts)
-        if ended is None or ended.status == "infeasible":
-            break
-        starts, values = ended.x[None], space.values(ended.x)
-    return max(reached, key=lambda value: sign * value, default=None)

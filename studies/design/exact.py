@@ -16,9 +16,10 @@ from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import Fields, node_fields
+from tympan.fem.results.limit_states import BREAKDOWN
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, build_model, state_warnings
+from tympan.studies.case import Case, Limit, Settings, build_model, state_warnings
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried, heaving_frequency
 
@@ -35,7 +36,7 @@ _NUMBERS = re.compile(r"\d[\d.e+-]*")
 class ExactFilm:
     """A film under a nominal mass [kg] and voltage [V].
 
-    It is :class:`~tympan.studies.design.quantities.Loaded` of one film.
+    It is :class:`~tympan.studies.wanted.Loaded` of one film.
 
     ``amplifier``: factor on what the rig makes of the voltage; ``margin`` of the third state;
     ``strength``: factor on the electric strength.
@@ -110,6 +111,10 @@ class ExactFilm:
         return self._row([self._model.deflection(each.state) for each in self.outcomes])
 
     @property
+    def capacitance(self) -> Array:
+        return self._row([float(self._model.capacitance(each.state)) for each in self.outcomes])
+
+    @property
     def force(self) -> Array:
         _, push, _ = acting(self._model.loading.biases, self.deflection)
         return np.asarray(self._load - push)
@@ -156,7 +161,14 @@ class ExactFilm:
         return np.array([min(np.nan if each is None else each for each in found)])
 
     @cached_property
+    def _limits(self) -> tuple[Limit, ...]:
+        return limits(self._case, self.settings).reached
+
+    @property
     def limit(self) -> Array:
-        reached = limits(self._case, self.settings).reached
-        ends = [each.voltage_V for each in reached if each.kind != "breakdown"]
+        ends = [each.voltage_V for each in self._limits if each.kind != BREAKDOWN.kind]
         return np.array([min(ends, default=np.inf) / self.nominal])
+
+    @property
+    def first_limit(self) -> Array:
+        return np.array([min((each.voltage_V for each in self._limits), default=np.inf)])

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.design.quantities import QUANTITIES
 from tympan.studies.design.result import DesignFront, FrontFilm
 from tympan.studies.design.search import Search
 from tympan.studies.design.sqp import Descent
+from tympan.studies.wanted import QUANTITIES, Bound
 
 Array = NDArray[Any]
 
@@ -38,8 +38,9 @@ def front(search: Search, x: Array, pair: tuple[str, str]) -> DesignFront | None
     low, high = (_values(search, place, pair)[1] for place in places)
     found = [places[0]]
     for level in low + (high - low) * np.append(np.linspace(0, 1, _FILMS)[1:-1], _NEARLY):
-        bounded = replace(search, best=first, bounds={**search.bounds, second: float(level)},
-                          shifts={**search.shifts, second: 0.0})
+        bound = Bound(second, float(level), bool(QUANTITIES[second].gain))
+        bounded = replace(search, best=first, bounds={**search.bounds, bound.key: bound},
+                          shifts={**search.shifts, bound.key: 0.0})
         end = bounded.found(np.array([found[-1], places[1]]))
         if end is not None and _kept(end):
             found.append(end.x)

@@ -15,15 +15,24 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import checks_types, field_at, fields_of, read
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
-from tympan.studies.design.quantities import BREAKDOWN, QUANTITIES, TENSION
 from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
 from tympan.studies.paper.actuators import FILES
 from tympan.studies.tolerance.given import Tolerances
+from tympan.studies.wanted import (
+    BREAKDOWN,
+    QUANTITIES,
+    TENSION,
+    Bound,
+    by_key,
+    table_bounds,
+)
 
 #: Words for the one quantity that shall be as good as can be.
 _BEST = {True: "largest", False: "least"}
+#: Quantities that a search can keep or make best.
+SOUGHT = {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
 #: Loads that may vary; without them there is nothing to be designed.
 LOADS: dict[str, Rule] = {
     "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
@@ -44,8 +53,8 @@ _FORMER = {
                  "now, beside the best film",
     "start": "is no longer a key: the search begins at the best of random films in the ranges of "
              "[vary]; leave it out",
-    "pull_in_margin": "is no longer a quantity: write tension_margin, the voltage at which the "
-                      "film first loses tension or pulls in, over its voltage"}
+    "pull_in_margin": "is no longer a quantity: write tension_margin, the voltage of the "
+                      "film's first loss of tension or pull-in, over its voltage"}
 #: Said of a file without wants, as those of `tympan optimise` were.
 _NO_WANT = ('is missing: write a table [want], such as stroke = "largest" and bounds: '
             'tension_margin = 1.2, frame_area = "100 cm^2"')
@@ -62,9 +71,9 @@ _LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers
 class Requirements:
     """Bounds that 95 % of the films keep, and one quantity that shall be as good as can be.
 
-    ``specimens``: one for each kind that is tried; what does not vary is theirs. ``bounds`` [SI] by
-    the keys of :data:`~tympan.studies.design.quantities.QUANTITIES`; ``best``: one of these, ""
-    for the film that keeps all bounds by the largest common share. ``mass`` [kg] and the supply's
+    ``specimens``: one for each kind that is tried; what does not vary is theirs. ``bounds`` by
+    their keys; ``best``: one of :data:`SOUGHT`, "" for the film that keeps all bounds by the
+    largest common share. ``mass`` [kg] and the supply's
     ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
     ``front``: two quantities between whose best films others are sought.
     """
@@ -74,7 +83,7 @@ class Requirements:
     mass: float
     voltage: float
     variables: Mapping[str, tuple[Vary, ...]]
-    bounds: Mapping[str, float]
+    bounds: Mapping[str, Bound]
     best: str = ""
     rig: Rig = field(default_factory=Rig)
     tolerances: Tolerances | None = field(default_factory=Tolerances)
@@ -116,19 +125,21 @@ class Requirements:
     @property
     def margin(self) -> float:
         """Voltage that a film must bear without loss of tension, over its own."""
-        return self.bounds.get(TENSION, 1.0)
+        bound = self.bounds.get(TENSION)
+        return 1.0 if bound is None else bound.value
 
     @property
     def swings(self) -> bool:
         """Whether frequencies are asked for."""
-        return "frequency" in (*self.bounds, self.best, *(self.front or ()))
+        names = (bound.name for bound in self.bounds.values())
+        return "frequency" in (*names, self.best, *(self.front or ()))
 
-    def kept(self, specimen: Specimen) -> dict[str, float]:
+    def kept(self, specimen: Specimen) -> dict[str, Bound]:
         """All bounds of a specimen: its film bears the voltage, whatever else is wanted."""
-        always = {TENSION: 1.0}
+        always = [TENSION]
         if specimen.membrane.strength is not None:
-            always[BREAKDOWN] = 1.0
-        return {**always, **self.bounds}
+            always.append(BREAKDOWN)
+        return {**by_key(Bound(name, 1.0, True) for name in always), **self.bounds}
 
 
 def _refuse_former(table: Table) -> None:
@@ -263,37 +274,47 @@ def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
     return {**found, **dict.fromkeys(_BESIDE, ())}
 
 
-def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, float], str]:
-    """Bounds, and the quantity that is to be best."""
-    bounds: dict[str, float] = {}
+def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, Bound], str]:
+    """Bounds by their keys, and the quantity that is to be best."""
+    bounds: dict[str, Bound] = {}
     best = ""
     for inner in (table.table("want"), table.table("limits", {})):
         _refuse_former(inner)
+        rest = dict(inner.data)
         for key, given in inner.data.items():
             if key not in QUANTITIES:
-                raise inner.error(key, one_of(key, QUANTITIES), given)
+                raise inner.error(key, one_of(key, SOUGHT), given)
             quantity = QUANTITIES[key]
+            if not quantity.sought:
+                raise inner.error(key, f"is not searched for: write {TENSION} and {BREAKDOWN}, the "
+                                       "voltages of these limits over the film's", given)
             if key == BREAKDOWN and any(each.membrane.strength is None for each in specimens):
                 raise inner.error(key, "needs films whose electric strength is known "
                                        "(membrane.breakdown)")
-            if key == TENSION and given in _BEST.values():
+            if given not in _BEST.values():
+                continue
+            if key == TENSION:
                 raise inner.error(key, "must be a bound, such as 1.2: reduced films are followed "
                                        "no further than to it", given)
-            if given == _BEST[quantity.gain] and inner.where == "want":
-                if best:
-                    raise inner.error(key, f"only one quantity can be best: {best} is", given)
-                best = key
-                inner.asked.add(key)
-                continue
-            if given in _BEST.values():
+            if quantity.gain is None:
+                raise inner.error(key, f"must be a bound, such as {quantity.example}", given)
+            if given != _BEST[quantity.gain] or inner.where != "want":
+                sense = "at least" if quantity.gain else "at most"
                 raise inner.error(key, f'must be "{_BEST[quantity.gain]}" in [want], or a number '
-                                       f"that it is to be {quantity.sense}", given)
-            if key in bounds:
-                raise inner.error(key, "has a bound in [want], too: only one of both", given)
-            bounds[key] = inner.number(key, quantity.dimension, rule=quantity.rule)
-        inner.done()
+                                       f"that it is to be {sense}", given)
+            if best:
+                raise inner.error(key, f"only one quantity can be best: {best} is", given)
+            best = key
+            inner.asked.add(key)
+            del rest[key]
+        found = by_key(table_bounds(replace(inner, data=rest)))
+        twice = next((bound.name for key, bound in found.items() if key in bounds), None)
+        if twice is not None:
+            raise inner.error(twice, "has a bound in [want], too: only one of both",
+                              inner.data[twice])
+        bounds |= found
     if not bounds and not best:
-        raise table.error("want", f"must name at least one of {', '.join(QUANTITIES)}")
+        raise table.error("want", f"must name at least one of {', '.join(SOUGHT)}")
     return bounds, best
 
 
@@ -303,7 +324,8 @@ def _front(table: Table) -> tuple[str, str] | None:
         return None
     pair = table.texts("front")
     for key in pair:
-        known = {name: each for name, each in QUANTITIES.items() if name != TENSION}
+        known = {name: each for name, each in SOUGHT.items()
+                 if name != TENSION and each.gain is not None}
         if key not in known:
             raise table.error("front", one_of(key, known), key)
     if len(pair) != 2 or pair[0] == pair[1]:

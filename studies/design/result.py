@@ -23,11 +23,8 @@ from tympan.studies.files import (
     write_json,
     write_text,
 )
-from tympan.studies.tolerance.result import Chance
-
-#: Relative difference from a bound that is none: reduced films, by which is searched, and finite
-#: elements differ by less.
-_NEAR = 1e-3
+from tympan.studies.tolerance.result import Chance, FilmFailure
+from tympan.studies.wanted import Bound
 
 #: Whether a film keeps all bounds.
 DesignStatus = Literal["met", "impossible"]
@@ -41,10 +38,12 @@ class DesignedNumber:
     low: Annotated[float, Key("lowest that is allowed [SI]")]
     high: Annotated[float, Key("highest that is allowed [SI]")]
     unit: Annotated[str, Key("SI unit; 1 of plain numbers")]
-    at_bound: Annotated[bool, Key("whether it is at one of these")]
+    end: Annotated[Literal["range", "known"] | None, Key(
+        "range where it is at the end of this range, known where it is at the edge of what reduced "
+        "films know; none where it is at neither")]
     relaxing: Annotated[float | None, Key(
-        "by which share of the aim the film gets better if that bound is 1 % wider; none where it "
-        "is at no bound")] = None
+        "by which share of the aim the film gets better if that end of the range is moved out by "
+        "1 % of itself; none where it holds nothing back")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,24 +61,32 @@ class DesignedQuantity:
         "of the given specimen under the same loads, by finite elements [SI]; none where it has "
         "none, or some number of the specimen lies outside its range")] = None
     reached: Annotated[float | None, Key(
-        "what the share of the films reach: at least, or at most; none where nothing scatters or "
-        "it was not asked for")] = None
+        "what the share of the films reach: at least, or at most; none where nothing scatters, it "
+        "was not asked for, or more films do not bear their voltage (fails)")] = None
+    kept: Annotated[Chance | None, Key(
+        "films, drawn with their tolerances, that bear their voltage and keep the bound; none "
+        "where it does not scatter")] = None
+    missed: Annotated[bool, Key(
+        "whether too few films keep the bound; where it does not scatter, the film without "
+        "scatter")] = False
     binding: Annotated[bool, Key("whether the film would be better without this bound")] = False
     relaxing: Annotated[float | None, Key(
         "by which share of the aim the film gets better if the bound is relaxed by 1 %; none where "
-        "it does not bind")] = None
+        "it does not bind, or cannot be relaxed: films bear their voltage")] = None
     attainable: Annotated[float | None, Key(
-        "best value that keeps all other bounds, where a bound that binds cannot be kept [SI]; "
-        "none elsewhere, or where the others cannot be kept either")] = None
+        "weaker bound with which all bounds are kept, where one that binds cannot be [SI]; none "
+        "elsewhere, or where no film was found that keeps the others")] = None
+    attainable_ends: Annotated[Mapping[str, Literal["range", "known"]], Key(
+        "numbers of the film that keeps it that are at an end, by their keys: the end of their "
+        "range, or the edge of what reduced films know")] = field(default_factory=dict)
+
 
     @property
-    def missed(self) -> bool:
-        """Whether the bound is not kept by what the films reach, or by the film without scatter."""
-        judged = self.value if self.reached is None else self.reached
-        if judged is None or self.bound is None:
-            return False
-        beyond = judged - self.bound if self.sense == "at most" else self.bound - judged
-        return beyond > _NEAR * abs(self.bound)
+    def key(self) -> str:
+        """Key among others: the name, with the sense of a bound that is not the usual one."""
+        if self.bound is None:
+            return self.name
+        return Bound(self.name, self.bound, self.sense == "at least").key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,10 +107,13 @@ class DesignedFilm:
     reached: Annotated[Chance | None, Key(
         "films, drawn with their tolerances, that keep all bounds; none where nothing "
         "scatters")] = None
+    fails: Annotated[tuple[FilmFailure, ...], Key(
+        "films that do not bear their voltage, by what they meet first, the most frequent "
+        "first")] = ()
 
     def quantity(self, name: str) -> DesignedQuantity:
-        """A quantity by its name."""
-        return next(each for each in self.quantities if each.name == name)
+        """A quantity by its name, or by its key where it has two bounds."""
+        return next(each for each in self.quantities if name in (each.name, each.key))
 
     @property
     def binding(self) -> tuple[DesignedQuantity, ...]:

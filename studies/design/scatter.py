@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
-from tympan.studies.design.quantities import QUANTITIES, TENSION, misses
 from tympan.studies.design.search import KEPT, Search, value_of
-from tympan.studies.design.space import DesignSpace, FamilyFilms
+from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import (
     Descent,
     DescentSettings,
@@ -29,6 +28,8 @@ from tympan.studies.design.sqp import (
     kkt,
     maximise,
 )
+from tympan.studies.films.loaded import FamilyFilms
+from tympan.studies.wanted import BREAKDOWN, TENSION, Bound
 
 Array = NDArray[Any]
 
@@ -74,13 +75,20 @@ class ScatteredFilms:
     def of(cls, search: Search, designs: Array, points: Array) -> ScatteredFilms:
         """Films about designs of some values, at points from :func:`drawn`."""
         films = search.space.scattered(designs, points)
-        bounds = {key: bound for key, bound in search.bounds.items() if QUANTITIES[key].scatters}
+        bounds = {key: bound for key, bound in search.bounds.items() if bound.quantity.scatters}
         bare = replace(search, bounds=bounds, shifts={})
         missed = bare.missed(films)
         lost = ~np.isfinite(missed).all(1)
         missed[lost] = -np.inf
         missed[lost, list(bounds).index(TENSION)] = _LOST
         return cls(bare, films, missed)
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Mask of films that do not bear their voltage, or that times its margin, (films,)."""
+        with np.errstate(invalid="ignore"):
+            broken = self.films.breakdown[:, 1] > 1
+        return np.asarray((self.missed[:, self.keys.index(TENSION)] > 0) | broken)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -95,10 +103,10 @@ class ScatteredFilms:
         """
         nominal = self.search.missed(self.search.space.films(values[None]))[0]
         found = dict[str, float]()
-        for number, key in enumerate(self.keys):
+        for number, (key, bound) in enumerate(self.search.bounds.items()):
             worst = exceeded(self.missed[:, number], failing)
             change = worst - float(nominal[number])
-            reached = 1 - worst if QUANTITIES[key].gain else 1 + worst
+            reached = 1 - worst if bound.least else 1 + worst
             found[key] = change / reached if key != TENSION and reached > _LITTLE else change
         return found
 
@@ -110,10 +118,10 @@ class ScatteredFilms:
         """
         nominal = self.search.missed(self.search.space.films(values[None]))[0]
         rates, constants = np.ones_like(self.missed), self.missed - nominal
-        for number, key in enumerate(self.keys):
+        for number, (key, bound) in enumerate(self.search.bounds.items()):
             if key == TENSION:
                 continue
-            sign = -1.0 if QUANTITIES[key].gain else 1.0
+            sign = -1.0 if bound.least else 1.0
             copies = self.missed[:, number]
             there = np.isfinite(copies)
             ratio = (1 + sign * copies[there]) / (1 + sign * nominal[number])
@@ -121,9 +129,25 @@ class ScatteredFilms:
             rates[there, number], constants[there, number] = ratio, sign * (ratio - 1)
         return rates.T, constants.T
 
-    def kept(self, off: Mapping[str, float]) -> NDArray[np.bool_]:
-        """Mask of films that keep all bounds, reduced films being ``off`` by so much, (films,)."""
-        return np.asarray((self.missed + self._errors(off) <= 0).all(1))
+    def kept(self, off: Mapping[str, float], but: str = "") -> NDArray[np.bool_]:
+        """Mask of films that keep all bounds ``but`` one, (films,).
+
+        Reduced films are ``off`` by so much.
+        """
+        others = [key != but for key in self.keys]
+        return np.asarray((self.missed + self._errors(off) <= 0)[:, others].all(1))
+
+    def kept_each(self, off: Mapping[str, float]) -> dict[str, NDArray[np.bool_]]:
+        """Masks of films that keep each bound.
+
+        One that does not bear its voltage keeps none but the margin to a limit that it does not
+        meet.
+        """
+        kept = self.missed + self._errors(off) <= 0
+        taut = kept[:, self.keys.index(TENSION)]
+        bears = {TENSION: np.ones_like(taut), BREAKDOWN: taut}
+        return {key: np.asarray(kept[:, number] & bears.get(key, ~self.lost))
+                for number, key in enumerate(self.keys)}
 
     def worst(self, off: Mapping[str, float]) -> Array:
         """Largest share by which each film misses a bound, (films,)."""
@@ -132,13 +156,11 @@ class ScatteredFilms:
     def _errors(self, off: Mapping[str, float]) -> Array:
         return np.array([off.get(key, 0.0) for key in self.keys])
 
-    def attained(self, key: str, off: Mapping[str, float], share: float) -> float | None:
-        """Value of a quantity that the share of the films reach which keep all other bounds."""
-        others = [name != key for name in self.keys]
-        kept = ((self.missed + self._errors(off)) <= 0)[:, others].all(1)
-        quantity = QUANTITIES[key]
-        values = np.where(kept, quantity.of(self.films), -np.inf if quantity.gain else np.inf)
-        value = of_share(values, share, gain=quantity.gain)
+    def attained(self, bound: Bound, off: Mapping[str, float], share: float) -> float | None:
+        """Value of a bound's quantity that the share of the films reach which keep all others."""
+        kept = self.kept(off, but=bound.key)
+        values = np.where(kept, bound.quantity.of(self.films), -np.inf if bound.least else np.inf)
+        value = of_share(values, share, gain=bound.least)
         return value if np.isfinite(value) else None
 
 
@@ -167,7 +189,7 @@ class KeptByMost:
 
     @cached_property
     def _scatters(self) -> NDArray[np.bool_]:
-        return np.array([QUANTITIES[key].scatters for key in self.search.bounds])
+        return np.array([bound.quantity.scatters for bound in self.search.bounds.values()])
 
     def at(self, x: Array) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
@@ -247,7 +269,8 @@ def kept_by_most(search: Search, off: Mapping[str, float], share: float, x: Arra
         found = None if here is None else most.ended(here)
         if found is not None and (best is None or _rank(found) > _rank(best[1])):
             best = most, found
-            end = maximise(most, x, _DESCENT)
+            # The share of a bound by which most films keep all may be next to nothing itself.
+            end = maximise(most, x, _DESCENT if search.best else replace(_DESCENT, unit=1.0))
             x = x if end.here is None else end.x
         elif best is not None:  # films scatter otherwise there: half the way
             x = (x + best[1].x) / 2
@@ -291,4 +314,4 @@ def exceeded(missed: Array, failing: float) -> float:
 
 def missed_exactly(search: Search, film: Any) -> Array:
     """Share by which a film of finite elements misses each bound, (bounds,)."""
-    return np.array([float(misses(key, bound, film)[0]) for key, bound in search.bounds.items()])
+    return np.array([float(bound.misses(film)[0]) for bound in search.bounds.values()])

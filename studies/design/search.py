@@ -8,15 +8,16 @@ all of them are kept: it is below 0 where they cannot be.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.design.quantities import QUANTITIES, misses
-from tympan.studies.design.space import DesignSpace, FamilyFilms
+from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, maximise
+from tympan.studies.films.loaded import FamilyFilms
+from tympan.studies.wanted import QUANTITIES, Bound
 
 Array = NDArray[Any]
 
@@ -39,14 +40,16 @@ _DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, 
 class Search:
     """Films of a space as an objective of the search.
 
-    ``best``: the quantity that is to be best under bounds, or "" for their common share;
-    ``shifts``: by how much more each bound is to be kept, as a share, for what scatters.
+    ``best``: the quantity that is to be best under bounds, or "" for their common share; ``least``:
+    whether its least value is sought where that is not usual. ``shifts``: by how much more each
+    bound is to be kept, as a share, for what scatters.
     """
 
     space: DesignSpace
-    bounds: Mapping[str, float]
+    bounds: Mapping[str, Bound]
     best: str
     shifts: Mapping[str, float] = field(default_factory=dict)
+    least: bool | None = None
 
     @property
     def variables(self) -> int:
@@ -55,14 +58,15 @@ class Search:
 
     def missed(self, films: FamilyFilms) -> Array:
         """c of films, (films, bounds); nan of those without their states."""
-        c = np.array([misses(key, bound, films) + self.shifts.get(key, 0.0)
+        c = np.array([bound.misses(films) + self.shifts.get(key, 0.0)
                       for key, bound in self.bounds.items()]).T
         return np.where(films.sound[:, None], c, np.nan)
 
     def aims(self, films: FamilyFilms) -> Array:
         """Aim that is to be largest, (films,)."""
         quantity = QUANTITIES[self.best]
-        return np.asarray(quantity.of(films) * (1 if quantity.gain else -1))
+        least = not quantity.gain if self.least is None else self.least
+        return np.asarray(quantity.of(films) * (-1 if least else 1))
 
     def at(self, x: Array) -> Linearisation | None:
         """Values and slopes at shares x of the ranges."""
@@ -103,7 +107,9 @@ class Search:
 
     def from_start(self, x: Array) -> Descent:
         """Ends of steps from a film."""
-        return maximise(self, self.started(x), _DESCENT)
+        # A common share is a share of the bounds, and may be next to nothing itself.
+        return maximise(self, self.started(x), _DESCENT if self.best else replace(
+            _DESCENT, unit=1.0))
 
     def starts(self) -> Array:
         """The best of random films, (starts, variables)."""
@@ -120,6 +126,15 @@ class Search:
         """The best of steps from some films, None where none of them has its states."""
         ends = [end for start in starts if (end := self.from_start(start)).here is not None]
         return max(ends, key=lambda end: (end.status != "infeasible", value_of(end)), default=None)
+
+
+def common_share(end: Descent) -> float:
+    """Share by which a film keeps all bounds, where their common share was sought.
+
+    A search that ended short of its limits claims more than it keeps.
+    """
+    assert end.here is not None
+    return end.here.value - end.here.violation
 
 
 def value_of(end: Descent) -> float:

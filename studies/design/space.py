@@ -17,10 +17,12 @@ from tympan.geometry.outlines import area
 from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
+from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.ranges import Ranges, Vary
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.films.box import SPRING, STIFFNESS
-from tympan.studies.films.family import FamilySettings, FamilyStates, FilmFamily
+from tympan.studies.films.family import FamilySettings, FilmFamily
+from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.tolerance.drawn import Rows, Scattered, median_strength
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
 
@@ -34,78 +36,6 @@ _RANDOM = 512
 _NARROW = 0.75
 #: How the family is made: what its estimate leaves, finite elements correct at the end.
 _FAMILY = FamilySettings(error=1e-3, rounds=2, candidates=128, checks=8)
-
-
-@dataclass(frozen=True, eq=False)
-class FamilyFilms:
-    """Films of a family under their loads, as :class:`~tympan.studies.design.quantities.Loaded`.
-
-    ``rows`` of parameters (films, names); ``loads`` [N], ``masses`` that move [kg], None where no
-    frequencies are asked for, and nominal ``voltage`` [V], (films,); ``across``: voltages without,
-    with and, where more is to be borne, beyond that, (films, states). ``strength``: factors on the
-    electric strength, (films,).
-    """
-
-    family: FilmFamily
-    rows: Array
-    loads: Array
-    masses: Array | None
-    voltage: Array
-    across: Array
-    specimens: Sequence[Specimen | None] = ()
-    strength: Array | float = 1.0
-
-    @cached_property
-    def states(self) -> FamilyStates:
-        """The states of each film."""
-        masses = None
-        if self.masses is not None:  # beyond its voltage no frequency is asked for
-            masses = np.where(np.arange(self.across.shape[1]) < 2, self.masses[:, None], np.nan)
-        return self.family.states(self.rows, self.loads[:, None], self.across, check=False,
-                                  masses=masses, loose=True)
-
-    @property
-    def deflection(self) -> Array:
-        return self.states.deflection
-
-    @property
-    def force(self) -> Array:
-        return self.states.force
-
-    @property
-    def stress(self) -> Array:
-        return self.states.stress
-
-    @property
-    def tension(self) -> Array:
-        return self.states.tension
-
-    @property
-    def electric(self) -> Array:
-        return self.states.electric
-
-    @property
-    def breakdown(self) -> Array:
-        return np.asarray(self.states.breakdown / np.reshape(self.strength, (-1, 1)))
-
-    @cached_property
-    def blocked_force(self) -> Array:
-        held = self.family.held_forces(self.rows, self.states.q[:, 0], self.across[:, 1])
-        return np.asarray(self.loads - held)
-
-    @property
-    def frequency(self) -> Array:
-        return np.asarray(self.states.frequency[:, :2].min(1))
-
-    @cached_property
-    def limit(self) -> Array:
-        _, taut = self.family.limits(self.rows, self.loads[:, None])
-        return np.asarray(taut[:, 0] / self.across[:, 1])
-
-    @property
-    def sound(self) -> NDArray[np.bool_]:
-        """Mask of films with their states, firm and within their law up to their voltage."""
-        return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
 
 
 def _meshed(middle: Specimen, box: Mapping[str, tuple[float, float]]) -> Specimen:
@@ -242,6 +172,11 @@ class DesignSpace(Ranges):
                              [specimen for specimen in specimens for _ in range(count)])
         return replace(films, strength=np.concatenate(strength))
 
+    def exact(self, values: Array, settings: Settings) -> ExactFilm:
+        """The film without scatter by finite elements."""
+        return ExactFilm(self.built(values), self.load(values), self.voltage(values),
+                         self.rig(values), settings, self.requirements.margin)
+
     @property
     def inputs(self) -> int:
         """Count of the numbers that scatter."""
@@ -259,12 +194,10 @@ class DesignSpace(Ranges):
         plates = np.array([0.0 if specimen is None or not rig.plate_pressure
                            else float(area(specimen.needed_plate().outline))
                            for specimen in specimens])
-        levels = np.outer(voltage, [0.0, 1.0, margin] if margin > 1 else [0.0, 1.0])
-        across = np.asarray(rig.film_voltage(levels)) * np.reshape(amplifier, (-1, 1))
         moving = masses + rig.unaccounted_mass + rig.added_mass
         return FamilyFilms(self.family, rows, rig.force(masses, plates),
-                           moving if self.requirements.swings else None, voltage, across,
-                           specimens)
+                           moving if self.requirements.swings else None, voltage, rig, margin,
+                           amplifier, specimens=specimens)
 
 
 def _range(variables: tuple[Vary, ...], key: str, given: float) -> tuple[float, float]:

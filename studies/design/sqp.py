@@ -56,7 +56,8 @@ class DescentSettings:
     """``radius`` of the trust region at first and ``widest``; lengths are shares of the bounds.
 
     ``step`` and relative ``gain`` below which it ends; ``residual`` of multipliers and
-    ``violation`` an optimum may leave.
+    ``violation`` an optimum may leave. ``unit`` of the objective, of which gains are shares: its
+    value at the start where it is None, which must not be near 0 then.
     """
 
     radius: float = 0.1
@@ -66,6 +67,7 @@ class DescentSettings:
     residual: float = 1e-3
     violation: float = 2e-4
     iterations: int = 60
+    unit: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,7 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
     here = objective.at(x)
     if here is None:
         return Descent("no_start", start, None, None)
-    unit = abs(here.value) or 1.0
+    unit = settings.unit or abs(here.value) or 1.0
     radius, price = settings.radius, 10.0
     bend = BFGS("damp_update", min_curvature=0.2, init_scale=1.0)  # Powell's damping
     bend.initialize(len(x), "hess")

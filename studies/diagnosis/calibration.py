@@ -79,7 +79,7 @@ _SCANS_CHECKED = 4
 #: Why a reading is left out: the laws end before it, or the film does.
 _REASONS = ("the film cannot be solved so far out",
             "a film that fits the other readings has no equilibrium there")
-_SLACK = "the film has lost tension there and may wrinkle, so that what it does is less certain"
+_SLACK = "loss of tension there: the film may wrinkle, so that what it does is less certain"
 
 
 @dataclass(frozen=True, eq=False)

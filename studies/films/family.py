@@ -469,6 +469,15 @@ class FilmFamily:
                             slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
                             q=q.reshape(*shape, -1))
 
+    def frequencies(self, parameters: Any, q: Array, voltages: Array, masses: Array) -> Array:
+        """Lowest frequencies [Hz] of plates with masses [kg] in states q, of one state each.
+
+        ``parameters`` as :meth:`states`; the voltage is held constant, and there is no air.
+        """
+        found = [_frequency(films, np.arange(len(films)), q[part], voltages[part] ** 2,
+                            masses[part]) for part, films in self.blocks(parameters)]
+        return np.concatenate(found)
+
     def frequency(self, parameters: Any, forces: Any, voltages: Any, masses: Any) -> Array:
         """Lowest frequency [Hz] at which plates swing along the load, (films, states).
 
@@ -508,7 +517,7 @@ class FilmFamily:
         """First limits of films, (films, names), as the voltage rises under forces [N], (films,).
 
         ``strengths``: factors on the films' electric strength, (films,) or one; ``firm``: also
-        where films give way in themselves.
+        instability, and where films leave the range of their law.
         """
         strength = np.broadcast_to(np.asarray(strengths, float), forces.shape)
         found = [first_limits(partial(self.margins, films, films.at(self.looked_at), forces[part],
@@ -540,7 +549,7 @@ class FilmFamily:
         least = np.where(holds, balance.least, np.nan)
         return Margins(np.stack([extremes.tension, least**2,
                                  1 - (extremes.share / strength) ** 2], 1),
-                       extremes.sound | (not firm), q)
+                       extremes.sound | (not firm), extremes.lawful, q)
 
     def _rests(self, films: Films, number: Array, force: Array, squared: Array) -> Balance:
         """States of films in equilibrium, by their numbers, under loads of each."""

@@ -17,14 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.case import LimitKind
+from tympan.fem.results.limit_states import BREAKDOWN, INSTABILITY, LIMIT_STATES, PULL_IN, TENSION
 
 Array = NDArray[Any]
 
-#: What is met, in the order of the margins; a film that gives way in itself has no margin.
-KINDS: tuple[LimitKind, ...] = ("tension", "pull_in", "breakdown", "instability")
+#: What is met beside limit states: the film leaves the range of stretches that its law is made for.
+LAW_RANGE = "law_range"
+#: What is met, in the order of the margins; the last two have no margin.
+KINDS: tuple[str, ...] = (TENSION.kind, PULL_IN.kind, BREAKDOWN.kind, INSTABILITY.kind, LAW_RANGE)
 
-_PULL_IN = KINDS.index("pull_in")
+_PULL_IN = KINDS.index(PULL_IN.kind)
+_INSTABILITY = KINDS.index(INSTABILITY.kind)
+_LAW_RANGE = KINDS.index(LAW_RANGE)
 
 #: Part of the range of U² of the first state above the lowest.
 _FIRST = 0.25
@@ -37,12 +41,17 @@ _NEAR = 1e-2
 _MOST = 14
 
 
+def label_of(kind: str) -> str:
+    """Name of one of :data:`KINDS` for people."""
+    return "the end of the law's range" if kind == LAW_RANGE else str(LIMIT_STATES[kind].label)
+
+
 @dataclass(frozen=True, eq=False)
 class FirstLimits:
     """Voltages [V] of films' first limits, (films,), and the numbers of their :data:`KINDS`.
 
     Infinite where none is met within the family's voltages, nan where there is no state at the
-    lowest of these.
+    lowest of these; the kind is then what is wrong with that state, a pull-in where there is none.
     """
 
     voltage: Array
@@ -51,10 +60,14 @@ class FirstLimits:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """States q of films at some U²: margins (films, 3), nan without a state; whether it is firm."""
+    """States q of films at some U²: margins (films, 3), nan without a state.
+
+    ``firm``: whether the film is firm there and its law holds; ``lawful``: whether its law does.
+    """
 
     values: Array
     firm: NDArray[np.bool_]
+    lawful: NDArray[np.bool_]
     q: Array
 
 
@@ -65,30 +78,29 @@ Find = Callable[[Array, Array, Array | None], Margins]
 def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits:
     """First limits of so many films between U² of ``low`` and ``high``."""
     start = find(np.arange(count), np.full(count, low), None)
-    some = np.flatnonzero((start.values > 0).all(1) & start.firm)
-    voltage, kind = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
+    sound, kind = _reasons(start)
+    some = np.flatnonzero(sound)
+    voltage = np.full(count, np.nan)
     below, beyond = np.full(count, low), np.full(count, np.inf)
-    gives_way, met = np.zeros(count, dtype=bool), np.zeros(count, dtype=np.int64)
+    met = np.zeros(count, dtype=np.int64)
     # U², margins and states of the last three that there are, the last one first.
     x = np.full((3, count), low)
     margins, q = np.array([start.values] * 3), np.array([start.q] * 3)
     tried = np.full(count, low + _FIRST * (high - low))
     for _ in range(_MOST):
         found = find(some, tried[some], _carried(x, q, tried, some))
-        there, sound = np.isfinite(found.values).all(1), (found.values > 0).all(1)
+        there, (sound, reason) = np.isfinite(found.values).all(1), _reasons(found)
         on = some[there]
         for kept, new in ((x, tried[on]), (margins, found.values[there]), (q, found.q[there])):
             kept[1:, on], kept[0, on] = kept[:2, on], new
-        gives_way[some] = sound & ~found.firm
-        sound &= found.firm
         below[some[sound]], beyond[some[~sound]] = tried[some[sound]], tried[some[~sound]]
-        met[some[~sound]] = np.where(there, found.values.argmin(1), _PULL_IN)[~sound]
+        met[some[~sound]] = reason[~sound]
         ahead = _ahead(x[:, some], margins[:, some])
         foreseen = x[0, some] + ahead.min(1)
         # What is met before it was foreseen is between two states.
         inside = (foreseen > below[some]) & (foreseen < beyond[some])
         middle = np.where(np.isfinite(beyond[some]), (below[some] + beyond[some]) / 2, high)
-        kind[some] = np.where(gives_way[some], 3, np.where(inside, ahead.argmin(1), met[some]))
+        kind[some] = np.where(inside, ahead.argmin(1), met[some])
         end = np.where(inside, foreseen, middle)
         voltage[some] = np.sqrt(end)
         near = np.where(inside, np.abs(end - x[0, some]), beyond[some] - below[some])
@@ -99,6 +111,14 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
             break
     voltage[below >= high] = np.inf
     return FirstLimits(voltage, kind)
+
+
+def _reasons(found: Margins) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Mask of states before all limits, and the number of the kind that the others are beyond."""
+    there, positive = np.isfinite(found.values).all(1), (found.values > 0).all(1)
+    infirm = np.where(found.lawful, _INSTABILITY, _LAW_RANGE)
+    met = np.where(there, found.values.argmin(1), _PULL_IN)
+    return positive & found.firm, np.where(positive, infirm, met)
 
 
 def _carried(x: Array, q: Array, tried: Array, some: Array) -> Array:

@@ -356,7 +356,7 @@ class Films:
     def extremes(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Extremes:
         """Largest or smallest values of states at points; nan of states that are none."""
         values, weakest = np.full((7, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
-        sure = np.zeros(len(q), dtype=bool)
+        sure, within = np.zeros((2, len(q)), dtype=bool)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
         for part in self.parts(sound, len(sites.cells)):
             some = sound[part]
@@ -366,10 +366,10 @@ class Films:
             values[:, some] = [here.stretch_1.max(1), here.stress_1.max(1), here.stress_2.min(1),
                                here.electric.max(1), here.share[rows], here.electric[rows],
                                here.strength[rows]]
-            sure[some] = here.sound.all(1)
+            sure[some], within[some] = here.sound.all(1), here.lawful.all(1)
         stretch, stress, tension, electric, share, *there = values
         return Extremes(stretch, stress, tension, electric, share, there[0], there[1], weakest,
-                        sure)
+                        sure, within)
 
     def local(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Local:
         """Stretches, stresses and fields of states at points."""
@@ -385,14 +385,15 @@ class Films:
             found = density.of_virgin(strained.c, tangent=True)
             stress_1, stress_2 = strained.principal(found.stress)
             firm = acoustic_margin(strained.c, found.stress, found.tangent)
-        sound = (firm > 0) & lawful(film, first, second, law)
+        within = lawful(film, first, second, law)
+        sound = (firm > 0) & within
         covered, relative = at.uneven(films)
         thickness = film.thickness * relative / (first * second)
         electric = covered * np.sqrt(squared)[:, None] / thickness
         strength = np.full_like(electric, np.inf)
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)
-        return Local(first, second, stress_1, stress_2, electric, strength, sound)
+        return Local(first, second, stress_1, stress_2, electric, strength, sound, within)
 
     def balanced(self, films: Numbers, force: Array, squared: Array, guess: Array,
                  held: bool = False) -> Balance:
@@ -541,7 +542,8 @@ class Films:
 class Local:
     """Principal stretches, true stresses [Pa], field and the film's strength [V/m] at points.
 
-    And whether the film is firm there and its law holds; all of shape (states, points).
+    And whether the film is firm there and its law holds, and whether its law does; all of shape
+    (states, points).
     """
 
     stretch_1: Array
@@ -551,6 +553,7 @@ class Local:
     electric: Array
     strength: Array
     sound: NDArray[np.bool_]
+    lawful: NDArray[np.bool_]
 
     @property
     def share(self) -> Array:
@@ -563,8 +566,8 @@ class Extremes:
     """The largest stretch and true stress [Pa], the least tension [Pa], the largest field [V/m].
 
     And the largest share of the film's strength, with field and strength there [V/m], and the
-    point's number; whether the film is firm at all points and its law holds. All of shape
-    (states,).
+    point's number; whether the film is firm at all points and its law holds, and whether its law
+    does. All of shape (states,).
     """
 
     stretch: Array
@@ -576,6 +579,7 @@ class Extremes:
     weakest_strength: Array
     weakest: Numbers
     sound: NDArray[np.bool_]
+    lawful: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

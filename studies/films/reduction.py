@@ -154,7 +154,7 @@ def _in_motion(model: Model, force: float, signal: Signal, path: PathSettings) -
         return [Snapshot(model, moment.state, moment.memory)
                 for moment in _field_motion(model, force, signal, path)]
     except Stopped as ending:
-        raise InputError(f"the film pulls in after {ending.time:.4g} s at the highest voltage: "
+        raise InputError(f"pull-in after {ending.time:.4g} s at the highest voltage: "
                          "take a lower one", key="voltage",
                          given=f"{signal.peak / 1e3:.5g} kV") from None
 

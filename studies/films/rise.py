@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +107,7 @@ def rise(family: FilmFamily, row: Array, force: float, last: FamilyRise | None =
     return None if ended is None else _to_end(film, *ended)
 
 
-def _searched(film: _Film) -> tuple[_Way, LimitKind | None, float] | None:
+def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
     """The way of a film, what ends it, and at which deflection; by a search for its limits."""
     family, seen = film.family, list[tuple[Array, Margins]]()
 
@@ -139,7 +139,7 @@ def _searched(film: _Film) -> tuple[_Way, LimitKind | None, float] | None:
     return way, kind, way.place(kind, highest)
 
 
-def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, LimitKind | None, float] | None:
+def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, str | None, float] | None:
     """The same from the states of a film like it; None where these are too few or too far."""
     family = film.family
     number, force = np.zeros(1, dtype=np.int64), np.array([film.force])
@@ -170,14 +170,14 @@ def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, LimitKind | None, fl
     return way, kind, end
 
 
-def _end(film: _Film, way: _Way, tension: Array, sound: Array) -> tuple[LimitKind | None, float]:
+def _end(film: _Film, way: _Way, tension: Array, sound: Array) -> tuple[str | None, float]:
     """First end of a film but for breakdown, and its deflection; infinite of none.
 
     Of states the least ``tension`` [Pa], and whether the film is firm in itself.
     """
     y = way.states.q[:, 0]
     slack = CubicSpline(y, tension).roots(extrapolate=False)
-    found: list[tuple[float, LimitKind | None]] = [
+    found: list[tuple[float, str | None]] = [
         (float(min(slack, default=np.inf)), "tension"),
         (float(min(way.of_squared.derivative().roots(extrapolate=False), default=np.inf)),
          "pull_in"),
@@ -268,13 +268,13 @@ class _Way:
         return float(min(roots[roots >= self.path.x[0]], default=self.path.x[-1]))
 
 
-def _to_end(film: _Film, way: _Way, kind: LimitKind | None, last: float) -> FamilyRise:
+def _to_end(film: _Film, way: _Way, kind: str | None, last: float) -> FamilyRise:
     """The way to the first of tension lost and pull-in, or as far as states are there."""
     states, first = way.states, float(way.path.x[0])
     off = _force_error(film, states.some(states.q[:, 0] < last))
     limits: dict[LimitKind, FamilyLimit] = {}
-    if kind is not None and kind != "instability":
-        limits[kind], last = _limit(film, way, kind, last, off)
+    if kind in ("tension", "pull_in"):
+        limits[cast(LimitKind, kind)], last = _limit(film, way, kind, last, off)
     places = [last]
     if film.family.box.specimen.membrane.strength is not None:
         share = film.local(np.column_stack([states.squared, states.q])).share.max(1)

@@ -51,8 +51,8 @@ class ForceLimit:
     """Limit of the film that a force-displacement curve passes, or its end."""
 
     kind: Annotated[EndKind, Key(
-        "what happens there: the film loses tension, breaks down or gives way in itself; the force "
-        "turns, so that a weight snaps through (pull_in); or no equilibrium was found beyond")]
+        "what happens there: loss of tension, breakdown or instability of the film; pull_in, where "
+        "the force turns, so that a weight goes on by itself; or no equilibrium was found beyond")]
     displacement_m: Annotated[float, Key("displacement of the plate")]
     force_N: Annotated[float, Key("force on the plate")]
     x_m: Annotated[float | None, Key("where in the mounted film; none where it is not known")] = (
@@ -65,8 +65,8 @@ class ForceLimit:
         if self.kind == "not_followed":
             return "no equilibrium found beyond"
         if self.kind == PULL_IN.kind:
-            return "force turns, a weight snaps through"
-        return str(LIMIT_STATES[self.kind].verb)
+            return f"{PULL_IN.label}, the force turns: a weight goes on by itself"
+        return str(LIMIT_STATES[self.kind].label)
 
     @property
     def place(self) -> str:
@@ -165,7 +165,8 @@ class ForceLoop:
     heat_J: Annotated[tuple[float, ...], Key(
         "heat of the branches in each cycle; once cycles repeat themselves it is the area")]
     stopped_s: Annotated[float | None, Key(
-        "when the film gave way before the end; none where it did not")] = None
+        "when the film ended, by pull-in or thinning, before the end; none where it did not")] = (
+            None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,9 +48,6 @@ from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 
 Array = NDArray[np.float64]
 
-_KINDS: dict[str, LimitKind] = {state.event: cast(LimitKind, state.kind)
-                                for state in LIMIT_STATES.values()}
-
 #: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
 _TRIED = 1.0
 
@@ -159,7 +156,7 @@ def first_limit(case: Case, settings: Settings) -> Limit | None:
 
 
 def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
-    """Raise the voltage of a case from 0 until the film pulls in, gives way, or is not followed.
+    """Raise the voltage of a case from 0 to pull-in, instability, or where it is not followed.
 
     ``first``: only to the first limit of any kind.
     """
@@ -233,7 +230,7 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
     # Of a mesh that does not resolve the branch the limits say how certain they are.
     unchecked = replace(settings.path, unbalanced=np.inf)
     for stop in stops(case, model, start, "voltage", unchecked):
-        turns = stop.event is not None and stop.event.what == PULL_IN.event
+        turns = stop.event is not None and stop.event.what == PULL_IN.kind
         landed = stop.landed(settings.path) if turns else None
         if landed is not None:
             yield stop.at(SNAP_THROUGH)
@@ -244,8 +241,8 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
         if stop.event is None:
             continue
         # A film that thins is followed on as one kept from wrinkling, to where that pulls in.
-        gone = stop.event.what == INSTABILITY.event and not stop.thins
-        if first or gone or stop.event.what == PULL_IN.event:
+        gone = stop.event.what == INSTABILITY.kind and not stop.thins
+        if first or gone or stop.event.what == PULL_IN.kind:
             return
 
 
@@ -255,13 +252,13 @@ def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings)
     None where it stays there to the last.
     """
     snaps = next(number for number, stop in enumerate(passed)
-                 if stop.event is not None and stop.event.what == SNAP_THROUGH.event)
+                 if stop.event is not None and stop.event.what == SNAP_THROUGH.kind)
     if snaps + 1 == len(passed):
         return None
     rest = passed[snaps + 1].point.state
     unchecked = replace(settings.path, unbalanced=np.inf)
     for stop in stops(case, model, rest, "voltage", unchecked, falling=True):
-        if stop.event is not None and stop.event.what == PULL_IN.event:
+        if stop.event is not None and stop.event.what == PULL_IN.kind:
             return _limit(case, stop.at(SNAP_BACK))
     return None
 
@@ -341,12 +338,12 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
     thins = False
     for state in (TENSION, INSTABILITY) if passed else ():  # under the mass alone
         if not state.field(passed[0]).min() > 0:
-            kind, (x, y) = _KINDS[state.event], passed[0].place(state)
+            kind, (x, y) = cast(LimitKind, state.kind), passed[0].place(state)
             reached[kind] = Limit(kind=kind, voltage_V=0.0, x_m=x, y_m=y, ring=case.axisymmetric)
     for stop in passed:
         if stop.event is None:
             continue
-        kind = _KINDS[stop.event.what]
+        kind = stop.event.what
         if kind not in reached:
             reached[kind] = _limit(case, stop)
             thins |= kind == INSTABILITY.kind and stop.thins
@@ -367,7 +364,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
 def _limit(case: Case, stop: Stop) -> Limit:
     """The limit at a stop where one is passed."""
     assert stop.event is not None
-    kind = _KINDS[stop.event.what]
+    kind = stop.event.what
     state = LIMIT_STATES[kind]
     return Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
@@ -384,15 +381,14 @@ def _told(limits: Limits) -> str:
     """Why the voltage was not raised further, in a sentence with the limits' own numbers."""
     tension, gone, pull_in = limits.tension, limits.instability, limits.pull_in
     if limits.thins and gone is not None:
-        begins = f" at {gone.text}"
+        thins = f"{INSTABILITY.label}: the film, wrinkled, thins without bound"
         if tension is None or _same(tension, gone):
-            return f"the film loses tension{begins} and, wrinkled, thins without bound"
-        return (f"the film loses tension at {tension.text} and, wrinkled, thins without bound"
-                f"{begins}")
+            return f"{TENSION.at(gone.text)} and {thins}"
+        return f"{tension.words} and, at {gone.text}, {thins}"
     if gone is not None:
         edge = ", at the electrode's edge" * gone.at_edge
-        return f"the film gives way in itself at {gone.text}{edge}, before the plate pulls in"
-    return limits.ended if pull_in is None else f"the film pulls in at {pull_in.text}"
+        return f"{gone.words}{edge}, of the film itself, before a {PULL_IN.label} of the plate"
+    return limits.ended if pull_in is None else pull_in.words
 
 
 def _before_voltage(case: Case, outcome: Outcome, settings: Settings) -> str:

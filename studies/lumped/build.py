@@ -194,7 +194,8 @@ class Built:
     def warnings(self) -> list[str]:
         warnings, errors = [], np.abs(self.errors("corrected"))
         if np.isnan(errors).any():
-            warnings.append("the lumped model pulls in at a load at which the field model does not")
+            warnings.append("the lumped model has a pull-in at a load at which the field model "
+                            "has none")
         elif errors.max() > NEAR:
             warnings.append(f"the deflection is up to {errors.max():.1%} off: other circles "
                             "(--circles, --radii) may do")

@@ -59,7 +59,7 @@ class LumpedModel:
         """Refuse a voltage across the film [V] beyond those it is for."""
         if abs(voltage) > self.highest_voltage * (1 + 1e-9):
             raise VoltageError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} "
-                               "kV across the film and does not know where it pulls in: build it "
+                               "kV across the film and does not know its pull-in: build it "
                                "for more with --voltages",
                                key=self.specimen.name, given=f"{voltage / 1e3:.5g} kV")
 

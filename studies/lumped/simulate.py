@@ -109,7 +109,7 @@ class ModelResponse(Response):
         "radii of the circles [m], of models without a reduced film", may_miss=True)] = None
     alpha: Annotated[tuple[float, ...] | None, Key("weights of the circles", may_miss=True)] = None
     pull_in_film_voltage_V: Annotated[float | None, Key(
-        "pull-in voltage across the film; none where it does not pull in", may_miss=True)] = None
+        "pull-in voltage across the film; none where there is no pull-in", may_miss=True)] = None
     flat_capacitance_F: Annotated[float | None, Key("capacitance of the flat film",
                                                     may_miss=True)] = None
     flat_stored_energy_J: Annotated[float | None, Key("energy in that at the largest voltage",

@@ -180,12 +180,12 @@ def _alpha(asked: AskedCase) -> Record:
 
 
 @quantity_of("how far the voltage can be raised, as `tympan limits` finds it", {
-    f"{kind}_{column}": words.format(state.noun)
+    f"{kind}_{column}": words.format(state.label)
     for kind, state in LIMIT_STATES.items()
     for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
                           ("y_m", "the same along y"),
                           ("spread", "how certain the voltage is, relative"))
-} | {"last_equilibrium_V": "beyond this nominal voltage there is none: it pulls in or thins"},
+} | {"last_equilibrium_V": "beyond this nominal voltage there is none, by pull-in or instability"},
              shown=("tension_V", "breakdown_V", "instability_V", "last_equilibrium_V"),
              loads=("mass",))
 def _limits(asked: AskedCase) -> Record:

@@ -97,7 +97,7 @@ class SweepResult:
                 cases, where = cases.sel(voltage=volts), f" at {volts / 1e3:g} kV"
             if cases.any():
                 found.append(f"{cases.sum().item()} of {cases.size} films beyond "
-                             f"{LIMIT_STATES[limit].noun}{where}, though they "
+                             f"{LIMIT_STATES[limit].label}{where}, though they "
                              "have an equilibrium by the equations")
         return found
 

@@ -1,4 +1,4 @@
-"""Films drawn at random as tolerances have it."""
+"""Random films whose parameters vary within the given tolerances."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.films.box import STIFFNESS, Box
 from tympan.studies.films.family import BLOCK, FamilySettings, FilmFamily
+from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.films.many_films import Films
 from tympan.studies.tolerance.given import AMPLIFIER, FACTORS, LOAD, Cause
 from tympan.studies.tolerance.shares import Design
@@ -176,9 +177,8 @@ class Copies:
         left out.
         """
         forces = self.forces(mass)
-        swinging = mass * self.drawn.load + self.rig.unaccounted_mass + self.rig.added_mass
         states = self.family.states(self._films, forces[:, None], self.across(voltages), False,
-                                    swinging[:, None] if swings else None)
+                                    self.swinging(mass)[:, None] if swings else None)
         rest = self.rests(forces) if rest is None else rest
         holds = states.holds & states.sound & np.isfinite(rest[:, :1])
         holds &= states.breakdown < self.drawn.strength[:, None]
@@ -189,9 +189,23 @@ class Copies:
                   "capacitance_F": states.capacitance, "frequency_Hz": states.frequency}
         return {key: np.where(holds, value, np.nan) for key, value in values.items()}
 
+    def loaded(self, mass: float, voltage: float, margin: float = 1.0) -> FamilyFilms:
+        """The films under a nominal mass [kg] and voltage [V], and that times a margin."""
+        return FamilyFilms(self.family, self.drawn.rows, self.forces(mass), self.swinging(mass),
+                           np.full(len(self.drawn.rows), voltage), self.rig, margin,
+                           self.drawn.amplifier, self.drawn.strength)
+
+    def swinging(self, mass: float) -> Array:
+        """Masses that swing with the plates under a nominal mass [kg], (films,)."""
+        return np.asarray(mass * self.drawn.load + self.rig.unaccounted_mass + self.rig.added_mass)
+
     def rests(self, forces: Array) -> Array:
         """States q of the films without voltage, (films, shapes)."""
         return self.family.rests(self._films, forces, np.zeros(len(forces)))
+
+    def frequencies(self, q: Array, mass: float) -> Array:
+        """Lowest frequencies [Hz] in states q without voltage, (films,)."""
+        return self.family.frequencies(self._films, q, np.zeros(len(q)), self.swinging(mass))
 
     def held(self, q: Array, voltages: Array) -> Array:
         """Forces [N] that hold plates where states q have them, at voltages across, (films,)."""

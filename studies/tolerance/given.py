@@ -6,8 +6,9 @@ one jig, one amplifier) share the second.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -22,6 +23,7 @@ from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule, Table
 from tympan.studies.films.box import STIFFNESS, varying
+from tympan.studies.wanted import Bound, table_bounds, wanted_bounds
 
 Array = NDArray[Any]
 
@@ -52,6 +54,8 @@ _MOST_LENGTHS = 6
 #: of silicone, read in its abstract, which has no numbers. So the shape is ours: the library's
 #: sources say that strengths scatter by tens of per cent at most, and 10 makes it 12 %.
 _SHAPE_ASSUMED = 10.0
+#: Table of a tolerances file with the bounds that films are to keep.
+_WANT = "want"
 #: Largest default scatter of a length over the gap: of a film of 1 mm nobody cuts 0.1 mm.
 _OF_GAP = 0.01
 
@@ -134,8 +138,23 @@ class Tolerances:
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """The tolerances of a TOML file."""
-        return read(cls, Table.read(file, "tolerances"))
+        """The tolerances of a TOML file, whose table [want] is that of :func:`asked_bounds`."""
+        table = Table.read(file, "tolerances")
+        rest = {key: value for key, value in table.data.items() if key != _WANT}
+        return read(cls, replace(table, data=rest, asked={_WANT}))
+
+
+def asked_bounds(file: PathLike[str] | str | None, want: Mapping[str, object] | str = ""
+                 ) -> tuple[Bound, ...]:
+    """Bounds of the table [want] of a tolerances file, if one is given, and of a question.
+
+    What the question says of a quantity takes the place of what the file says of it.
+    """
+    of_file = () if file is None else table_bounds(
+        Table.read(Path(file), "tolerances").table(_WANT, {}))
+    asked = wanted_bounds(want) if want else ()
+    names = {bound.name for bound in asked}
+    return (*(bound for bound in of_file if bound.name not in names), *asked)
 
 
 def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:

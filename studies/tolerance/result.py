@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tympan.geometry.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
+from tympan.studies.films.first_limits import KINDS, label_of
+from tympan.studies.films.loaded import FamilyFilms
+from tympan.studies.wanted import Bound
 
 #: What is told of the films, by key: words, unit of the bench, and what an SI number is of it.
 QUANTITIES = {
@@ -76,6 +82,13 @@ class Spread:
     counts: Annotated[tuple[int, ...], Key("films in each bin")]
 
 
+#: Standard deviations within which 95 % of a normal distribution are.
+_Z = 1.959963984540054
+
+#: Number of independent films for a mask of films.
+Independent = Callable[[NDArray[np.bool_]], float]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Chance:
     """Probability with its 95 % limits, by Wilson's interval."""
@@ -83,6 +96,95 @@ class Chance:
     probability: Annotated[float, Key("share of the films")]
     low: Annotated[float, Key("lower 95 % limit, of the number of films alone")]
     high: Annotated[float, Key("upper 95 % limit")]
+
+    @classmethod
+    def of(cls, some: NDArray[np.bool_], independent: Independent = len) -> Chance:
+        """Share of films, a mask, which know it as well as so many ``independent`` ones do."""
+        share, count = float(some.mean()), independent(some)
+        middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
+        half = (_Z * (share * (1 - share) / count + _Z**2 / (4 * count**2)) ** 0.5
+                / (1 + _Z**2 / count))
+        # Rounding leaves a little of what is 0 or 1.
+        return cls(probability=share, low=max(middle - half, 0.0) if share else 0.0,
+                   high=min(middle + half, 1.0) if share < 1 else 1.0)
+
+    @property
+    def text(self) -> str:
+        """Share and limits in per cent, with digits that the limits leave."""
+        values = [f"{100 * value:.3g}" for value in (self.probability, self.low, self.high)]
+        return "{} % ({} to {} %)".format(*values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmFailure:
+    """Films that do not bear their voltage, by what they meet first on the way to it."""
+
+    kind: Annotated[str, Key(
+        "what they meet first: a kind of limit; law_range, the end of the stretches that their law "
+        "is made for; or unknown, where reduced films know no state and no limit")]
+    before_V: Annotated[float, Key(
+        "nominal voltage before which they meet it: theirs, times the margin to the loss of "
+        "tension where that is wanted")]
+    share: Annotated[Chance, Key("share of all films")]
+
+    @property
+    def label(self) -> str:
+        """Label of the limit that they meet."""
+        return "no state is known" if self.kind == UNKNOWN else label_of(self.kind)
+
+    @property
+    def words(self) -> str:
+        """Sentence with share and voltage."""
+        share, voltage = self.share.text, f"{self.before_V / 1e3:.4g} kV"
+        if self.kind == UNKNOWN:
+            return f"of {share} of the films reduced films know no state at {voltage}"
+        return f"in {share} of the films {self.label} comes before {voltage}"
+
+    @classmethod
+    def of(cls, films: FamilyFilms, lost: NDArray[np.bool_], voltage: float,
+           independent: Independent = len) -> tuple[FilmFailure, ...]:
+        """Failures of ``lost`` films, a mask, on the way to a nominal voltage; the usual first."""
+        met = np.full(len(lost), len(KINDS))
+        met[lost] = films.failures(lost)
+        found = []
+        for number, kind in [*enumerate(KINDS), (-1, UNKNOWN)]:
+            if (met == number).any():
+                margin = films.margin if kind in _BY_MARGIN else 1.0
+                found.append(cls(kind=kind, before_V=margin * voltage,
+                                 share=Chance.of(met == number, independent)))
+        return tuple(sorted(found, key=lambda failure: -failure.share.probability))
+
+
+#: Kind of a failure of which reduced films know neither state nor limit.
+UNKNOWN = "unknown"
+#: Kinds that must not be met up to the margin.
+_BY_MARGIN = ("tension", "pull_in")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WantedBound:
+    """A wanted bound, and the films that keep it."""
+
+    name: Annotated[str, Key("of the quantity")]
+    sense: Annotated[Literal["at least", "at most"], Key("sense of the bound")]
+    bound: Annotated[float, Key("value that was asked for [SI]")]
+    unit: Annotated[str, Key("SI unit; 1 of plain numbers")]
+    kept: Annotated[Chance, Key("films that keep it; of all but limit they reach the voltage")]
+    missed: Annotated[Chance, Key("films that reach the voltage and miss it")]
+
+    @classmethod
+    def of(cls, bound: Bound, kept: NDArray[np.bool_], reached: NDArray[np.bool_],
+           independent: Independent = len) -> WantedBound:
+        """Bound that some films keep, a mask."""
+        return cls(name=bound.name, sense="at least" if bound.least else "at most",
+                   bound=bound.value, unit=bound.quantity.unit,
+                   kept=Chance.of(kept, independent),
+                   missed=Chance.of(reached & ~kept, independent))
+
+    @property
+    def text(self) -> str:
+        """The bound as people read it."""
+        return Bound(self.name, self.bound, self.sense == "at least").text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +194,9 @@ class FilmLimits:
     films: Annotated[int, Key("films whose first limit was sought, of all")]
     highest_V: Annotated[float, Key("nominal voltage up to which it was sought")]
     kinds: Annotated[Mapping[str, float], Key(
-        "share of these films by the kind of their first limit, the largest first; the rest has "
-        "none up to that voltage")]
+        "share of these films by the kind of their first limit, or law_range where they leave the "
+        "stretches that their law is made for; the largest first. The rest has none up to that "
+        "voltage")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +214,12 @@ class ToleranceResult(CaseRecord):
     reached: Annotated[Chance, Key(
         "films with a stable equilibrium at the voltage, firm and in tension everywhere and below "
         "their electric strength")]
+    fails: Annotated[tuple[FilmFailure, ...], Key(
+        "films that do not reach the voltage, by what they meet first, the most frequent first; "
+        "with reached their shares are 1")] = ()
+    wanted: Annotated[tuple[WantedBound, ...], Key("bounds that were asked for")] = ()
+    kept: Annotated[Chance | None, Key(
+        "films that reach the voltage and keep all these bounds; none without")] = None
     quantities: Annotated[Mapping[str, Spread], Key(
         "distributions, by quantity and unit; limit_V, the nominal voltage of the first limit, is "
         "of the films of limits.films that have one")]

@@ -56,6 +56,20 @@ class Design:
         numbers = size * np.arange(samples)[:, None] + np.arange(count)
         return replace(self, uniform=self.uniform[:, :count]), numbers.ravel()
 
+    def independent(self, some: NDArray[np.bool_]) -> float:
+        """Number of independent films that know a share of films as well as those at all points.
+
+        ``some``: a mask of them. The films of a row share inputs, so that they are alike: what
+        rows differ tells how much that leaves (Kish, *Survey Sampling*, 1965, section 5.4). No
+        fewer than rows, of all or none of the films two in each row, which share nothing.
+        """
+        table = some.reshape(len(self.uniform), -1)
+        share, rows = float(table.mean()), table.shape[1]
+        if share in (0.0, 1.0):
+            return 2.0 * rows
+        scatter = float(table.mean(0).var()) / rows
+        return float(np.clip(share * (1 - share) / max(scatter, 1e-300), rows, some.size))
+
     def shares(self, values: Array) -> Shares:
         """Shares of the variance of values at all points; a row with a nan is left out."""
         table = np.asarray(values, dtype=float).reshape(len(self.uniform), -1)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks
@@ -19,7 +18,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
-from tympan.studies.films.first_limits import KINDS
+from tympan.studies.films.first_limits import KINDS, label_of
 from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Copies, Scattered
@@ -27,13 +26,16 @@ from tympan.studies.tolerance.given import Cause, Tolerances, causes
 from tympan.studies.tolerance.result import (
     QUANTITIES,
     Chance,
+    FilmFailure,
     FilmLimits,
     GivenTolerance,
     Spread,
     ToleranceResult,
     VarianceShare,
+    WantedBound,
 )
 from tympan.studies.tolerance.shares import Design
+from tympan.studies.wanted import BREAKDOWN, LIMIT, SCATTERING, TENSION, Bound
 
 Array = NDArray[Any]
 
@@ -71,8 +73,9 @@ _ALIKE = 1e-9
 class ToleranceCase:
     """A specimen whose numbers scatter, under a nominal ``mass`` [kg] and ``voltage`` [V].
 
-    Mass and voltage suit the film where they are not given. About so many ``films`` are drawn, by
-    a ``seed``: their number is a power of two times three more than there are tolerances.
+    Mass and voltage suit the film where they are not given. ``wanted``: bounds of which is said how
+    many films keep them. About so many ``films`` are drawn, by a ``seed``: their number is a power
+    of two times three more than there are tolerances.
     """
 
     specimen: Specimen
@@ -80,6 +83,7 @@ class ToleranceCase:
     mass: Annotated[float | None, Key("nominal load on the plate", "mass", MASSES)] = None
     voltage: Annotated[float | None, Key("nominal voltage", "voltage", VOLTAGES)] = None
     tolerances: Tolerances = Tolerances()
+    wanted: tuple[Bound, ...] = ()
     films: Annotated[int, Key("how many are drawn, about", rule=_FILMS)] = USUAL_FILMS
     seed: Annotated[int, Key("of the random numbers", rule=_SEED)] = 1
     rig: Rig = Rig()
@@ -87,11 +91,25 @@ class ToleranceCase:
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, mass: float | str | None = ...,
                      voltage: float | str | None = ..., tolerances: Tolerances = ...,
-                     films: int = ..., seed: int = ..., rig: Rig = ...) -> None: ...
+                     wanted: tuple[Bound, ...] = ..., films: int = ..., seed: int = ...,
+                     rig: Rig = ...) -> None: ...
 
     def __post_init__(self) -> None:
         self.specimen.needed_plate()
         causes(self.specimen, self.tolerances)
+        for bound in self.wanted:
+            if not bound.quantity.scatters:
+                raise InputError("must be of what differs between films, one of "
+                                 f"{', '.join(SCATTERING)}: {bound.name} is judged by its nominal "
+                                 "value, in tympan design", key="want", given=bound.text)
+            if bound.name == BREAKDOWN and self.specimen.membrane.strength is None:
+                raise InputError("needs a film whose electric strength is known "
+                                 "(membrane.breakdown)", key="want", given=bound.text)
+
+    @property
+    def margin(self) -> float:
+        """Voltage that films must bear without loss of tension, over their own."""
+        return max((bound.value for bound in self.wanted if bound.name == TENSION), default=1.0)
 
     def loaded(self, settings: Settings) -> tuple[float, float]:
         """Mass and voltage, given or such that they suit the film."""
@@ -120,11 +138,14 @@ def tolerance(case: ToleranceCase, settings: Settings,
     progress(f"{drawn.films} films")
     values = drawn.solved()
     reached = drawn.reached(values)
+    wanted, kept = drawn.wanted(case, reached)
     limits = drawn.limits()
     warnings = [*Case(case.specimen, mass=mass, voltage=voltage, rig=case.rig).remarks, *words]
     return ToleranceResult(
         specimen=case.specimen.name, mass_kg=mass, voltage_V=voltage, films=drawn.films,
-        seed=case.seed, tolerances=tuple(map(_stated, found)), reached=chance(reached),
+        seed=case.seed, tolerances=tuple(map(_stated, found)),
+        reached=Chance.of(reached, drawn.design.independent),
+        fails=drawn.fails(reached), wanted=wanted, kept=kept,
         quantities=drawn.spreads(values, reached) | limits.spread(), limits=limits.record(),
         error=drawn.error(),
         made_s=made - began, wall_s=time.perf_counter() - began,
@@ -155,7 +176,9 @@ class Drawn:
         design = scattered.design(case.films, case.seed)
         nominal = Case(case.specimen, mass=mass, rig=rig)
         first = first_limit(nominal, settings)
-        highest = voltage if first is None else max(voltage, _ABOVE * first.voltage_V)
+        asked = [bound.value for bound in case.wanted if bound.name == LIMIT]
+        highest = max(case.margin * voltage, *asked,
+                      0.0 if first is None else _ABOVE * first.voltage_V)
         force = nominal.force(float(area(case.specimen.needed_plate().outline)))
         copies = Copies.of(scattered, design.points, (force, force),
                            float(rig.film_voltage(highest)), rig, settings)
@@ -199,12 +222,35 @@ class Drawn:
                   copies.solved(self.mass, self.voltage, rest).items()}
         blocked = forces - copies.held(rest, copies.across(self.voltage)[:, 0])
         values["blocked_force_N"] = np.where(np.isfinite(values["deflection_m"]), blocked, np.nan)
+        values["frequency_Hz"] = np.minimum(values["frequency_Hz"],
+                                            copies.frequencies(rest, self.mass))
         return values
 
     @staticmethod
     def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
         """Mask of the films that reach the voltage, the nominal one left out."""
         return np.isfinite(values["deflection_m"][1:])
+
+    def fails(self, reached: NDArray[np.bool_]) -> tuple[FilmFailure, ...]:
+        """First limits of the films that do not reach the voltage."""
+        films = self.copies.loaded(self.mass, self.voltage).part(slice(1, None))
+        return FilmFailure.of(films, ~reached, self.voltage, self.design.independent)
+
+    def wanted(self, case: ToleranceCase, reached: NDArray[np.bool_]
+               ) -> tuple[tuple[WantedBound, ...], Chance | None]:
+        """Films that keep each of the bounds that are wanted, and all together, if there are any.
+
+        By the same quantities as of films that are searched for; all but the first limit are those
+        at the voltage, so that a film that does not reach it does not keep them.
+        """
+        if not case.wanted:
+            return (), None
+        films = self.copies.loaded(self.mass, self.voltage, case.margin).part(slice(1, None))
+        kept = [(bound.misses(films) <= 0) & (reached | (bound.name == LIMIT))
+                for bound in case.wanted]
+        each = tuple(WantedBound.of(bound, some, reached, self.design.independent)
+                     for bound, some in zip(case.wanted, kept, strict=True))
+        return each, Chance.of(np.all([reached, *kept], axis=0), self.design.independent)
 
     def error(self) -> float | None:
         """Largest estimated error of the deflection of the first films, relative, if any."""
@@ -324,9 +370,9 @@ class Limited:
         kind = KINDS[self.kind[0]]
         if kind == known.kind and abs(found - known.voltage_V) <= _ASTRAY * known.voltage_V:
             return []
-        said = (f"{LIMIT_STATES[kind].noun} at {found / 1e3:.3g} kV" if np.isfinite(found)
+        said = (f"{label_of(kind)} at {found / 1e3:.3g} kV" if np.isfinite(found)
                 else f"none up to {self.record().highest_V / 1e3:.3g} kV")
-        return [f"the first limit of the film without scatter is {LIMIT_STATES[known.kind].noun} "
+        return [f"the first limit of the film without scatter is {label_of(known.kind)} "
                 f"at {known.voltage_V / 1e3:.3g} kV by finite elements, but {said} by reduced "
                 "films: first limits are no surer than that"]
 
@@ -336,15 +382,6 @@ def _stated(cause: Cause) -> GivenTolerance:
                           reason=cause.reason,
                           relative=cause.deviation if cause.relative else None,
                           deviation_m=None if cause.relative else cause.deviation)
-
-
-def chance(reached: NDArray[np.bool_]) -> Chance:
-    """Share of films with its 95 % limits, by Wilson's interval."""
-    from scipy.stats import binomtest  # half a second, also for who draws no films
-
-    interval = binomtest(int(reached.sum()), len(reached)).proportion_ci(method="wilson")
-    return Chance(probability=float(reached.mean()), low=float(interval.low),
-                  high=float(interval.high))
 
 
 def _without_air(rig: Rig) -> list[str]:

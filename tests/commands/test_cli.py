@@ -62,7 +62,7 @@ def test_solve_past_pull_in(tmp_path, capsys) -> None:
     result = printed(capsys)
     assert result["status"] == "no_equilibrium"
     assert result["deflection_m"] is None
-    assert any("loses tension at 6.6" in words for words in result["warnings"])
+    assert any("loss of tension at 6.6" in words for words in result["warnings"])
     # It loses tension and thins without bound at once; kept from wrinkling it would pull in later.
     assert (result["first"], result["limit"]["kind"]) == ("tension", "instability")
     limits = result["limits"]

@@ -150,7 +150,7 @@ def test_what_a_reduced_film_does_not_know_is_open(
     assert "±" in str(rows["tension"]["text"])
     assert rows["pull_in"]["text"] == "…"
     assert rows["pull_in"]["stale"]
-    assert str(rows["first"]["text"]).startswith("loses tension at ")
+    assert str(rows["first"]["text"]).startswith("loss of tension at ")
 
 
 def test_a_film_that_keeps_its_tension_is_followed_to_its_pull_in(

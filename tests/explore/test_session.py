@@ -409,7 +409,7 @@ def test_the_curve_ends_where_limits_says_and_meets_the_readings(tmp_path: Path)
     assert (float(stroke), unit) == (pytest.approx(1e3 * (expected[1] - expected[0]), rel=1e-3),
                                      "mm")
     assert reached.limit is not None
-    assert rows_shown["first"] == f"{reached.limit.state.verb} at {reached.limit.text}"
+    assert rows_shown["first"] == reached.limit.words
     assert rows_shown[reached.limit.kind].endswith("(the limit)")
     of_another = {row["key"]: row for row in curve_rows(curve, expected[1], stale=True)}
     assert all(row["stale"] for row in of_another.values())

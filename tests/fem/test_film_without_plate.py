@@ -147,7 +147,7 @@ def test_held_at_its_centre_by_a_pressure() -> None:
 
 def test_a_balloon_bears_most_at_its_limit_point() -> None:
     result = path(Case(film(prestretch=1.0), rig=under(20.0)), Settings(), "pressure")
-    limit = next(event for event in result.events if event.what == "limit")
+    limit = next(event for event in result.events if event.what == "pull_in")
     pressure, apex = highest_pressure(oracle(1.0), 1.2, 3.0)
     assert limit.value == pytest.approx(pressure, rel=1e-6)
     assert limit.station.deflection_m == pytest.approx(-apex, rel=1e-3)

@@ -253,16 +253,16 @@ def test_loss_of_tension_and_breakdown_are_told(stored: StudyView, page: Page) -
     pictures = [stress_figure.specimen_picture(item, design.view) for item in loose.specimens]
     figures = [stress_figure.compose_stress(run, design, pictures) for run in (stored, loose)]
     legends = [[text.get_text() for text in figure.texts] for figure in figures]
-    assert ["tension lost" in texts for texts in legends] == [False, True]
+    assert ["loss of tension" in texts for texts in legends] == [False, True]
     text = Page(html.render_study(loose, "", "")).shown
     assert "Hatched" not in page.shown
     assert "Hatched" in text
     assert "Tension is lost in 50\u202f% of circular and 50\u202f% of standing" in text
     assert "strength is at least 1.50 (circular) and 1.50 (standing) times its field" in text
-    assert "breaks down" in text
+    assert "breakdown" in text
     assert "snaps" not in text
     assert "3.000x 10.0, y " in text
-    assert "under 22.45 g the film loses tension from 3 kV on" not in text
+    assert "under 22.45 g the loss of tension at 3 kV" not in text
     marked = [line for line in curves.compose_curves(loose).axes[1].lines
               if line.get_marker() in ("s", "X") and line.get_markerfacecolor() == "white"]
     assert [line.get_xdata() for line in marked] == [[3.0]] * 4
@@ -406,9 +406,9 @@ def test_a_film_without_force_curves_is_named(stored: StudyView, page: Page) -> 
 
 def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
     limited = Limits(pull_in=Limit(kind="pull_in", voltage_V=8234.0, x_m=0.0, y_m=0.0),
-                     ended="the film pulls in")
+                     ended="pull-in")
     curve = replace(stored.specimens[0].curves[0], limits=limited)
-    assert curve.end == "pulls in at 8.234 kV (the limit)"
+    assert curve.end == "pull-in at 8.234 kV (the limit)"
     assert html.stroke("a", curve, 0.0, 40.0)["limit"] == limited.pull_in
     # An ordinary limit is no warning, as it stands in the table with its place.
     assert not list(html.curve_warnings("circular", curve))
@@ -419,7 +419,7 @@ def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
                 text = f"{digits(limit.voltage_V / 1e3, 4)}{limit.text.partition(' kV')[2]}"
                 assert f"{text}{place}" in page.shown
                 assert limit.resolved != (
-                    f"{curve.mass:g} g the film {limit.state.sentence.format(limit.text)}; the "
+                    f"{curve.mass:g} g {limit.words}; the "
                     "mesh hardly resolves this" in page.shown)
 
 
@@ -429,7 +429,7 @@ def test_limits_that_are_not_sure_and_curves_without_an_end_are_warned_of(
                    ended="the film was not followed further")
     texts = list(html.curve_warnings("a", replace(stored.specimens[0].curves[0], limits=rough)))
     assert texts == [
-        "a: under 17.9 g the film loses tension from 6 kV ± 30 % on; the mesh hardly resolves "
+        "a: under 17.9 g loss of tension at 6 kV ± 30 %; the mesh hardly resolves "
         "this: divide its elements further, with a larger --refine",
         "a: under 17.9 g the film was not followed further"]
 
@@ -437,7 +437,7 @@ def test_limits_that_are_not_sure_and_curves_without_an_end_are_warned_of(
 def test_curves_end_where_the_film_does_with_a_word(stored: StudyView) -> None:
     for axes in curves.compose_curves(stored).axes:
         words = [text.get_text() for text in axes.texts]
-        ends = {"pulls in", "not followed further", "loses tension"}
+        ends = {"pull-in", "not followed further", "loss of tension"}
         assert ends & {*words}
         assert len(words) <= 3 * len(stored.specimens)
     curve = stored.specimens[0].curves[0]
@@ -500,7 +500,7 @@ def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
 
 
 def test_curve_without_any_equilibrium() -> None:
-    curve = VoltageCurve(10.0, Limits(ended="the film pulls in"), np.zeros(0), np.zeros(0),
+    curve = VoltageCurve(10.0, Limits(ended="pull-in"), np.zeros(0), np.zeros(0),
                          np.array([1.0, 2.0]), ("no_equilibrium",) * 2, np.full(2, np.nan))
     assert curve.end == "no equilibrium"
     assert html.stroke("a", curve, 1.0, 2.0)["trouble"] == "no equilibrium"
@@ -515,7 +515,7 @@ def curve_to(end: float, thins: bool) -> VoltageCurve:
     thinned = replace(tension, kind="instability") if thins else None
     limits = Limits(tension=tension, breakdown=breakdown, instability=thinned, pull_in=pull_in,
                     thins=thins,
-                    ended="the film pulls in")
+                    ended="pull-in")
     deflection = 2 + 8 * (voltage / voltage[-1]) ** 6
     return VoltageCurve(10.0, limits, voltage, deflection, np.zeros(0), (), np.zeros(0))
 
@@ -530,7 +530,7 @@ def test_a_stroke_ends_at_the_first_limit() -> None:
     assert before["limit"] is None
     assert before["stroke"] == pytest.approx(8 * ((6 / 8.2) ** 6 - (2 / 8.2) ** 6), rel=0.05)
     assert html.stroke("a", curve, 8.1, 8.2) == {"name": "a", "trouble":
-                                                 "it loses tension at 8 kV"}
+                                                 "loss of tension at 8 kV"}
 
 
 @pytest.mark.parametrize(("ends", "words"), [

@@ -245,7 +245,7 @@ def test_limits_solve_and_path_agree(specimen: Specimen, mass: float) -> None:
     events = {event.what: event.value
               for event in path(Case(specimen, mass=mass), COARSE, "voltage").events}
     assert reached.tension is not None
-    assert events["tension lost"] == pytest.approx(reached.tension.voltage_V, rel=1e-3)
+    assert events["tension"] == pytest.approx(reached.tension.voltage_V, rel=1e-3)
     if reached.pull_in is not None and "limit" in events:
         near = max(1e-3, reached.pull_in.spread)  # of a coarse mesh it says how certain it is
         assert events["limit"] == pytest.approx(reached.pull_in.voltage_V, rel=near)

@@ -145,7 +145,7 @@ def test_snaps_by_arc_length_and_by_displacement_control_are_the_same() -> None:
     reached = limits(wide, Settings())
     branch = path(wide, Settings(), "voltage")
     snaps = branch.events[:2]
-    assert [event.what for event in snaps] == ["snap-through", "snap-back"]
+    assert [event.what for event in snaps] == ["snap_through", "snap_back"]
     for event, limit, sign in zip(snaps, (reached.snap_through, reached.snap_back), (-1, 1),
                                   strict=True):
         assert event.value == pytest.approx(limit.voltage_V, rel=1e-6)
@@ -224,7 +224,7 @@ def test_solve_tells_the_stable_crossings_of_the_load_line(rig: Rig, mass: float
 def test_a_weight_may_make_the_plate_snap() -> None:
     rising = path(Case(FILM, rig=STAYS), Settings(), "mass")
     over = rising.events[0]
-    assert over.what == "snap-through"
+    assert over.what == "snap_through"
     assert over.station.deflection_m < 2e-3
     before, beyond = (equilibrate(Case(FILM, mass=over.value + more, rig=STAYS), Settings())[1]
                       for more in (-1e-4, 1e-4))
@@ -270,7 +270,7 @@ def test_a_curve_jumps_and_goes_on() -> None:
     drawn, = voltage_curves(result)
     # The line is whole up to the film's own first limit, beyond the jump too.
     assert drawn.line[0][drawn.parts[0]].max() == pytest.approx(reached.tension.voltage_V / 1e3)
-    assert drawn.end.startswith("snaps through at 5.459 kV")
+    assert drawn.end.startswith("snap-through at 5.459 kV")
 
 
 CREEPS = circular(NEO_HOOKE, branches=(ViscousBranch(10e3, 0.5),))
@@ -344,7 +344,7 @@ rest = "-1 mm"
 """, encoding="utf-8")
     given = [str(tmp_path / "disc.toml"), "--mass", "70 g", "--rig", str(tmp_path / "rig.toml")]
     assert main(["limits", *given]) == 0
-    assert "snaps through  5.459 kV" in capsys.readouterr().out
+    assert "snap-through    5.459 kV" in capsys.readouterr().out
     assert main(["limits", *given, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["first"] == record["snap_through"]["kind"] == "snap_through"

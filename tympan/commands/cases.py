@@ -107,9 +107,10 @@ def solve(options: argparse.Namespace) -> None:
          RIG, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
-    """Limits of a film: where it first loses tension, breaks down, gives way and pulls in.
+    """Limits of a film: the first loss of tension, breakdown, instability and pull-in.
 
-    And where a mechanism of the rig makes its plate snap through, and back as the voltage falls.
+    And snap-through of a plate that a mechanism of the rig makes jump, and snap-back as the voltage
+    falls.
     """
     from tympan.studies.case import Case
     from tympan.studies.limits import LimitsResult
@@ -246,6 +247,10 @@ def sense(options: argparse.Namespace) -> None:
          argument("--tolerances", type=Path, metavar="FILE",
                   help="standard deviations, as docs/howto/tolerance.md has them (default: those "
                        "of the film's material, and assumed ones)"),
+         argument("--want", metavar="BOUNDS", default="",
+                  help='bounds of which is said how many films keep them, as in [want] of '
+                       '`tympan design`: "stroke = 2 mm, deflection = at most 6 mm" (default: '
+                       "those of the table [want] of the tolerances file)"),
          argument("--mass", help='of plate, hook and weight, such as "17.9 g" (default: one that '
                                  "suits the film)"),
          argument("--voltage", help='which the films must reach, such as "3.5 kV" (default: 60 % '
@@ -260,13 +265,13 @@ def sense(options: argparse.Namespace) -> None:
 def tolerance(options: argparse.Namespace) -> None:
     """Distributions of deflection, stroke, force, frequency and others where a film scatters.
 
-    Median, 5 and 95 % of the films, the probability that one bears the voltage, and which tolerance
-    makes which share of the variance.
+    Median, 5 and 95 % of the films, the share that bears the voltage, what the others meet, the
+    share that keeps wanted bounds, and which tolerance makes which share of the variance.
     """
     from tympan.fem.film.library import load_specimen
-    from tympan.fem.results.limit_states import LIMIT_STATES
     from tympan.progress import bar
-    from tympan.studies.tolerance.given import Tolerances
+    from tympan.studies.films.first_limits import label_of
+    from tympan.studies.tolerance.given import Tolerances, asked_bounds
     from tympan.studies.tolerance.result import QUANTITIES
     from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
 
@@ -275,12 +280,13 @@ def tolerance(options: argparse.Namespace) -> None:
     with naming_options(options), naming_file(options.tolerances):
         case = ToleranceCase(
             specimen, tolerances=given, films=options.films, seed=options.seed, rig=rig,
+            wanted=asked_bounds(options.tolerances, options.want),
             mass=None if options.mass is None else parse_quantity(options.mass, "mass", "--mass"),
             voltage=None if options.voltage is None
             else parse_quantity(options.voltage, "voltage", "--voltage"))
     with naming_options(options), bar(1) as progress:
         result = tolerance(case, read_settings(options), progress)
-    finish(options, result, quantities=QUANTITIES, limit_states=LIMIT_STATES)
+    finish(options, result, quantities=QUANTITIES, label_of=label_of)
 
 
 @command("path",

@@ -125,7 +125,7 @@ def _limits(panel: _Panel, line: VoltageCurve) -> list[dict[str, Any]]:
     marks: list[dict[str, Any]] = []
     for limit in line.limits.reached if len(line.voltage) else ():
         mark = _point(panel, limit.voltage_V / 1e3, line.deflection_at(limit), "mark", 4,
-                      limit.state.verb)
+                      limit.state.label)
         if marks and abs(mark["y"] - marks[-1]["y"]) < _TEXT:
             mark["word"], marks[-1]["word"] = f"{marks[-1]['word']}, {mark['word']}", ""
         marks.append(mark)

@@ -77,7 +77,7 @@ def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False,
         text = "…" if stale else f"{stroke} mm{_spread(band, 1e3)}"
         rows.append(_row("stroke", "stroke from 0 kV", text, stale))
     first = line.limits.limit
-    text = line.end if first is None else f"{first.state.verb} at {_voltage(first, curve)}"
+    text = line.end if first is None else first.state.at(_voltage(first, curve))
     return [*rows, _row("first", "first limit", text, stale)]
 
 
@@ -96,11 +96,11 @@ def _limits(curve: FollowedCurve) -> Iterator[Row]:
     limits = curve.curve.curves[0].limits
     for limit in limits.told:
         first = " (the limit)" if limit == limits.limit else ""
-        yield _row(limit.kind, limit.state.verb, f"{_voltage(limit, curve)}{first}")
+        yield _row(limit.kind, limit.state.label, f"{_voltage(limit, curve)}{first}")
     unknown = curve.off is not None and not curve.off.whole
     for kind, state in LIMIT_STATES.items():
         if getattr(limits, kind) is None and state.signs:
-            yield _row(kind, state.verb, "…" if unknown else "not reached", unknown)
+            yield _row(kind, state.label, "…" if unknown else "not reached", unknown)
     if curve.readings is not None:
         yield _row("rms", "rms of measured − simulated",
                    f"{digits(1e6 * curve.readings.rms)} µm")

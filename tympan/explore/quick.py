@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tympan.explore.latest import Answer, Pause
 from tympan.explore.session import Bands, Blocked, FollowedCurve, Off
 from tympan.explore.view import FilmView, controls, value_of
+from tympan.fem.results.limit_states import PULL_IN
 from tympan.fem.rig import MOST_VOLTAGE, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
@@ -240,7 +241,7 @@ def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
         kind=kind, voltage_V=_nominal(rig, limit.squared), x_m=limit.x, y_m=limit.y,
         spread=limit.off / (2 * limit.squared),
         ring=view.case.axisymmetric)
-        for kind, limit in risen.limits.items()}, "the film pulls in" if risen.whole else
+        for kind, limit in risen.limits.items()}, PULL_IN.label if risen.whole else
         "finite elements follow it on from there")
     table = {column.name: np.full(len(nominal), np.nan) if column.choices is None
              else np.full(len(nominal), "") for column in CURVES}

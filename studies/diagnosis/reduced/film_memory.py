@@ -424,6 +424,6 @@ def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageH
         except InputError:
             continue
     else:
-        raise InputError("the film pulls in under the voltages of transient.csv", key="specimen",
+        raise InputError("pull-in under the voltages of transient.csv", key="specimen",
                          given=specimen.name)
     return RememberingFilm(replace(film, specimen=specimen), runs, asked, passages, rig, modulus)

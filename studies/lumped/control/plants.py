@@ -218,7 +218,7 @@ def _along_plate(stiffness: Array) -> float:
 
 
 def _pulls_in(name: str, signal: Signal) -> InputError:
-    return InputError("pulls in on its way without feedback: lower its voltages", key=name,
+    return InputError("meets pull-in on its way without feedback: lower its voltages", key=name,
                       given=f"{signal.peak / 1e3:g} kV")
 
 

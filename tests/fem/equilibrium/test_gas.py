@@ -117,7 +117,7 @@ def test_along_a_pressure_the_gas_lifts_more_or_sucks_more() -> None:
         result = path(Case(DRUM, rig=Rig(gravity=1e-9, gas_pressure=pressure)), Settings(),
                       "pressure")
         assert result.stations[0].pressure_Pa == pressure
-        limit = next(event for event in result.events if event.what == "limit")
+        limit = next(event for event in result.events if event.what == "pull_in")
         ends.append((limit.value, limit.station.deflection_m))
     (lifted, up), (sucked, down) = ends
     assert lifted > 1e3

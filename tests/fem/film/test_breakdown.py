@@ -87,7 +87,7 @@ def test_margin_is_sought_under_the_electrode_only() -> None:
 
 
 @pytest.mark.parametrize(("strength", "words"),
-                         [(20e6, "would break down at"), (30e6, "is near breakdown (margin 1."),
+                         [(20e6, "breakdown at"), (30e6, "near breakdown (margin 1."),
                                                  (40e6, None)])
 def test_warnings(strength: float, words: str | None) -> None:
     result = solve(Case(circular(strength=ConstantStrength(strength)),

@@ -110,7 +110,7 @@ def test_a_film_that_would_thin_ends_where_the_ode_loses_its_tension() -> None:
         assert (outcome.status, outcome.kind) == ("no_equilibrium", "thinning")
         assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=5e-4)
     result = solve(Case(circular(SOFT), mass=17.9e-3, voltage=6800.0), Settings())
-    assert result.warnings[0].startswith("the film loses tension at 6.636 kV")
+    assert result.warnings[0].startswith("loss of tension at 6.636 kV")
 
 
 def test_taut_film_says_so() -> None:

@@ -145,7 +145,7 @@ def test_readings_of_a_film_that_wrinkles_are_kept_and_named(tmp_path: Path) -> 
     assert len(nominal.table) == 8
     assert nominal.fit.unknowns == pytest.approx(np.log([0.4, 1.0]), abs=0.01)
     assert [remark.split(" (")[0] for remark in nominal.remarks] == ["static.csv line 9"]
-    assert "lost tension" in nominal.remarks[0]
+    assert "loss of tension" in nominal.remarks[0]
 
 
 @pytest.mark.parametrize(("cause", "sizes"), [("plate_eccentricity", (3e-3, 0.0)),

@@ -251,7 +251,7 @@ def _softened(specimen: Specimen) -> Specimen:
 
 def test_pull_in_is_refused_with_its_voltage() -> None:
     chosen = replace(FEW, masses=(17.9e-3,), voltages=(0.0, 3.5e3, 7e3))
-    with pytest.raises(InputError, match=r"7 kV.*no equilibrium: the film loses tension at 6\.6"):
+    with pytest.raises(InputError, match=r"7 kV.*no equilibrium: loss of tension at 6\.6"):
         build(_softened(circular()), Settings(), chosen)
 
 
