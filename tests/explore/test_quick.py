@@ -19,7 +19,6 @@ from tympan.explore.quick import Neighbours, QuickCurve, by_family
 from tympan.explore.session import Bands, Session
 from tympan.explore.view import FilmView, changed
 from tympan.fem.film.breakdown import ConstantStrength
-from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.reports.figures.curve import voltage_curves
@@ -277,4 +276,4 @@ def test_other_films_are_left_to_finite_elements(view: FilmView) -> None:
 
 
 def test_a_rig_that_no_reduced_film_has_has_none() -> None:
-    assert Neighbours.of(replace(OVAL, rig=Rig(biases=(Constant(0.1),))), END) is None
+    assert Neighbours.of(replace(OVAL, rig=Rig(gas_pressure=20.0)), END) is None
