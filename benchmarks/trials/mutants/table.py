@@ -21,13 +21,19 @@ A mutant is a small fault that is made on purpose in the program. A test suite s
 mutant is caught when a test fails or hangs that passes without it. Only tests that always run
 count: no dear ones (see CONTRIBUTING.md). An equivalent mutant does what the program does, or the
 same within rounding, as a person has found; the shares leave it out.
+
+*Before* is the suite as it was when the mutants were drawn, *after* as it is now. Some tests were
+written for mutants that had got away: so only the shares before say what the suite would catch of
+other mutants.
 """
 #: What is said of mutants drawn over all chapters, and of rules.
 _DRAWN = """These mutants were drawn at random over all chapters, in proportion to their lines of
 code.
 """
 _RULES = """These mutants are rules, drawn at random from some files: a condition that is switched
-off, or a constant that becomes zero, a thousandth or a thousand times as large.
+off, or a constant that becomes zero, a thousandth or a thousand times as large. Most of the tests
+that catch them were written when they had been drawn: so they say that each rule has a test, and
+nothing of other rules.
 """
 
 
