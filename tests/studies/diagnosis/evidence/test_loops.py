@@ -98,7 +98,7 @@ def test_lengths_have_a_noise_of_their_own_beside_many_forces(stated: float, tmp
 def test_a_noise_that_is_stated_too_large_hides_errors_and_is_told(tmp_path: Path) -> None:
     result = judged(tmp_path, 0.0, stated=5.0)
     assert (result.verdict, result.cannot_tell) == ("nothing", "")
-    (told,) = [words for words in result.limitations if "times less" in words]
+    (told,) = [words for words in result.warnings if "times less" in words]
     assert told.startswith("the readings of displacement scatter")
     assert float(told.split("scatter ")[1].split()[0]) == pytest.approx(5.0, rel=0.2)
 
