@@ -156,7 +156,8 @@ class Actuator:
     @cached_property
     def mechanisms(self) -> tuple[ForceCurve | None, ...]:
         """Mechanisms of the rig on arrays of deflections; None of one that is not at 0."""
-        biases, rig = self.rig.biases, self.rig
+        rig = self.rig
+        biases: tuple[Any, ...] = rig.biases
         return tuple(_curve(bias, self._longest, rig.guide, rig.gravity) for bias in biases)
 
     @property
