@@ -68,8 +68,8 @@ class Actuator:
     the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
     multiply the parts of σ_h and of E², where a specimen is not what its circles say. Of the rig
     all counts that acts on the plate or the voltage at rest, and what damps or moves with the
-    plate; friction and a lag of the voltage do not. Gas and a resistance that charges the film are
-    refused.
+    plate; friction and a lag of the voltage do not. Gas is refused, and a resistance that charges
+    the film is for motions.
     """
 
     circles: ConeCircle
@@ -94,19 +94,22 @@ class Actuator:
                              key="correction", given=f"{self.stiffness}, {self.permittivity}")
         self._check_rig()
 
+    def require_charged(self) -> None:
+        """Refuse a resistance for what moves: the film is charged at once."""
+        if self.rig.series_resistance:
+            raise InputError("the lumped model has no series resistance in time: its film is "
+                             "charged at once; take tympan transient or response",
+                             key="rig.series_resistance")
+
     def _check_rig(self) -> None:
         """Refuse what circles do not have, and a mechanism that is not there at the flat film."""
         rig = self.rig
         if rig.guide == "fixed":
             raise InputError("must let the plate move: the lumped model is of its motion",
                              key="rig.guide", given=rig.guide)
-        for key, given, words in (
-                ("gas_pressure", rig.gas_pressure, "gas: the film between the circles would bulge"),
-                ("series_resistance", rig.series_resistance,
-                 "series resistance: its film is charged at once")):
-            if given:
-                raise InputError(f"the lumped model has no {words}; take the commands by finite "
-                                 "elements", key=f"rig.{key}")
+        if rig.gas_pressure:
+            raise InputError("the lumped model has no gas: the film between the circles would "
+                             "bulge; take the commands by finite elements", key="rig.gas_pressure")
         for bias, curve in zip(rig.biases, self.mechanisms, strict=True):
             if curve is None:
                 raise InputError(f"the mechanism {bias.law!r} has no force at the flat film, from "

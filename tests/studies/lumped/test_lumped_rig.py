@@ -16,6 +16,7 @@ from tympan.studies.case import Case, solve
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.lumped.control.run import ControlSettings
 from tympan.studies.lumped.equilibria import rest, rest_curve
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import sample, simulate
 from tympan.studies.signals import step
@@ -80,9 +81,16 @@ def test_readings_are_late_and_what_acts_against_the_way_is_said(model: LumpedMo
     assert ControlSettings(sensor_lag="20 ms").lag(Rig(sensor_lag=0.1)) == 0.02
 
 
+def test_what_charges_the_film_is_refused_in_time_alone(model: LumpedModel) -> None:
+    slow = model.actuator(MASS, Rig(series_resistance=1e6))
+    assert rest(slow, 3e3) == rest(model.actuator(MASS), 3e3)
+    for moving in (lambda: simulate(slow, step(0.0, 3e3, 0.0, 0.4)), lambda: linearise(slow, 3e3)):
+        with pytest.raises(InputError, match=r"rig\.series_resistance: the lumped model has no"):
+            moving()
+
+
 @pytest.mark.parametrize(("rig", "words"), [
     (Rig(gas_pressure=50.0), "rig.gas_pressure: the lumped model has no gas"),
-    (Rig(series_resistance=1e6), "rig.series_resistance: the lumped model has no series"),
     (Rig(biases=(ForceTable((1e-3, 2e-3), (0.0, 0.1)),)), "rig.bias: the mechanism 'table' has no"),
 ])
 def test_what_circles_do_not_have_is_refused_by_its_key(rig: Rig, words: str, model: LumpedModel
