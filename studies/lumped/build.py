@@ -89,6 +89,7 @@ class BuildSettings:
             raise InputError("is for films without branches: theirs come from the field model",
                              key="--viscous", given=", ".join(branched))
         for specimen in specimens:  # refuses a rig that the model does not have
+            specimen.needed_plate()
             Actuator.of(specimen, (given.get("masses") or (1.0,))[0], rig=rig)
         if given.get("masses") is None:
             given["masses"] = tuple(map(min, zip(*(
