@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test study-tests benchmarks scaling verification compose robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean
+.PHONY: study check test study-tests benchmarks scaling verification compose robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean drafts
 
 # Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
 # that they import again.
@@ -101,6 +101,10 @@ mutants-page: .venv/dev
 # Commands with bad input: status, seconds, message; counts for each group.
 hostile: .venv/dev
 	.venv/bin/python -m benchmarks.trials.hostile
+
+# Tables as laboratories have them: what drafts make of each, beside what its writer means.
+drafts: .venv/dev
+	.venv/bin/python -m benchmarks.trials.lab_drafts
 
 # Drawings as programs write them, of known shapes: read right, or refused with advice that works.
 drawings: .venv/dev

@@ -41,8 +41,10 @@ _UNIT_NAME = re.compile(r"[A-Za-z]+")
 _KEPT = 4096
 #: Brackets as wide as a sign of Chinese or Japanese.
 _WIDE = str.maketrans("（）［］／", "()[]/")
-#: Letters from which on a word is known inside another one, and at the end of another one.
-_INSIDE, _AT_END = 5, 3
+#: Letters from which on a word is known inside another one: shorter ones are there by chance.
+_INSIDE = 5
+#: Letters from which on a word is known at the end of another one: "Weg" of "Plattenweg".
+_AT_END = 3
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,18 @@ _MOST_TAGS = 5_000_000
 _MOST_OTHER_TAGS = 100_000
 #: Parts of a workbook that hold cells or texts.
 _CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
+#: Part of a workbook that lists its sheets.
+_SHEETS = "xl/workbook.xml"
+#: Part of a workbook that says where its sheets are.
+_PLACES = "xl/_rels/workbook.xml.rels"
+#: A sheet in the list.
+_SHEET = re.compile(r"<(?:\w+:)?sheet\s[^>]*>")
+#: The place of a part.
+_PLACE = re.compile(r"<(?:\w+:)?Relationship\s[^>]*>")
+#: A cell with something in it.
+_CELL = re.compile(rb"<(?:\w+:)?(?:v|is)>")
+#: An attribute of a tag, and its value.
+_ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
 #: So much of a workbook is counted at a time [bytes].
 _CHUNK = 1 << 20
 #: A longer tag of a cell is not found where two such parts meet [bytes].
@@ -396,15 +408,6 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
     if width * len(rows) > _MOST_CELLS:
         raise _too_many(file, width * len(rows), _MOST_CELLS, "cells")
     return [(line, row + [""] * (width - len(row))) for line, row in rows]
-
-
-#: Parts of a workbook: its list of sheets, and where each of these is.
-_SHEETS, _PLACES = "xl/workbook.xml", "xl/_rels/workbook.xml.rels"
-#: A sheet in the list, the place of a part, and a cell with something in it.
-_SHEET = re.compile(r"<(?:\w+:)?sheet\s[^>]*>")
-_PLACE = re.compile(r"<(?:\w+:)?Relationship\s[^>]*>")
-_CELL = re.compile(rb"<(?:\w+:)?(?:v|is)>")
-_ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
 
 
 def _other_sheets(file: Path, content: bytes) -> str:

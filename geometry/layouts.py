@@ -296,13 +296,13 @@ class Reader:
             return ()
         below = list(header.below(rows))
         lacking = [(line, header.lacking(cells)) for line, cells in below]
-        self._require_one_unit(header, rows, {line for line, places in lacking if places})
         lines: dict[int, list[int]] = {}
         for line, places in lacking:
             for place in places:
                 lines.setdefault(place, []).append(line)
         if not lines:
             return ()
+        self._require_one_unit(header, rows, {line for line, places in lacking if places})
         where = "; ".join(f"{header.titles[place]!r} in {_ranges(found)}"
                           for place, found in sorted(lines.items()))
         blocks = [header.titles[place] for place in sorted(lines)

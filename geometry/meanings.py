@@ -1,4 +1,4 @@
-"""Headings of testers, laboratories and people for the columns of tables, in twelve languages.
+"""Headings of testers, laboratories and people for the columns of tables, in thirteen languages.
 
 English, German, French, Italian, Spanish, Portuguese, Dutch, Polish, Czech, Turkish and Swedish,
 Chinese and Japanese, the last one in Latin letters too. The words of one column stand together,

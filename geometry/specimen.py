@@ -439,7 +439,8 @@ class Specimen:
         """The plate, for what has no meaning without one; InputError where there is none."""
         if self.plate is None:
             raise InputError("is needed here: films without plate have solve, limits, curve, path, "
-                             "modes, transient, sensitivity, sweep, draw and export", key="plate",
+                             "modes, transient, response, sensitivity, sweep, draw and export",
+                             key="plate",
                              given=f"none in {self.name}")
         return self.plate
 

@@ -100,6 +100,12 @@ class HeldForce:
         self._start = first
         self._sides = {way: _Side(way, first) for way in (1, -1)}
 
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Deflections [m] at which it is solved, as far as it may be, solved yet or not."""
+        most = int(2 * self.settings.reach * self.model.size / self._step)
+        return tuple(self._start.place + number * self._step for number in range(-most, most + 1))
+
     def derivatives(self, place: Any) -> tuple[Any, Any, Any]:
         """Energy from the start on [J], force [N] and stiffness [N/m] at a deflection [m]; or nan.
 
@@ -230,6 +236,12 @@ class SolvedFilm:
     def of(cls, given: JoinedFilm, model: Model) -> Self:
         """Join a film with a model of it, which nothing but its own weight acts on."""
         return cls(given, HeldForce(model, given.voltage, given.other(0.0)))
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Deflections [m] of this plate between which its force is one polynomial."""
+        shift = float(np.real(self.given.other(0.0)))
+        return tuple(place - shift for place in self.curve.places)
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         place = self.given.other(deflection)

@@ -218,7 +218,7 @@ def path(case: Case, settings: Settings, along: Along,
     """
     plate = case.specimen.needed_plate() if along == "mass" else case.specimen.plate
     if plate is not None and along == "mass" and case.rig.guide == "fixed":
-        raise InputError("must let the plate move: it holds any mass", key="guide",
+        raise InputError("must let the plate move: it holds any mass", key="rig.guide",
                          given=case.rig.guide)
     began = time.perf_counter()
     model, start = equilibrate(case, settings)

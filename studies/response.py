@@ -76,8 +76,9 @@ class ResponseResult(CaseRecord):
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),
              progress: Callable[[str], None] = lambda words: None) -> ResponseResult:
-    """Response of a film about its equilibrium under mass and voltage, at frequencies [Hz].
+    """Response of a film about its equilibrium under its loads and a voltage, at frequencies [Hz].
 
+    Of a film without plate that of its centre.
     Left out, they reach from the slowest branch to far above the plate's own frequency.
     ``progress`` is called before each.
 
@@ -88,7 +89,6 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
         Where a branch's viscosity is another at every place of the film at rest.
     """
     began = time.perf_counter()
-    case.specimen.needed_plate()
     if not case.film_voltage:
         raise InputError("must not be 0: forces go with the square of the voltage, so a small "
                          "swing about 0 moves nothing", key="--voltage",
@@ -105,7 +105,9 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     plate = carried(case)
     harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping,
                         Circuit(rig.series_resistance, rig.leakage_resistance))
-    undamped = float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
+    film = case.specimen.membrane.density or case.specimen.electrode.mass
+    undamped = (float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
+                if case.specimen.plate is not None or film else 0.0)
     s = _natural(harmonic, undamped)
     asked = np.array(frequencies or _frequencies(case, undamped))
     heave, voltage = harmonic.response(asked, progress)
@@ -113,7 +115,7 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
                 - case.rig.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
     reading = heave * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
     return replace(
-        result, deflection_m=outcome.state.plate.deflection,
+        result, deflection_m=model.deflection(outcome.state),
         natural_Hz=None if s is None else abs(s.imag) / (2 * pi),
         damping=None if s is None else -s.real / abs(s),
         frequency_Hz=tuple(asked.tolist()), amplitude_m_per_V=_listed(np.abs(reading)),

@@ -23,7 +23,7 @@ from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
-from tympan.fem.membrane.state import HEAVE, State
+from tympan.fem.membrane.state import State
 from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.modes import System
 from tympan.geometry.system import silent
@@ -44,6 +44,7 @@ class Harmonic:
     """A film at rest in a ``state``, its ``plate``, a ``damper`` on its heave [N s/m], a circuit.
 
     The whole film's plate and damper; motions are even about the planes the model is mirrored at.
+    Without a plate the film's centre heaves.
     """
 
     model: Model
@@ -85,29 +86,29 @@ class Harmonic:
         charge = self._capacitance + shared * (self._electric @ motion)
         circuit = self.circuit
         voltage = 1 / (1 + circuit.resistance * (1 / circuit.leakage + s * charge))
-        return complex(-2 * self._voltage * motion[self._heave] * voltage), complex(voltage)
+        return complex(-2 * self._voltage * (self._lift @ motion) * voltage), complex(voltage)
 
     def _dynamic_stiffness(self, s: complex) -> complex:
-        """Force on the plate over its heave at constant voltage [N/m]."""
-        push = np.zeros(len(self._electric))
-        push[self._heave] = 1.0
-        return complex(self.model.discretisation.mirrored / self._solved(s, push)[self._heave])
+        """Force on plate or centre over its heave at constant voltage [N/m]."""
+        moved = self._lift @ self._solved(s, self._lift)
+        return complex(self.model.discretisation.mirrored / moved)
 
     def _solved(self, s: complex, right: Array) -> Array:
         stiffness, viscous, mass = self._matrices
         share = sum((branch.modulus * (s * branch.time) / (1 + s * branch.time)
                      for branch in self.model.specimen.membrane.branches), 0j)
         dynamic = (stiffness + share * viscous + s * s * mass).tocsc()
-        dynamic[self._heave, self._heave] += s * self.damper / self.model.discretisation.mirrored
+        if self.damper:
+            heave = int(self._lift.argmax())
+            dynamic[heave, heave] += s * self.damper / self.model.discretisation.mirrored
         with silent():
             factors = splu(dynamic)
         return np.asarray(factors.solve(right.astype(complex)))
 
     @cached_property
-    def _heave(self) -> int:
-        """The number of the heave among the unknowns."""
-        freedoms = self.model.plate_freedoms
-        return len(self._electric) - len(freedoms) + freedoms.index(HEAVE)
+    def _lift(self) -> Array:
+        """Derivative of the heave by the unknowns."""
+        return np.concatenate(self.model.lift)
 
     @cached_property
     def _electric(self) -> Array:

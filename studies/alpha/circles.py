@@ -26,6 +26,9 @@ from tympan.studies.limits.loads import LoadGrid
 Array = NDArray[np.float64]
 Radii = tuple[float, ...]
 
+#: Deflection of a plate that has not moved, over the mesh's size: its force tells nothing.
+STILL_PLATE = 1e-6
+
 #: Directions around the plate that are told apart.
 _DIRECTIONS = 7200
 
@@ -66,8 +69,8 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
                 warnings.append(f"{mass * 1e3:g} g: {failure_reason(outcome)}; loads beyond are "
                                 "left out")
                 break
-            if state.plate.deflection <= 1e-6 * model.size:
-                warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
+            if abs(state.plate.deflection) <= STILL_PLATE * model.size:
+                warnings.append(f"{mass * 1e3:g} g: the plate hardly moves; this load is left out")
                 break
             rows.append((model.reaction(state), state.plate.deflection,
                          float(np.sqrt(state.voltage_squared))))

@@ -23,12 +23,18 @@ _NOTHING = 0.02
 _HEAVIER = 1.5
 #: Power of the mass with which deflections grow at least: films stiffen up to their cube.
 _STIFFENS = 1 / 3
-#: Deflections at which a film's force is looked at, and the largest over the frame's radius.
-_PLACES, _WIDTHS = 1001, 3.0
-#: Readings of one state that are a sweep, and from which share of the largest on they differ so.
-_SWEEP, _SCATTERED = 4, 0.3
-#: Rows from which even times are those of a recorder, and how even these are.
-_EVEN, _EVENLY = 8, 0.01
+#: Deflections at which a film's force is looked at.
+_PLACES = 1001
+#: Largest deflection that is looked at, over the frame's radius: no film goes as far.
+_WIDTHS = 3.0
+#: Readings of one state from which a range of frequencies is a sweep: repeats are fewer.
+_SWEEP = 4
+#: Share of the largest frequency by which those of one state do not differ: noise is less.
+_SCATTERED = 0.3
+#: Times from which even ones are a recorder's: a few are even by chance.
+_EVEN = 8
+#: Share of a step within which times are even: a clock's last digit.
+_EVENLY = 0.01
 #: A list of states has no two of them within so many seconds.
 _QUICK = 2.0
 

@@ -116,7 +116,7 @@ class Draft:
                                  given=titles[choice.place])
 
     def _other(self) -> Iterator[str]:
-        """What else the table may be, where its headings do not decide."""
+        """Other things that the table may be, where its headings do not decide."""
         if self.unread:
             yield f"# {_CORRECT}{self.unread}."
         for doubt, question, kind in () if self.stated else self.guesses.doubts_of_kind():
@@ -389,7 +389,7 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
 
 
 def _hint(rows: Sequence[Row]) -> str:
-    """What else to do about a table whose headings are not known, "" if nothing."""
+    """Further advice on a table whose headings are not known, "" without any."""
     first = [cells for _, cells in rows[:SEARCHED]]
     if sum(len(cells) == 1 and bool(_BLANKS.search(cells[0])) for cells in first) > len(first) / 2:
         return ("; blanks stand between them: save the table with commas, semicolons or tabs "

@@ -293,7 +293,7 @@ class Guesses:
                 and (free is None or place in free)]
 
     def _of_something_else(self, place: int) -> str:
-        """What in a heading makes another reading of it, "" if nothing does."""
+        """Words on a heading that makes another reading of the column, "" if it does not."""
         title = self.header.titles[place]
         if _FACTOR.search(title):
             return "the heading has a factor, which is not read: write numbers without it"
@@ -385,7 +385,7 @@ class Guesses:
                 if choice.by in ("words", "unit") else self.unit_beside(choice)[0])
 
     def doubts(self, choice: Choice) -> Iterator[str]:
-        """What speaks against a choice, or for another one."""
+        """Reasons against a choice, or for another one."""
         column, place = choice.column, choice.place
         title, words = self.header.titles[place], self._headings[place].words
         if choice.by in ("no unit", "other unit"):
@@ -545,7 +545,7 @@ class Guesses:
         return choice is not None and self.sign(choice)[0] == "up"
 
     def doubts_of_kind(self) -> Iterator[tuple[str, str, str]]:
-        """How the table is taken, a question, and the kind it is of if the answer is yes."""
+        """Doubts about the kind: how it is taken, a question, and the kind if the answer is yes."""
         if self.of_a_tester and "voltage" not in self.choices and not self.of_a_strip:
             what, kind, of = (("the plate of an actuator", "coupon", "a strip of film")
                               if self.kind == "force"

@@ -62,7 +62,7 @@ class ForceCase:
     def __post_init__(self) -> None:
         self.specimen.needed_plate()
         if self.rig.guide == "fixed":
-            raise InputError("must let the plate move: it is to be displaced", key="guide",
+            raise InputError("must let the plate move: it is to be displaced", key="rig.guide",
                              given=self.rig.guide)
         if not self.voltages:
             raise InputError("must have one voltage at least", key="voltages", given="none")

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
 from tympan.fem.membrane.biases import JoinedFilm
+from tympan.fem.membrane.loading import Guide, Loading
 from tympan.fem.membrane.quintics import ForceCurve
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case
+from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.paper.table1 import known
 
 Array = NDArray[np.float64]
 _SLIGHT = 1e-9  # by which weights may miss their sum or their bounds
 _STEP = 1e-30  # of a derivative by a complex step
+#: How far a joined film is solved, over its frame's half extent: a sixteenth takes two solutions.
+_JOINED = 0.5
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,8 @@ class Actuator:
     the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
     multiply the parts of σ_h and of E², where a specimen is not what its circles say. Of the rig
     all counts that acts on the plate or the voltage at rest, and what damps or moves with the
-    plate; friction and a lag of the voltage do not. Gas, another film, and a resistance that
-    charges the film are refused.
+    plate; friction and a lag of the voltage do not. Gas is refused, and a resistance that charges
+    the film is for motions.
     """
 
     circles: ConeCircle
@@ -91,21 +94,22 @@ class Actuator:
                              key="correction", given=f"{self.stiffness}, {self.permittivity}")
         self._check_rig()
 
+    def require_charged(self) -> None:
+        """Refuse a resistance for what moves: the film is charged at once."""
+        if self.rig.series_resistance:
+            raise InputError("the lumped model has no series resistance in time: its film is "
+                             "charged at once; take tympan transient or response",
+                             key="rig.series_resistance")
+
     def _check_rig(self) -> None:
         """Refuse what circles do not have, and a mechanism that is not there at the flat film."""
         rig = self.rig
         if rig.guide == "fixed":
             raise InputError("must let the plate move: the lumped model is of its motion",
                              key="rig.guide", given=rig.guide)
-        for key, given, words in (
-                ("gas_pressure", rig.gas_pressure, "gas: the film between the circles would bulge"),
-                ("series_resistance", rig.series_resistance,
-                 "series resistance: its film is charged at once"),
-                ("bias", any(isinstance(bias, JoinedFilm) for bias in rig.biases),
-                 "other film that a rod joins to the plate")):
-            if given:
-                raise InputError(f"the lumped model has no {words}; take the commands by finite "
-                                 "elements", key=f"rig.{key}")
+        if rig.gas_pressure:
+            raise InputError("the lumped model has no gas: the film between the circles would "
+                             "bulge; take the commands by finite elements", key="rig.gas_pressure")
         for bias, curve in zip(rig.biases, self.mechanisms, strict=True):
             if curve is None:
                 raise InputError(f"the mechanism {bias.law!r} has no force at the flat film, from "
@@ -155,8 +159,9 @@ class Actuator:
     @cached_property
     def mechanisms(self) -> tuple[ForceCurve | None, ...]:
         """Mechanisms of the rig on arrays of deflections; None of one that is not at 0."""
-        biases: tuple[Any, ...] = self.rig.biases
-        return tuple(_curve(bias, self._longest) for bias in biases)
+        rig = self.rig
+        biases: tuple[Any, ...] = rig.biases
+        return tuple(_curve(bias, self._longest, rig.guide, rig.gravity) for bias in biases)
 
     @property
     def _longest(self) -> float:
@@ -299,8 +304,14 @@ class Actuator:
 
 
 @lru_cache(maxsize=64)
-def _curve(bias: Any, far: float) -> ForceCurve | None:
-    """A mechanism's curve as far as deflections [m] of both signs, kept for the next actuator."""
+def _curve(bias: Any, far: float, guide: Guide, gravity: float) -> ForceCurve | None:
+    """A mechanism's curve as far as deflections [m] of both signs, kept for the next actuator.
+
+    A film that a rod joins is solved on the usual mesh.
+    """
+    if isinstance(bias, JoinedFilm):
+        far = min(far, _JOINED * max(bias.specimen.frame.semi_axes))
+        bias, = solved_loading(Loading((bias,), guide=guide, gravity=gravity), Settings()).biases
     return ForceCurve.of(bias.derivatives, -far, far, getattr(bias, "kinks", ()))
 
 

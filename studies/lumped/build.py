@@ -17,7 +17,7 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from tympan.studies.alpha.circles import Samples, equilibria
+from tympan.studies.alpha.circles import STILL_PLATE, Samples, equilibria
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.circles import ConeCircle
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
@@ -89,6 +89,7 @@ class BuildSettings:
             raise InputError("is for films without branches: theirs come from the field model",
                              key="--viscous", given=", ".join(branched))
         for specimen in specimens:  # refuses a rig that the model does not have
+            specimen.needed_plate()
             Actuator.of(specimen, (given.get("masses") or (1.0,))[0], rig=rig)
         if given.get("masses") is None:
             given["masses"] = tuple(map(min, zip(*(
@@ -317,8 +318,8 @@ def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
                 raise VoltageError(chosen.greatest(case.specimen, rig).doubted(reason),
                                    key=load, given=f"{1e-3 * case.voltage:.5g} kV")
             deflection = outcome.state.plate.deflection
-            if deflection <= 1e-6 * model.size:
-                raise InputError("the plate must sink: the mass is too small to tell a force",
+            if abs(deflection) <= STILL_PLATE * model.size:
+                raise InputError("the plate must move: the mass is too small to tell a force",
                                  key=case.specimen.name, given=f"{1e3 * mass:g} g")
             rests.append((deflection, model.capacitance(outcome.state),
                           model.reaction(outcome.state)))

@@ -219,6 +219,7 @@ def linearise(actuator: Actuator, voltage: float, deflection: float | None = Non
     The film's pull goes with the square of the voltage, so at 0 kV a small voltage does nothing:
     there ``by="U2"`` tells what the voltage does.
     """
+    actuator.require_charged()
     at = rest(actuator, voltage) if deflection is None else deflection
     state = actuator.rest(at)
     seen = np.zeros((1, len(state)))

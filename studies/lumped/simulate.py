@@ -133,6 +133,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     beyond pull-in or the model's reach is refused: no rest holds the film there. So is a mass next
     to nothing, and what would take minutes.
     """
+    actuator.require_charged()
     if actuator.moved < _LIGHTEST:
         raise InputError("must move at least 1 mg: the model has no mass but this, not the film's",
                          key=actuator.label)

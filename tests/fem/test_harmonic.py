@@ -113,6 +113,35 @@ def test_a_film_without_branches_swings_at_its_mode() -> None:
     assert said.damping == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_film_without_plate_swings_at_its_centre() -> None:
+    """Slowly as its equilibria, with its own mass at its lowest mode; with branches as in time."""
+    rig, plain = Rig(gas_pressure=100.0), film()
+    heavy = replace(plain, plate=None, membrane=replace(plain.membrane, density=960.0))
+    creeps = replace(CREEPS, plate=None)
+
+    def centre(specimen: Specimen, voltage: float) -> float:
+        deflection = solve(Case(specimen, voltage=voltage, rig=rig), COARSE).deflection_m
+        assert deflection is not None
+        return deflection
+
+    case = Case(heavy, voltage=VOLTAGE, rig=rig)
+    said = response(case, COARSE, (1e-4,))
+    slope = (centre(heavy, VOLTAGE + SMALL) - centre(heavy, VOLTAGE - SMALL)) / (2 * SMALL)
+    assert slope < 0  # a voltage lifts it further
+    assert said.amplitude_m_per_V[0] == pytest.approx(-slope, rel=1e-3)
+    assert abs(said.phase_deg[0]) == pytest.approx(180.0, abs=1e-3)
+    assert said.natural_Hz == pytest.approx(modes(case, COARSE).modes[0].frequency_Hz, rel=1e-8)
+    frequency, periods = 0.5, 6.0
+    signal = Sine(VOLTAGE, SMALL, 1 / frequency, periods)
+    done = history(TransientCase(creeps, signal, mass=0.0, rig=rig,
+                                 steps=StepSettings(error=1e-7)), COARSE)
+    amplitude, phase = swing(done, frequency, signal.end)
+    crept = response(Case(creeps, voltage=VOLTAGE, rig=rig), COARSE, (frequency,))
+    assert crept.natural_Hz is None
+    assert amplitude / SMALL == pytest.approx(crept.amplitude_m_per_V[0], rel=2e-3)
+    assert (phase - crept.phase_deg[0] + 180) % 360 == pytest.approx(180.0, abs=0.1)
+
+
 def test_a_swing_dies_away_as_its_natural_frequency_says() -> None:
     specimen, rig = film(ViscousBranch(300e3, 5e-3)), Rig(plate_damping=0.02)
     step = Pieces(np.array([0.0, 0.0, 0.6]), np.array([VOLTAGE, *2 * [VOLTAGE + SMALL]]))

@@ -43,7 +43,7 @@ def alpha(options: argparse.Namespace) -> None:
         chosen = AlphaSettings(circles=options.circles, radii=options.radii)
     specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
     settings = read_settings(options)
-    with bar(14 if options.uncertainty else 2) as progress:
+    with naming_options(options), bar(14 if options.uncertainty else 2) as progress:
         result = alpha(specimen, settings, chosen, rig, progress)
         if options.uncertainty:
             result = replace(result, uncertainty=uncertainty(specimen, settings, chosen, rig,

@@ -314,7 +314,7 @@ def path(options: argparse.Namespace) -> None:
     case = read_case(options)
     if options.fields and options.output is None:
         raise InputError("must be given to say where the fields go", key="-o")
-    with naming_file(options.rig), naming_options(options), bar(1) as progress:
+    with naming_options(options), bar(1) as progress:
         result = solving.follow(case, read_settings(options), options.along, options.rate,
                                 options.to, options.fields, progress)
     if options.rate is not None:
