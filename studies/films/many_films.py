@@ -42,8 +42,10 @@ _CHORDS = 4
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.2
 
-#: Steps over the gap of a plate that mechanisms may make snap, at least, and most of them.
-_MARCHED, _MOST_MARCHED = 30, 400
+#: Steps over the gap of a plate that mechanisms may make snap, at least: a snap takes several.
+_MARCHED = 30
+#: Most such steps. A bound of the cost.
+_MOST_MARCHED = 400
 #: Part of an interval of negative stiffness that a step leads over.
 _PART = 0.125
 #: Halvings of the last step: Newton's method then finds the rest in it, and no other.
@@ -508,7 +510,7 @@ class Films:
 
     def _driving(self, films: Numbers, q: Array, force: Array, squared: Array
                  ) -> tuple[Array, Array]:
-        """What is missing to the balance of plates held where q have them [N], and these states.
+        """Force that is missing to the balance of plates held where q have them [N]; these states.
 
         nan where a film has no stable shape.
         """

@@ -20,11 +20,11 @@ _HEAD = """# Mutants
 A mutant is a small fault that is made on purpose in the program. A test suite should notice it. A
 mutant is caught when a test fails or hangs that passes without it. Only tests that always run
 count: no dear ones (see CONTRIBUTING.md). An equivalent mutant does what the program does, or the
-same within rounding, as a person has found; the shares leave it out.
+same within rounding, as a person has found. The shares leave it out.
 
 *Before* is the suite as it was when the mutants were drawn, *after* as it is now. Some tests were
-written for mutants that had got away: so only the shares before say what the suite would catch of
-other mutants.
+written for mutants that had got away. So the shares before say what the suite would catch of other
+mutants.
 """
 #: What is said of mutants drawn over all chapters, and of rules.
 _DRAWN = """These mutants were drawn at random over all chapters, in proportion to their lines of
@@ -32,7 +32,7 @@ code.
 """
 _RULES = """These mutants are rules, drawn at random from some files: a condition that is switched
 off, or a constant that becomes zero, a thousandth or a thousand times as large. Most of the tests
-that catch them were written when they had been drawn: so they say that each rule has a test, and
+that catch them were written when they had been drawn. They say that each rule has a test. They say
 nothing of other rules.
 """
 
