@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from dataclasses import replace
 from functools import cache
@@ -9,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
+from scipy.stats import binomtest
 
 import tympan
 from tests.support.specimens import specimen_toml
@@ -34,8 +37,10 @@ from tympan.studies.tolerance.given import (
     Tolerances,
     causes,
 )
+from tympan.studies.tolerance.result import Chance
 from tympan.studies.tolerance.shares import Design
 from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase, tolerance
+from tympan.studies.wanted import Bound
 
 NONE, NO_LENGTH = Scatter(), LengthScatter()
 STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
@@ -98,10 +103,11 @@ def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
     sizes = {"thickness": 0.05, "stiffness": 0.1, "load": 0.08}
     given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.05),
                           "stiffness": Scatter(batch=0.1), "load": Scatter(film=0.08)})
-    result = tolerance(ToleranceCase(film, mass=1e-5, voltage=1.0, tolerances=given, films=5000),
-                       COARSE)
-    spread = result.quantities["deflection_m"]
     whole = np.sqrt(sum(size**2 for size in sizes.values()))
+    wanted = tuple(Bound("deflection", value, False) for value in (1.12e-6, 1.38e-6))
+    result = tolerance(ToleranceCase(film, mass=1e-5, voltage=1.0, tolerances=given, films=5000,
+                                     wanted=wanted), COARSE)
+    spread = result.quantities["deflection_m"]
     assert spread.median == pytest.approx(spread.nominal, rel=0.01)
     assert spread.high / spread.median == pytest.approx(np.exp(1.645 * whole), rel=0.015)
     assert spread.low / spread.median == pytest.approx(np.exp(-1.645 * whole), rel=0.015)
@@ -112,6 +118,13 @@ def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
     for name, size in sizes.items():
         assert shares[name].alone == pytest.approx((np.exp(size**2) - 1) / variance, abs=0.04)
     assert sum(share.alone for share in spread.shares) + spread.interactions == pytest.approx(1)
+    # The share of films with less is the normal distribution of the logarithm.
+    for told in result.wanted:
+        known = ndtr(np.log(told.bound / spread.nominal) / whole)
+        assert told.kept.low < known < told.kept.high
+        assert told.kept.probability == pytest.approx(known, abs=0.01)
+        assert told.missed.probability == pytest.approx(1 - told.kept.probability)
+    assert result.kept == result.wanted[0].kept
 
 
 def test_strengths_are_weibull_s_and_fall_with_the_electrode_s_area() -> None:
@@ -284,6 +297,133 @@ def test_some_films_are_those_of_finite_elements() -> None:
     compared(6)
 
 
+def test_films_keep_wanted_bounds_as_finite_elements_do() -> None:
+    """Bounds that half of the films keep, in both senses, and a pair; by six films and by all."""
+    drawn, values = drawn_films()
+    names = {"deflection_m": "deflection", "stroke_m": "stroke", "blocked_force_N": "blocked_force",
+             "capacitance_F": "capacitance", "frequency_Hz": "frequency"}
+    middle = {name: float(np.median(values[key])) for key, name in names.items()}
+    bounds = [Bound(name, value, least) for name, value in middle.items()
+              for least in (True, False)]
+    films = drawn.copies.loaded(MASS, VOLTAGE)
+    missed = {bound: bound.misses(films) for bound in bounds}
+    for bound, share in missed.items():
+        key = next(key for key, name in names.items() if name == bound.name)
+        np.testing.assert_allclose(share, bound.missed(values[key]), atol=1e-6)
+    chosen = np.random.default_rng(8).choice(len(drawn.rows), 6, replace=False)
+    for film in chosen:
+        known = exact(drawn, int(film))
+        for key, name in names.items():
+            for bound in (Bound(name, middle[name], least) for least in (True, False)):
+                by_elements = float(bound.missed(np.array(known[key])))
+                # Nearer to a bound than reduced films are to finite elements neither is sure.
+                assert abs(by_elements) < 1e-3 or (missed[bound][film] <= 0) == (by_elements <= 0)
+    case = ToleranceCase(oval(), films=1000, wanted=tuple(bounds[:3]))
+    reached = drawn.reached(values)
+    told, kept = drawn.wanted(case, reached)
+    masks = [reached & (missed[bound][1:] <= 0) for bound in bounds[:3]]
+    assert [each.kept.probability for each in told] == [mask.mean() for mask in masks]
+    assert kept is not None
+    assert kept.probability == np.all(masks, axis=0).mean()
+
+
+def test_what_films_fail_of_is_what_finite_elements_meet_first() -> None:
+    """Half of the films lose tension before the voltage, some of weak ones break down."""
+    film = oval()
+    film = replace(film, membrane=replace(film.membrane, strength=ConstantStrength(48e6)))
+    limit = first_limit(Case(film, mass=MASS), COARSE)
+    assert limit is not None
+    given = replace(STILL, stiffness=Scatter(film=0.1), strength=StrengthScatter(shape=10))
+    case = ToleranceCase(film, films=200, tolerances=given)
+    drawn = Drawn.of(case, causes(film, given)[0], MASS, limit.voltage_V, COARSE)
+    reached = drawn.reached(drawn.solved())
+    fails = {each.kind: each for each in drawn.fails(reached)}
+    assert {*fails} == {"tension", "breakdown"}
+    assert sum(each.share.probability for each in fails.values()) == pytest.approx(
+        1 - reached.mean())
+    films = drawn.copies.loaded(MASS, limit.voltage_V).part(slice(1, None))
+    met = np.full(len(reached), -1)
+    met[~reached] = films.failures(~reached)
+    chosen = [*np.flatnonzero(met == KINDS.index("tension"))[:2],
+              *np.flatnonzero(met == KINDS.index("breakdown"))[:2], np.flatnonzero(reached)[0]]
+    for number in chosen:
+        member = drawn.family.box.member(films.rows[number])
+        scattered = ConstantStrength(48e6 * float(films.strength[number]))
+        member = replace(member, membrane=replace(member.membrane, strength=scattered))
+        known = first_limit(Case(member, mass=MASS), COARSE)
+        assert known is not None
+        assert (known.voltage_V <= limit.voltage_V) == (met[number] >= 0)
+        assert met[number] < 0 or KINDS[met[number]] == known.kind
+
+
+def test_the_words_of_what_is_wanted_are_those_of_a_file_the_option_and_python(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And the answers: on the terminal, in JSON and in Python."""
+    file, scatter = tmp_path / "oval.toml", tmp_path / "T.toml"
+    file.write_text(specimen_toml(), encoding="utf-8")
+    scatter.write_text('[want]\nstroke = "9 mm"\nfrequency = "6 Hz"\n', encoding="utf-8")
+    loads = {"mass": "17.9 g", "voltage": "3.5 kV"}
+    command = ["tolerance", str(file), *(word for key, value in loads.items() for word in (
+        f"--{key}", value)), "--films", "200", "--refine", "0.5", "--tolerances", str(scatter),
+        "--want", "stroke = 0.2 mm, deflection = at most 5 mm"]
+    assert main([*command, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    found = tympan.tolerance(
+        oval(), scatter, want={"stroke": "0.2 mm", "deflection": "at most 5 mm"}, films=200,
+        settings=COARSE, **loads)
+    assert record["wanted"] == found.json()["wanted"]
+    assert record["kept"] == found.json()["kept"]
+    assert [each["name"] for each in record["wanted"]] == ["frequency", "stroke", "deflection"]
+    assert record["fails"] == found.json()["fails"] == []
+    assert main([*command, "-o", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    for each in found.wanted:
+        assert re.search(rf"{each.text} +{re.escape(each.kept.text)} ", text)
+    assert f"all together{'':25}{found.kept.text}" in text
+    assert (tmp_path / "oval-tolerance.png").is_file()
+    # Other commands leave the table out.
+    assert Tolerances.read(scatter) == Tolerances()
+
+
+@pytest.mark.parametrize(("want", "message"), [
+    ({"width": "10 cm"}, "must be of what differs between films.*width is judged by its nominal"),
+    ({"breakdown_margin": 1.5}, "needs a film whose electric strength is known"),
+    ({"strok": "1 mm"}, "want: given '1 mm': strok: must be one of"), ("stroke", "such as")])
+def test_what_cannot_be_wanted_of_films_is_refused(want: object, message: str) -> None:
+    film = oval()
+    film = replace(film, membrane=replace(film.membrane, strength=None))
+    with pytest.raises(InputError, match=message):
+        tympan.tolerance(film, want=want, mass=MASS, voltage=VOLTAGE, settings=COARSE)
+
+
+def test_limits_of_a_share_leave_room_for_films_that_share_numbers() -> None:
+    """Of known shares more than 95 % of the limits have them in between; all and none have some."""
+    sizes = np.array([0.8, 0.5, 0.3, 0.1])
+    groups = [*np.eye(4, dtype=bool).tolist(), [True, True, False, False]]
+    for share in (0.5, 0.95, 0.99):
+        within, narrow = [], []
+        for seed in range(60):
+            design = Design.drawn(groups, 1000, seed)
+            some = ndtri(np.clip(design.points, 1e-9, 1 - 1e-9)) @ sizes < ndtri(
+                share) * np.sqrt(sizes @ sizes)
+            told, plain = Chance.of(some, design.independent), Chance.of(some)
+            within.append(told.low <= share <= told.high)
+            narrow.append(plain.low <= share <= plain.high)
+        assert np.mean(within) >= 0.95
+        assert np.mean(within) >= np.mean(narrow)
+    every = np.ones(len(design.points), dtype=bool)
+    assert Chance.of(every, design.independent).low < Chance.of(every).low
+    assert Chance.of(every).high == 1.0
+    assert Chance.of(~every, design.independent).low == 0.0
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 50), (3, 50), (31, 50), (50, 50)])
+def test_limits_of_independent_films_are_wilson_s(count: int, of: int) -> None:
+    told = Chance.of(np.arange(of) < count)
+    known = binomtest(count, of).proportion_ci(method="wilson")
+    assert (told.low, told.high) == pytest.approx((known.low, known.high), abs=1e-12)
+
+
 @pytest.mark.study
 def test_quantiles_are_those_of_500_films_of_finite_elements() -> None:
     known, (drawn, values) = compared(500), drawn_films()
@@ -322,6 +462,11 @@ def test_films_beyond_the_range_of_their_law_do_not_count() -> None:
     found = tolerance(ToleranceCase(film, mass=MASS, voltage=VOLTAGE, tolerances=given, films=400),
                       COARSE)
     assert found.reached.probability == pytest.approx(0.5, abs=0.06)
+    failure, = found.fails
+    assert failure.kind == "law_range"
+    assert failure.share.probability == pytest.approx(1 - found.reached.probability)
+    assert "the end of the law's range comes before 3.5 kV" in failure.words
+    assert {*found.limits.kinds} == {"law_range"}
 
 
 GIVEN = Tolerances(**{**vars(STILL), "thickness": Scatter(batch=0.05),
