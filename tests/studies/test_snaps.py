@@ -359,7 +359,7 @@ rest = "-1 mm"
     assert [each["reached"] for each in record["equilibria"]] == [True, False]
     assert record["equilibria"][0]["deflection_m"] == record["deflection_m"]
     assert main(["path", *given]) == 0
-    assert "snap-through  5.4589 kV" in capsys.readouterr().out
+    assert "snap-through    5.4589 kV" in capsys.readouterr().out
 
 
 def test_the_python_door_has_the_same() -> None:
