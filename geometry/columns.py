@@ -36,10 +36,11 @@ class Sheet:
     """A file that was read: SI values by column name, and where each row stood.
 
     Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is of
-    the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the names
-    of the columns as written, ``places`` where each stands. ``rows`` makes the rows as written,
-    that of the titles first. Of a ``wide`` table, which was unfolded, several rows have one line.
-    ``remarks`` say which headings were read as what, where they are not ours.
+    the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the
+    headings as written, ``sources`` what each column was read from: place, unit and sign, by its
+    name. ``rows`` makes the rows as written, that of the titles first. Of a ``wide`` table, which
+    was unfolded, several rows have one line. ``remarks`` say which headings were read as what,
+    where they are not ours.
     """
 
     file: Path
@@ -47,7 +48,7 @@ class Sheet:
     line: NDArray[np.int64]
     values: dict[str, NDArray[Any]]
     titles: tuple[str, ...]
-    places: dict[str, int]
+    sources: dict[str, Source]
     rows: Callable[[], Iterable[Row]]
     wide: bool = False
     remarks: tuple[str, ...] = ()
@@ -63,6 +64,17 @@ class Sheet:
         if name not in values:
             raise AttributeError(name)
         return values[name]
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Where each column stands, of those that are not one value for the whole file."""
+        return {name: source.place for name, source in self.sources.items()
+                if source.place is not None}
+
+    def heading(self, name: str) -> str:
+        """Heading of a column as written; its usual name where one value holds for all rows."""
+        place = self.places.get(name)
+        return self.sources[name].column.title if place is None else self.titles[place]
 
     @cached_property
     def cells(self) -> list[list[str]]:
@@ -129,10 +141,9 @@ def sheet_of(reader: Reader, raw: bytes, rows: Callable[[], Iterable[Row]], wide
     remarks = (*header.remarks, *reader.left_out(header, rows))
     rows = partial(header.rows, rows)
     below, titles = islice(rows(), 1, None), header.titles
-    places = {source.column.name: source.place for source in header.sources
-              if source.place is not None}
+    sources = {source.column.name: source for source in header.sources}
     sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.zeros(0, np.int64), {}, titles,
-                  places, rows, wide, remarks)
+                  sources, rows, wide, remarks)
     lines, parts = [sheet.line], {source.column.name: list[NDArray[Any]]()
                                   for source in header.sources}
     while batch := list(islice(below, TOGETHER)):

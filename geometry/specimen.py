@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, takes_units
-from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
+from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, area, check_outline
 from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.paths import any_complex
@@ -435,13 +435,17 @@ class Specimen:
         """The plate's centre, or the frame's where there is no plate [m]."""
         return (0.0, 0.0) if self.plate is None else self.plate.offset
 
+    @property
+    def plate_area(self) -> Any:
+        """Area of the whole plate [m²], 0 without one."""
+        return 0.0 if self.plate is None else area(self.plate.outline)
+
     def needed_plate(self) -> Plate:
         """The plate, for what has no meaning without one; InputError where there is none."""
         if self.plate is None:
             raise InputError("is needed here: films without plate have solve, limits, curve, path, "
-                             "modes, transient, response, sensitivity, sweep, draw and export",
-                             key="plate",
-                             given=f"none in {self.name}")
+                             "modes, transient, response, sensitivity, sweep, tolerance, design, "
+                             "draw and export", key="plate", given=f"none in {self.name}")
         return self.plate
 
     @property

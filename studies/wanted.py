@@ -88,7 +88,7 @@ class Quantity:
     ``gain`` None: neither, so that a bound says whether it is the least or the largest value.
     ``of`` films its values, (films,). What ``scatters`` differs between films of one drawing.
     ``missed``: by what share films miss a bound, where that is not by its value. What is not
-    ``sought`` is no quantity that a search can keep.
+    ``sought`` is no quantity that a search can keep; one ``of_plate`` has no meaning without.
     """
 
     words: str
@@ -99,6 +99,7 @@ class Quantity:
     rule: Rule = POSITIVE
     missed: Callable[[Loaded], Array] | None = None
     sought: bool = True
+    of_plate: bool = False
 
     @property
     def unit(self) -> str:
@@ -288,7 +289,7 @@ def _extent(axis: int) -> Callable[[Specimen], float]:
 
 def _film_mass(specimen: Specimen) -> float:
     film, frame = specimen.membrane, float(area(specimen.frame))
-    free = frame - float(area(specimen.needed_plate().outline))
+    free = frame - float(specimen.plate_area)
     per_area = film.density * film.volume_per_area + film.layers * specimen.electrode.mass
     return float(free * per_area)
 
@@ -316,9 +317,11 @@ QUANTITIES: dict[str, Quantity] = {
     "deflection": Quantity("deflection under the voltage", "length", None,
                            lambda films: films.deflection[:, 1]),
     "stroke": Quantity("stroke", "length", True, _stroke),
-    "blocked_force": Quantity("blocked force", "force", True, lambda films: films.blocked_force),
-    "work": Quantity("work", "energy", True, _work),
-    "frequency": Quantity("frequency", "frequency", True, lambda films: films.frequency),
+    "blocked_force": Quantity("blocked force", "force", True, lambda films: films.blocked_force,
+                              of_plate=True),
+    "work": Quantity("work", "energy", True, _work, of_plate=True),
+    "frequency": Quantity("frequency", "frequency", True, lambda films: films.frequency,
+                          of_plate=True),
     TENSION: Quantity("margin to the loss of tension or pull-in", "", True,
                       lambda films: films.limit, rule=_MARGIN, missed=_tension_missed),
     BREAKDOWN: Quantity("margin to breakdown", "", True, _breakdown_margin, rule=_MARGIN),

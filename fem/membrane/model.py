@@ -19,7 +19,6 @@ from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import total
 from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, Load, PlateMotion, State
-from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[Any]
@@ -165,8 +164,7 @@ class Model:
     @cached_property
     def plate_area(self) -> Any:
         """Area of the whole plate [m²], 0 without one."""
-        plate = self.specimen.plate
-        return 0.0 if plate is None else area(plate.outline)
+        return self.specimen.plate_area
 
     @cached_property
     def mass_per_area(self) -> Any:

@@ -75,9 +75,10 @@ def _draw_front(axes: Axes, result: DesignResult, front: DesignFront) -> None:
 def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
     """Frame and plate."""
     specimen = result.specimens[film.specimen_file]
-    plate = specimen.needed_plate()
-    for points, move in ((specimen.frame.points(360), (0.0, 0.0)),
-                         (plate.outline.points(360), plate.offset)):
+    outlines = [(specimen.frame.points(360), (0.0, 0.0))]
+    if (plate := specimen.plate) is not None:
+        outlines.append((plate.outline.points(360), plate.offset))
+    for points, move in outlines:
         x, y = points
         axes.fill(1e3 * (x + move[0]), 1e3 * (y + move[1]), facecolor=style.FAINT,
                   edgecolor=style.PALETTE[0], linewidth=1.2)

@@ -86,7 +86,7 @@ class ExactFilm:
     def outcomes(self) -> list[Outcome]:
         """Equilibria without voltage, under it, and under it times a margin above 1."""
         shares = (0.0, 1.0, self.margin) if self.margin > 1 else (0.0, 1.0)
-        return [equilibrium(self._model, self._load, self._across(share),
+        return [equilibrium(self._model, self._load, self._across(share), self.rig.gas_pressure,
                             settings=self.settings.path) for share in shares]
 
     @property
@@ -117,7 +117,8 @@ class ExactFilm:
     @property
     def force(self) -> Array:
         _, push, _ = acting(self._model.loading.biases, self.deflection)
-        return np.asarray(self._load - push)
+        lifted = self.rig.gas_pressure * float(self._model.plate_area)
+        return np.asarray(self._load - push - lifted)
 
     @property
     def stress(self) -> Array:
@@ -144,7 +145,7 @@ class ExactFilm:
 
     @cached_property
     def blocked_force(self) -> Array:
-        if not self.sound:
+        if not self.sound or self.specimen.plate is None:
             return np.array([np.nan])
         rest = self.outcomes[0]
         blocked = held(self._model, self._model.deflection(rest.state), self._across(1.0),
@@ -153,7 +154,7 @@ class ExactFilm:
 
     @cached_property
     def frequency(self) -> Array:
-        if not self.sound:
+        if not self.sound or self.specimen.plate is None:
             return np.array([np.nan])
         plate = carried(self._case)
         found = [heaving_frequency(self._model, outcome.state, plate)

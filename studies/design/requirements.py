@@ -18,6 +18,7 @@ from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Ta
 from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
+from tympan.studies.limits.loads import require_moved
 from tympan.studies.paper.actuators import FILES
 from tympan.studies.tolerance.given import Tolerances
 from tympan.studies.wanted import (
@@ -114,7 +115,12 @@ class Requirements:
             except InputError as error:
                 raise error.located(file=table.file) from None
         variables = _variables(table, specimens, rig)
-        loads = _loads(table, variables)
+        loads = _loads(table, variables, specimens)
+        for specimen in specimens:
+            try:
+                require_moved(specimen, rig, loads[0])
+            except InputError as error:
+                raise error.located(file=table.file) from None
         bounds, best = _wanted(table, specimens)
         found = cls(table.text("name", Path(table.file).stem), specimens, *loads, variables, bounds,
                     best, rig, _tolerances(table),
@@ -165,14 +171,12 @@ def _specimens(table: Table) -> tuple[Specimen, ...]:
 
 
 def _specimen(table: Table, name: str) -> Specimen:
-    """A specimen with a plate, of a file or of the paper."""
+    """A specimen of a file or of the paper."""
     if not name.endswith(".toml") and name not in FILES:
         raise table.error("specimen", "must be a specimen file, ending in .toml, or one of "
                                       f"{', '.join(FILES)}", name)
-    specimen = load_specimen(FILES[name] if name in FILES
-                             else table.named_file("specimen", name))
-    specimen.needed_plate()
-    return specimen
+    return load_specimen(FILES[name] if name in FILES
+                         else table.named_file("specimen", name))
 
 
 def _films(table: Table) -> list[dict[str, Any]]:
@@ -203,14 +207,20 @@ def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
     return replace(specimen, name="-".join(filter(None, words)), membrane=made)
 
 
-def _loads(table: Table, variables: Mapping[str, tuple[Vary, ...]]) -> tuple[float, float]:
-    """Mass [kg] and voltage [V]; of one that varies the highest."""
+def _loads(table: Table, variables: Mapping[str, tuple[Vary, ...]],
+           specimens: tuple[Specimen, ...]) -> tuple[float, float]:
+    """Mass [kg] and voltage [V]; of one that varies the highest.
+
+    Films without plates need no mass.
+    """
     found = {}
     for key, rule in LOADS.items():
         varied = next((each.high for several in variables.values() for each in several
                        if each.key == key), None)
         if varied is not None and key in table:
             raise table.error(key, "is given and varies, too: only one of both", table.data[key])
+        if key == "mass" and key not in table and all(each.plate is None for each in specimens):
+            varied = 0.0
         found[key] = table.number(key, key, rule=rule) if varied is None else varied
         table.asked.add(key)
     return found["mass"], found["voltage"]
@@ -288,6 +298,9 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, Bo
             if not quantity.sought:
                 raise inner.error(key, f"is not searched for: write {TENSION} and {BREAKDOWN}, the "
                                        "voltages of these limits over the film's", given)
+            for each in specimens:
+                if quantity.of_plate and each.plate is None:
+                    raise inner.error(key, f"needs a plate, and {each.name} has none", given)
             if key == BREAKDOWN and any(each.membrane.strength is None for each in specimens):
                 raise inner.error(key, "needs films whose electric strength is known "
                                        "(membrane.breakdown)")

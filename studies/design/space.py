@@ -13,7 +13,6 @@ from scipy.stats import qmc
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import area
 from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
@@ -92,7 +91,7 @@ class DesignSpace(Ranges):
                 relative = any(cause.relative for cause in scatter if name in cause.targets)
                 box[name] = ((first * low / own, last * high / own) if relative
                              else (first + low - own, last + high - own))
-        rig, plate = requirements.rig, float(area(middle.needed_plate().outline))
+        rig, plate = requirements.rig, float(middle.plate_area)
         masses = _range(variables, "mass", requirements.mass)
         most = float(rig.film_voltage(requirements.voltage * requirements.margin))
         force = (float(rig.force(masses[0] * loads[LOAD][0], plate)),
@@ -192,7 +191,7 @@ class DesignSpace(Ranges):
                 specimens: Sequence[Specimen | None]) -> FamilyFilms:
         rig, margin = self.requirements.rig, self.requirements.margin
         plates = np.array([0.0 if specimen is None or not rig.plate_pressure
-                           else float(area(specimen.needed_plate().outline))
+                           else float(specimen.plate_area)
                            for specimen in specimens])
         moving = masses + rig.unaccounted_mass + rig.added_mass
         return FamilyFilms(self.family, rows, rig.force(masses, plates),

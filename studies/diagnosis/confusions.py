@@ -19,7 +19,6 @@ from scipy.special import chdtrc
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
-from tympan.geometry.units import unit_factor
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
@@ -45,14 +44,14 @@ _FORCES = {"millinewtons": 1e-3, "newtons": 1.0, "grams": 1e-3 * g}
 #: Those of a voltage.
 _VOLTAGES = {"volts": 1.0, "kilovolts": 1e3}
 
-#: By column: the dimension of its unit, the units it may be in, and the powers of what it is
-#: multiplied by in the factors on stiffness and permittivity, of small deflections.
-_COLUMNS: dict[str, tuple[str, dict[str, float], tuple[float, float]]] = {
-    "displacement": ("length", _LENGTHS, (-1.0, -1.0)),
-    "range": ("length", _LENGTHS, (-1.0, -1.0)),
-    "mass": ("mass", _LOADS, (1.0, 1.0)),
-    "force": ("force", _FORCES, (1.0, 1.0)),
-    "voltage": ("voltage", _VOLTAGES, (0.0, -2.0)),
+#: By column: the units it may be in, and the powers of what it is multiplied by in the factors on
+#: stiffness and permittivity, of small deflections.
+_COLUMNS: dict[str, tuple[dict[str, float], tuple[float, float]]] = {
+    "displacement": (_LENGTHS, (-1.0, -1.0)),
+    "range": (_LENGTHS, (-1.0, -1.0)),
+    "mass": (_LOADS, (1.0, 1.0)),
+    "force": (_FORCES, (1.0, 1.0)),
+    "voltage": (_VOLTAGES, (0.0, -2.0)),
 }
 
 
@@ -143,17 +142,18 @@ def _readings(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_
     """Columns that may be in another unit than their name says."""
     for sheet in dataset.sheets:
         rows = table.file == sheet.file.name
-        for column, (dimension, units, powers) in _COLUMNS.items():
-            if column not in sheet.places or not rows.any():
+        for column, (units, powers) in _COLUMNS.items():
+            source = sheet.sources.get(column)
+            if source is None or not rows.any():
                 continue
-            title = sheet.titles[sheet.places[column]]
-            stated = unit_factor(title.rpartition("_")[2], dimension)
+            stated = abs(source.factor)
             for unit, size in units.items():
                 factor = size / stated
                 if abs(log(factor)) > 1e-3 and (changed := _scaled(
                         setup, table, rows, column, factor)) is not None:
                     read = float(np.sum(rows & (table.kind == column)))
-                    yield _Other(f"{title} of {sheet.file.name}", f"in {unit}", setup, changed,
+                    yield _Other(f"{sheet.heading(column)} of {sheet.file.name}",
+                                 f"in {unit}", setup, changed,
                                  log(factor) * np.array(powers), read * log(factor))
 
 

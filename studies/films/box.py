@@ -22,8 +22,10 @@ Array = NDArray[Any]
 STIFFNESS = "stiffness"
 #: The spring between plate and ground [N/m], beside those of the rig: another such parameter.
 SPRING = "rig.spring"
+#: The pressure of the gas below film and plate [Pa], in place of the rig's: another.
+PRESSURE = "rig.gas_pressure"
 #: Parameters that are no numbers of the specimen, and their dimensions.
-_BESIDE = {STIFFNESS: "", SPRING: "stiffness per length"}
+_BESIDE = {STIFFNESS: "", SPRING: "stiffness per length", PRESSURE: "stress"}
 
 #: The law's part of a specimen.
 _LAW = "membrane.material"
@@ -49,8 +51,8 @@ class Box:
 
     A name is the path of a number in the specimen, such as "frame.semi_axes.0",
     "plate.outline.radius" or "membrane.thickness". "stiffness" is a factor on all stresses of the
-    law, "rig.spring" a spring on the plate [N/m]. Of values ``low`` and ``high`` the shape is
-    (names,); rows of parameters have it last.
+    law, "rig.spring" a spring on the plate [N/m], "rig.gas_pressure" that of the gas. Of values
+    ``low`` and ``high`` the shape is (names,); rows of parameters have it last.
     """
 
     specimen: Specimen
@@ -95,12 +97,12 @@ class Box:
         away = np.abs((rows[:, differs] - (low + high) / 2) / (high - low)).max(1, initial=0.0)
         return cls(specimens[int(away.argmin())], names, low, high)
 
-    def row(self, specimen: Specimen, spring: float = 0.0) -> Array:
+    def row(self, specimen: Specimen, spring: float = 0.0, pressure: float = 0.0) -> Array:
         """The parameters of a specimen of the family, whose law has factor 1, shape (names,).
 
-        And those of a ``spring`` on its plate [N/m].
+        And those of a ``spring`` on its plate [N/m] and a gas ``pressure`` [Pa].
         """
-        beside = {STIFFNESS: 1.0, SPRING: spring}
+        beside = {STIFFNESS: 1.0, SPRING: spring, PRESSURE: pressure}
         return np.array([beside[name] if name in beside else at(specimen, name.split("."))
                          for name in self.names], dtype=float)
 
@@ -114,7 +116,7 @@ class Box:
     def columns(self, rows: Array) -> dict[str, Array]:
         """The numbers of the specimen, by path, in which films differ, (films,) each."""
         columns = {name: rows[:, number] for number, name in enumerate(self.names)
-                   if name != SPRING}
+                   if name not in (SPRING, PRESSURE)}
         factor = columns.pop(STIFFNESS, None)
         if factor is not None:
             columns |= {path: factor * at(self.specimen, path.split("."))
@@ -123,9 +125,16 @@ class Box:
 
     def springs(self, rows: Array) -> Array:
         """Stiffness of the springs in which films differ [N/m], (films,)."""
-        if SPRING not in self.names:
-            return np.zeros(len(rows))
-        return np.asarray(rows[:, self.names.index(SPRING)])
+        return self._beside(rows, SPRING, 0.0)
+
+    def pressures(self, rows: Array, usual: float) -> Array:
+        """Pressures of the gas below the films [Pa], (films,): ``usual`` where they do not vary."""
+        return self._beside(rows, PRESSURE, usual)
+
+    def _beside(self, rows: Array, name: str, usual: float) -> Array:
+        if name not in self.names:
+            return np.full(len(rows), usual)
+        return np.asarray(rows[:, self.names.index(name)])
 
     @cached_property
     def _stresses(self) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.newton import tangent_at
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import HEAVE, PlateMotion, State
+from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
 from tympan.geometry.fields import FieldsAlone
 from tympan.studies.films.many_films import Films, FilmsAt
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
@@ -73,10 +73,6 @@ class ResidualCheck(FieldsAlone):
         """Motion of the plate's nodes by its allowed freedoms, (plate nodes, 3, freedoms)."""
         return PlateMotion.rest().gradient(self.model.arms)[:, :, self.model.plate_freedoms]
 
-    @property
-    def _heave(self) -> int:
-        return self.model.plate_freedoms.index(HEAVE)
-
     def estimate(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
                  stiffness: Array) -> Array:
         """Estimated error of the deflections of states [m], (states,); nan of none."""
@@ -95,12 +91,20 @@ class ResidualCheck(FieldsAlone):
         stress = films.density(at, number, squared).of_virgin(strained.c, tangent=False).stress
         forces = strained.forces(stress.transpose(2, 0, 1) * at.volumes[number])
         nodal = self._nodal(films, forces) - films.nodal_weight[number]
+        freedoms = self.model.plate_freedoms
+        on_plate = np.zeros((len(q), len(FREEDOMS)))
+        on_plate[:, HEAVE] += films.acting(number, q[:, 0])[0]
+        on_plate -= np.outer(force, films.loading.lift(PlateMotion.rest()))
+        if films.gas:
+            pressure = films.pressure[number]
+            nodal -= pressure[:, None, None] * self._swept(films, number, q)
+            plates, turns = films.volume.plates[number], q @ films.turns.T
+            on_plate[:, HEAVE] += pressure * plates * (1 - (turns**2).sum(1) / 2)
+            on_plate[:, TURNS] -= (pressure * plates * q[:, 0])[:, None] * turns
         mesh = self.model.discretisation
         inner = nodal[(slice(None), *mesh.free)]
         edge = np.einsum("snc,ncf->sf", nodal[:, mesh.plate_nodes], self._rigid)
-        edge[:, self._heave] += films.acting(number, q[:, 0])[0]
-        lift = films.loading.lift(PlateMotion.rest())[list(self.model.plate_freedoms)]
-        edge -= force[:, None] * lift
+        edge += on_plate[:, freedoms]
         on_bends = np.zeros((len(q), 0))
         if films.bends:
             bends = films.whole.shapes[films.count:]
@@ -109,8 +113,8 @@ class ResidualCheck(FieldsAlone):
             x, y = (q @ films.turns.T).T
             first, second, both = on_edge.T
             for turn, pushed in enumerate((2 * x * first + y * both, 2 * y * second + x * both)):
-                if (freedom := TURNS.start + turn) in self.model.plate_freedoms:
-                    edge[:, self.model.plate_freedoms.index(freedom)] += pushed
+                if (freedom := TURNS.start + turn) in freedoms:
+                    edge[:, freedoms.index(freedom)] += pushed
             on_bends = inner @ np.array([bend[mesh.free] for bend in bends]).T
         whole = np.concatenate([inner, edge], 1)
         on_shapes = whole @ self.motions.T + films.by_bends(q, on_bends)
@@ -121,6 +125,22 @@ class ResidualCheck(FieldsAlone):
         known = (on_shapes * np.linalg.solve(self.stiffness, on_shapes.T).T).sum(1)
         rest = np.maximum(energy - known, 0.0) * self.plate_stiffness / stiffness
         return np.asarray(np.abs(first) + rest / np.maximum(stiffness * np.abs(q[:, 0]), _NOTHING))
+
+    @staticmethod
+    def _swept(films: Films, number: Array, q: Array) -> Array:
+        """Rates of the gas volume below films by the motion of their nodes, (states, nodes, 3)."""
+        sites, shapes = films.whole.sites, films.whole.shapes
+        x = films.nodes[number].copy()
+        moved = np.tensordot(films.along(q), shapes, 1)
+        x += moved[..., :2]
+        a, b, c, d = sites.tangents(x).transpose(1, 0, 2)
+        weights = sites.weights * sites.turns
+        heights = weights * sites.at(moved[..., 2:])[..., 0]
+        along, across = sites.gather
+        by_x = along @ (heights * d).T - across @ (heights * c).T
+        by_y = across @ (heights * a).T - along @ (heights * b).T
+        by_z = sites.spread @ (weights * (a * d - b * c)).T
+        return -np.stack([by_x, by_y, by_z], -1).swapaxes(0, 1)
 
     def _nodal(self, films: Films, forces: Array) -> Array:
         """Forces on the nodes, (states, nodes, 3), of those against ∂x/∂ξ, (6, states, points)."""

@@ -35,7 +35,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
-from tympan.studies.films.box import Box, between
+from tympan.studies.films.box import PRESSURE, Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
 from tympan.studies.films.many_films import (
@@ -111,6 +111,10 @@ _STRESS_MARGIN = 2 * _MARGIN
 #: such states to finite elements.
 _LARGE = 1e-4
 
+#: What a deflection counts as at least, over the largest of the family: plates that gas lifts or
+#: mechanisms hold may be flat.
+_LEVEL = 0.3
+
 #: Random films that are solved on meshes of their own.
 _REMESHED = 4
 
@@ -176,11 +180,15 @@ class FamilyLimits:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The finite elements of a family: the mesh of one of its films, which moves to the others."""
+    """The finite elements of a family: the mesh of one of its films, which moves to the others.
+
+    ``pressure`` of the gas below films that do not differ in it [Pa].
+    """
 
     box: Box
     model: Model
     settings: Settings
+    pressure: float = 0.0
 
     @property
     def path(self) -> PathSettings:
@@ -196,7 +204,7 @@ class Ground:
         require_reducible(box.specimen, rig)
         model = meshed(box.specimen, settings, planes)
         return cls(box, replace(model, loading=solved_loading(rig.loading, settings)),
-                   settings)
+                   settings, rig.gas_pressure)
 
     def film(self, row: Array) -> Model:
         """The film with these parameters."""
@@ -215,6 +223,10 @@ class Ground:
         """The rig's loading, with the spring of a film."""
         loading, spring = self.model.loading, float(self.box.springs(row[None])[0])
         return replace(loading, biases=(*loading.biases, Spring(spring))) if spring else loading
+
+    def gas(self, row: Array) -> float:
+        """Pressure of the gas below a film [Pa]."""
+        return float(self.box.pressures(row[None], self.pressure)[0])
 
     def _motion(self, specimen: Specimen) -> Array:
         return motion_between(self.model.discretisation, self.box.specimen, specimen)
@@ -265,20 +277,22 @@ class Ground:
         except InputError:
             return None
         if motion is None:
-            outcome = equilibrium(model, force, squared**0.5, settings=self.path, ends=False)
+            outcome = equilibrium(model, force, squared**0.5, self.gas(row), settings=self.path,
+                                  ends=False)
             solution, found = outcome.solution, outcome.status == "equilibrium"
         else:
-            solution = newton(model, self._near(model, motion, force, squared),
+            solution = newton(model, self._near(model, row, motion, force, squared),
                               settings=self.path.newton)
             found = solution.converged and solution.stable
         return (model, solution) if found and model.in_tension(solution.state) else None
 
-    def _near(self, model: Model, motion: Array, force: float, squared: float) -> State:
+    def _near(self, model: Model, row: Array, motion: Array, force: float, squared: float
+              ) -> State:
         freedoms = np.zeros(6)
         allowed = list(model.plate_freedoms)
         freedoms[allowed] = plate_freedoms(model, motion)[allowed]
         return State(model.discretisation.reference + motion,
-                     PlateMotion.rest().moved(freedoms), squared, force)
+                     PlateMotion.rest().moved(freedoms), squared, force, self.gas(row))
 
 
 #: How far motions of nodes may be from straight ones, over the frame's half extent.
@@ -286,14 +300,10 @@ _STRAIGHT = 1e-9
 
 
 def require_reducible(specimen: Specimen, rig: Rig) -> None:
-    """Refuse what films of a family do not have, such as gas or a lopsided weight."""
-    specimen.needed_plate()
-    loading = rig.loading
-    for key, given in (("rig.gas_pressure", bool(rig.gas_pressure)),
-                       ("rig.guide", loading.guide == "fixed")):
-        if given:
-            raise InputError("has no reduced film, by which tolerances and designs are solved: "
-                             "leave it out, or ask for single films by finite elements", key=key)
+    """Refuse a plate that is held, whose films all deflect alike: not at all."""
+    if specimen.plate is not None and rig.loading.guide == "fixed":
+        raise InputError("must let the plate move: held, it has no deflection in which films could "
+                         "differ", key="rig.guide", given=rig.guide)
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +341,8 @@ class FilmFamily:
 
         A name is the path of a number in the specimen, such as "frame.semi_axes.0" or
         "membrane.thickness". "stiffness" is a factor on all stresses of the law, "rig.spring" a
-        spring on the plate beside those of the rig. ``force`` acts on the plate, ``voltage`` across
+        spring on the plate beside those of the rig, "rig.gas_pressure" that of the gas below film
+        and plate in place of the rig's. ``force`` acts on the plate, ``voltage`` across
         the film. All are lowest and highest, in SI or with a unit.
 
         Raises
@@ -359,7 +370,8 @@ class FilmFamily:
     def films(self, rows: Array) -> Films:
         """The films with these parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),
-                       nodes=self.ground.nodes(rows), spring=self.box.springs(rows))
+                       nodes=self.ground.nodes(rows), spring=self.box.springs(rows),
+                       pressure=self.box.pressures(rows, self.ground.pressure))
 
     def blocks(self, parameters: Any) -> Iterator[tuple[slice, Films]]:
         """Films that are computed together, and which of all they are; :meth:`films` are a block.
@@ -449,7 +461,7 @@ class FilmFamily:
         holds &= loose | ~slack
         q[~holds] = np.nan
         capacitance, energy = films.stored(number, q, squared)
-        carried = np.where(holds, force - films.acting(number, q[:, 0])[0], np.nan)
+        carried = np.where(holds, films.carried_force(number, q, force), np.nan)
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
@@ -621,6 +633,7 @@ def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
                  ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
                  ShapesAt(whole, shapes),
                  ground.model.loading, ground.box.springs(rows),
+                 ground.box.pressures(rows, ground.pressure),
                  np.array([ground.box.specimen.gap]),
                  np.array([plate_freedoms(ground.model, shape)[TURNS]
                            for shape in reduction.shapes]).T)
@@ -736,8 +749,11 @@ class _Making:
                           "loads: take lower ones", key=self.ground.box.specimen.name)
 
     def _shot(self, model: Model, solution: Solution) -> Snapshot:
-        state, rates = solution.state, []
+        state, rates, box = solution.state, [], self.ground.box
         ranges: dict[Load, tuple[float, float]] = {"force": self.force, "voltage": self.squared}
+        if PRESSURE in box.names:
+            at = box.names.index(PRESSURE)
+            ranges["pressure"] = float(box.low[at]), float(box.high[at])
         for load, (low, high) in ranges.items():
             wide = (high - low) or max(abs(high), abs(low))
             if wide:
@@ -789,8 +805,7 @@ class _Making:
                ) -> tuple[Array, Array]:
         """Numbers of films of the largest estimates, and these over the deflection."""
         states = family.states(rows, forces[:, None], squares[:, None] ** 0.5)
-        share = (states.error / np.abs(states.deflection))[:, 0]
-        share[~np.isfinite(share)] = 0.0
+        share = np.nan_to_num(_relative(states))
         order = np.argsort(share)[::-1][: self.settings.batch]
         return order, share[order]
 
@@ -798,8 +813,7 @@ class _Making:
         """The family with its estimate scaled so that it covers the errors of random films."""
         rows, forces, squares = self.drawn(self.settings.checks, self.settings.seed + 2)
         voltages = squares[:, None] ** 0.5
-        shares = family.states(rows, forces[:, None], voltages)
-        usual = float(np.nanmean(shares.error / np.abs(shares.deflection)))
+        usual = float(np.nanmean(_relative(family.states(rows, forces[:, None], voltages))))
         family = replace(family, usual=usual)
         states = family.states(rows, forces[:, None], voltages)
         ratios, solved, stresses = [], list[tuple[int, float]](), [0.0]
@@ -837,7 +851,16 @@ class _Making:
         """Deflection [m] and largest stress [Pa] of a film on a mesh of its own."""
         ground = self.ground
         fresh = ground.fresh(row)
-        return _moved(fresh, equilibrium(fresh, force, squared**0.5, settings=ground.path))
+        return _moved(fresh, equilibrium(fresh, force, squared**0.5, ground.gas(row),
+                                         settings=ground.path))
+
+
+def _relative(states: FamilyStates) -> Array:
+    """Errors of one state of each film over its deflection, or a part of the largest, (films,)."""
+    deflection = np.abs(states.deflection[:, 0])
+    largest = float(np.nanmax(deflection, initial=0.0))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(states.error[:, 0] / np.maximum(deflection, _LEVEL * largest))
 
 
 def _moved(model: Model, solved: Solution | Outcome) -> tuple[float, float]:

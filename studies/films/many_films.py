@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,27 @@ class ShapesAt:
             result[number] = both.T
         return result.reshape(-1, len(first))
 
+    @cached_property
+    def swept(self) -> tuple[Array, Array]:
+        """Volume above the frame's plane [m³], of degree two and three in the amplitudes.
+
+        The first by the nodes of a film's mesh, (2 × nodes, shapes × shapes) [m²]; the second,
+        (shapes, shapes, shapes), is the same for all films. Both are symmetric in the shapes.
+        """
+        sites, count = self.sites, len(self.shapes)
+        x, y = self.slopes.reshape(count, 6, -1)[:, :4].reshape(count, 2, 2, -1).swapaxes(0, 1)
+        heights = self.values[:, :, 2] * (sites.weights * sites.turns)
+        along, across = sites.gather
+        by_nodes = np.empty((2, len(self.shapes[0]), count, count))
+        cubic = np.empty((count, count, count))
+        for number, height in enumerate(heights):
+            by_nodes[0, :, number] = along @ (height * y[:, 1]).T - across @ (height * y[:, 0]).T
+            by_nodes[1, :, number] = across @ (height * x[:, 0]).T - along @ (height * x[:, 1]).T
+            cubic[number] = (height * x[:, 0]) @ y[:, 1].T - (height * x[:, 1]) @ y[:, 0].T
+        by_nodes = (by_nodes + by_nodes.swapaxes(2, 3)) / 2
+        cubic = np.mean([cubic.transpose(order) for order in permutations(range(3))], axis=0)
+        return by_nodes.reshape(-1, count * count), cubic
+
     def coupled(self, moduli: Array) -> Array:
         """Tangents, (states, shapes, shapes), of moduli by pairs, (states, 21, points)."""
         first, second = self._halves
@@ -131,7 +152,8 @@ class Films:
 
     ``rows``: their family's parameters, (films, names); ``nodes`` of their meshes [m], (films,
     nodes, 2); their shapes at the ``points`` that stand for all and at the ``whole`` of them;
-    ``loading``: what acts on all of them; ``spring`` on their plates beside it [N/m], (films,).
+    ``loading``: what acts on all of them; ``spring`` on their plates beside it [N/m], and the
+    ``pressure`` of the gas below them [Pa], (films,) each.
     ``turns`` of the plates about x and y by the shapes [rad/m], (2, shapes): by squares of these
     films move along the last shapes of ``points`` and ``whole``, their bends.
     """
@@ -144,6 +166,7 @@ class Films:
     whole: ShapesAt
     loading: Loading
     spring: Array
+    pressure: Array
     gap: Array
     turns: Array
 
@@ -161,11 +184,16 @@ class Films:
         return len(self.whole.shapes) > self.count
 
     @cached_property
+    def gas(self) -> bool:
+        """Whether there is gas below some of them."""
+        return bool(self.pressure.any())
+
+    @cached_property
     def lift(self) -> Array:
         """Rates by q of how far the place moves at which the force is applied, (shapes,)."""
         x, y = self.loading.arm
         lift: Array = y * self.turns[0] - x * self.turns[1]
-        lift[0] += 1.0
+        lift[0] += float(self.specimen.plate is not None)
         return lift
 
     def along(self, q: Array) -> Array:
@@ -279,6 +307,27 @@ class Films:
         products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
         return np.asarray((self._masses @ products).reshape(-1, self.count, self.count))
 
+    @cached_property
+    def volume(self) -> Volume:
+        """Volume of the gas below the films and their plates."""
+        by_nodes, cubic = self.whole.swept
+        alike = not self.nodes.strides[0]
+        nodes, sites = self.nodes[:1] if alike else self.nodes, self.whole.sites
+        a, b, c, d = sites.tangents(nodes).transpose(1, 0, 2)
+        flat = (a * d - b * c) * sites.turns * sites.weights
+        linear = flat @ self.whole.values[..., 2].T
+        square = (nodes.swapaxes(1, 2).reshape(len(nodes), -1) @ by_nodes).reshape(
+            len(nodes), *2 * (len(cubic),))
+        areas = [float(self.specimen.plate_area)]
+        if any(path.startswith("plate.outline") for path in self.columns):
+            areas = [with_arrays(self.specimen, {path: column[film].item() for path, column in
+                                                 self.columns.items()}).plate_area
+                     for film in range(len(self))]
+        plates = np.broadcast_to(areas, len(self))
+        turns = np.zeros((2, len(cubic)))
+        turns[:, :self.count] = self.turns
+        return Volume(linear, square, cubic, plates, turns)
+
     def parts(self, films: Numbers, points: int) -> Iterator[slice]:
         """Slices of states that are computed together."""
         step = max(1, _TOGETHER // points)
@@ -295,12 +344,21 @@ class Films:
                    for along in range(2)]
         return Strained(frame, columns[0], columns[1])
 
-    def pull(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
-        """Generalised forces of films [N], weight included, and derivatives, by states q."""
+    def pull(self, films: Numbers, q: Array, squared: Array, share: float = 1.0
+             ) -> tuple[Array, Array]:
+        """Generalised forces of films [N], weight included, and derivatives, by states q.
+
+        Under a ``share`` of the gas pressure.
+        """
         strained, stress, bend = self._stressed(films, q, squared, tangent=True)
         every = self._forces(strained, stress)
-        stiffness = self._stiffened(q, every, self.few.shapes.coupled(
-            strained.moduli(stress, bend)))
+        whole = self.few.shapes.coupled(strained.moduli(stress, bend))
+        if self.gas:
+            pressure = share * self.pressure[films]
+            by, second = self.volume.derivatives(films, self.along(q))
+            every = every - pressure[:, None] * by
+            whole -= pressure[:, None, None] * second
+        stiffness = self._stiffened(q, every, whole)
         forces = self._condensed(q, every) - self.weight[films]
         push, bend = self.acting(films, q[:, 0])
         forces[:, 0] += push
@@ -313,10 +371,22 @@ class Films:
         spring = self.spring[films]
         return spring * deflection + push, spring + bend
 
-    def forces(self, films: Numbers, q: Array, squared: Array) -> Array:
+    def carried_force(self, films: Numbers, q: Array, force: Array) -> Array:
+        """Forces that films carry [N] of those on their plates, mechanisms and gas included."""
+        carried = force - self.acting(films, q[:, 0])[0]
+        if self.gas:
+            level = 1 - ((q @ self.turns.T) ** 2).sum(1) / 2
+            carried = carried - self.pressure[films] * self.volume.plates[films] * level
+        return np.asarray(carried)
+
+    def forces(self, films: Numbers, q: Array, squared: Array, share: float = 1.0) -> Array:
         """The forces of :meth:`pull` alone."""
         strained, stress, _ = self._stressed(films, q, squared, tangent=False)
-        forces = self._condensed(q, self._forces(strained, stress)) - self.weight[films]
+        every = self._forces(strained, stress)
+        if self.gas:
+            by = self.volume.first(films, self.along(q))
+            every -= share * self.pressure[films, None] * by
+        forces = self._condensed(q, every) - self.weight[films]
         forces[:, 0] += self.acting(films, q[:, 0])[0]
         return forces
 
@@ -398,8 +468,10 @@ class Films:
         return Local(first, second, stress_1, stress_2, electric, strength, sound, within)
 
     def balanced(self, films: Numbers, force: Array, squared: Array, guess: Array,
-                 held: bool = False) -> Balance:
+                 held: bool = False, share: float = 1.0) -> Balance:
         """States in equilibrium near a guess, with a ``held`` plate at its deflection.
+
+        Under a ``share`` of the gas pressure.
 
         One tangent serves as long as corrections by it fall fast.
         """
@@ -408,7 +480,8 @@ class Films:
         active = np.flatnonzero(np.isfinite(self.few.volumes[films]).all(-1))
         gap = np.broadcast_to(self.gap, len(self))[films]
         for _ in range(ITERATIONS):
-            going = [self._approached(balance, active[part], films, force, squared, gap, held)
+            going = [self._approached(balance, active[part], films, force, squared, gap, held,
+                                      share)
                      for part in self.parts(active, len(self.points.sites.cells))]
             active = np.concatenate(going) if going else active[:0]
             if not len(active):
@@ -416,10 +489,10 @@ class Films:
         return balance
 
     def _approached(self, balance: Balance, some: Numbers, films: Numbers, force: Array,
-                    squared: Array, gap: Array, held: bool) -> Numbers:
+                    squared: Array, gap: Array, held: bool, share: float) -> Numbers:
         """Correct some states by their tangents; those that need others."""
         with np.errstate(all="ignore"):
-            pull, stiffness = self.pull(films[some], balance.q[some], squared[some])
+            pull, stiffness = self.pull(films[some], balance.q[some], squared[some], share)
             pull -= force[some, None] * self.lift
             if held:
                 pull[:, 0], stiffness[:, 0, :], stiffness[:, :, 0] = 0.0, 0.0, 0.0
@@ -445,7 +518,7 @@ class Films:
                 some, firm, inverse, before = some[on], firm[on], inverse[on], size[on]
                 if not len(some) or correction == _CHORDS:
                     break
-                pull = self.forces(films[some], balance.q[some], squared[some])
+                pull = self.forces(films[some], balance.q[some], squared[some], share)
                 pull -= force[some, None] * self.lift
                 if held:
                     pull[:, 0] = 0.0
@@ -526,18 +599,67 @@ class Films:
 
     def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
                 ) -> Balance:
-        """States after loads rose from none, the force first, in so many steps each."""
+        """States after loads rose from none, force and gas first, in so many steps each."""
         q, sound = start, np.ones(len(start), dtype=bool)
         stiffness, least = np.full((2, len(start)), np.nan)
         for load in range(2):
             for share in np.linspace(0, 1, steps + 1)[1:]:
                 some = np.flatnonzero(sound)
                 voltages = squared[some] * (share if load else 0.0)
-                step = self.balanced(films[some], force[some] * (1.0 if load else share),
-                                     voltages, q[some])
+                risen = 1.0 if load else float(share)
+                step = self.balanced(films[some], force[some] * risen, voltages, q[some],
+                                     share=risen)
                 q[some], sound[some] = step.q, step.sound
                 stiffness[some], least[some] = step.stiffness, step.least
         return Balance(q, sound, stiffness, least)
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """Volume of the gas below films, a cubic polynomial in the amplitudes a of all their shapes.
+
+    As :func:`tympan.fem.membrane.loading.film_volume` and ``plate_volume`` count it: minus
+    ``linear``, (films, shapes), times a, less ``square``, (films, shapes, shapes), times a twice,
+    less ``cubic``, (shapes, shapes, shapes), three times; of films on one mesh the first two are
+    there once. And minus the ``plates``' areas [m²], (films,), times the heave, which is the first
+    amplitude, and the normal's z, 1 less half the square of the ``turns``, (2, shapes).
+    """
+
+    linear: Array
+    square: Array
+    cubic: Array
+    plates: Array
+    turns: Array
+
+    def _of(self, films: Numbers) -> tuple[Array, Array]:
+        if len(self.linear) == 1:
+            return self.linear, self.square
+        return self.linear[films], self.square[films]
+
+    def first(self, films: Numbers, a: Array) -> Array:
+        """Derivatives by the amplitudes [m²], (states, shapes)."""
+        linear, square = self._of(films)
+        twice = 2 * square + 3 * np.tensordot(a, self.cubic, 1)
+        return self._by(linear, twice, films, a)
+
+    def derivatives(self, films: Numbers, a: Array) -> tuple[Array, Array]:
+        """First and second derivatives by the amplitudes, (states, shapes) and one more [m]."""
+        linear, square = self._of(films)
+        cubes = 3 * np.tensordot(a, self.cubic, 1)
+        twice, turn = 2 * square, a @ self.turns.T
+        plate, by_turn = self.plates[films], turn @ self.turns
+        second = -(twice + 2 * cubes)
+        second[:, 0] += plate[:, None] * by_turn
+        second[:, :, 0] += plate[:, None] * by_turn
+        second += (plate * a[:, 0])[:, None, None] * (self.turns.T @ self.turns)
+        return self._by(linear, twice + cubes, films, a), second
+
+    def _by(self, linear: Array, twice: Array, films: Numbers, a: Array) -> Array:
+        turn, plate = a @ self.turns.T, self.plates[films]
+        by = -(linear + (twice @ a[..., None])[..., 0])
+        by[:, 0] -= plate * (1 - (turn**2).sum(1) / 2)
+        by += (plate * a[:, 0])[:, None] * (turn @ self.turns)
+        return np.asarray(by)
 
 
 @dataclass(frozen=True, eq=False)

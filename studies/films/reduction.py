@@ -283,9 +283,12 @@ def _gradients(model: Model, shapes: Array) -> Array:
 def _rigid(model: Model, motion: Array, bends: Array) -> tuple[Array, float]:
     """A motion of the nodes [m], that of the plate's edge to first order; the plate's heave in it.
 
-    Less the ``bends`` by its turns. What is left of a tilt, its square where there are no bends,
-    would be a shape of its own, in which the plate stretches.
+    Without a plate that of the film's centre. Less the ``bends`` by its turns. What is left of a
+    tilt, its square where there are no bends, would be a shape of its own, in which the plate
+    stretches.
     """
+    if model.specimen.plate is None:
+        return motion, float(motion[model.centre_node, HEAVE])
     edge, freedoms = model.discretisation.plate_nodes, plate_freedoms(model, motion)
     moved = motion.copy()
     if len(bends):
@@ -342,7 +345,7 @@ def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, preci
                          for moved in displaced])
     first = heave / (heave @ heave)
     apart = np.eye(len(heave)) - np.multiply.outer(heave, first)
-    ways, sizes, _ = np.linalg.svd(apart @ deformed, full_matrices=False)
+    ways, sizes = _principal(apart @ deformed)
     largest = np.linalg.norm(deformed, axis=1).max()
     count = min(int((sizes > precision * largest).sum()), most - 1)
     unit = np.linalg.norm(first @ deformed)
@@ -422,9 +425,19 @@ def _cubature(works: Array, precision: float) -> tuple[NDArray[np.int64], Array]
     Non-negative least squares on the rows' principal directions: as many points, at most, as there
     are of these.
     """
-    _, sizes, rows = np.linalg.svd(works, full_matrices=False)
-    count = int((sizes > precision * sizes[0]).sum())
-    matrix = sizes[:count, None] * rows[:count]
+    ways, sizes = _principal(works)
+    matrix = ways[:, sizes > precision * sizes[0]].T @ works
+    count = len(matrix)
     shares, _ = nnls(matrix, matrix.sum(1), maxiter=50 * count)
     points = np.flatnonzero(shares)
     return points, shares[points]
+
+
+def _principal(rows: Array) -> tuple[Array, Array]:
+    """Principal directions of rows, (rows, rows), and how far these reach, the farthest first.
+
+    By their products with one another, since they are much longer than many: what reaches less than
+    1e-8 of the farthest is rounding.
+    """
+    squares, ways = np.linalg.eigh(rows @ rows.T)
+    return ways[:, ::-1], np.sqrt(np.maximum(squares[::-1], 0.0))

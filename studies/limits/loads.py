@@ -86,6 +86,18 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
     return tuple(round(share * highest, 6) for share in over)
 
 
+def require_moved(specimen: Specimen, rig: Rig, mass: float) -> None:
+    """Refuse loads under which a flat film stays flat: no voltage moves it, and none differs."""
+    if specimen.plate is None:
+        Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate
+        if not rig.gas_pressure:
+            raise InputError("must not be 0: without gas a film without plate stays flat",
+                             key="rig.gas_pressure", given="0 Pa")
+    elif not (mass > 0 or rig.gas_pressure):
+        raise InputError("must be above 0: without a load the plate of no film moves", key="mass",
+                         given=f"{1e3 * mass:g} g")
+
+
 def charged(case: Case, voltage: float | str, settings: Settings) -> Case:
     """The case at a voltage: a number [V], a text with its unit, or "80 %" of its first limit.
 

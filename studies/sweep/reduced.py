@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import area
 from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, breakdown_warning, remarks_on
@@ -90,7 +89,7 @@ class Kin:
 
 def forces_of(task: SweepTask) -> list[float]:
     """Forces on the plate of a task's film [N], one for each mass."""
-    rig, plate_area = task.rig, area(task.specimen.needed_plate().outline)
+    rig, plate_area = task.rig, task.specimen.plate_area
     return [float(rig.rubbed(rig.force(mass, plate_area))) for mass in task.masses]
 
 
@@ -133,7 +132,7 @@ def _reducible(task: SweepTask) -> bool:
     """Whether a reduced film has all that is asked of a task."""
     specimen = task.specimen
     asked = [QUANTITIES[name] for name in task.ask.names]
-    if task.fields or task.figures or specimen.plate is None or any(
+    if task.fields or task.figures or any(
             quantity.of_states and quantity.by_family is None for quantity in asked):
         return False
     try:
@@ -194,6 +193,10 @@ def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
     return together
 
 
+#: Numbers of a row that a film without plate has not.
+_OF_PLATE = ("reaction_N", "tilt_rad")
+
+
 def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FamilyStates) -> list[list[Row]]:
     """The rows of each task as their family has them; nan where it has none."""
     share = states.breakdown
@@ -223,6 +226,8 @@ def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FamilyStates) 
                                       *remark]})
             if not part:
                 rows[-1] |= dict.fromkeys(("breakdown_margin", "breakdown_x_m", "breakdown_y_m"))
+            if task.specimen.plate is None:
+                rows[-1] |= dict.fromkeys(_OF_PLATE)
         made.append(rows)
     return made
 

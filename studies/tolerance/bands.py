@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Band, Case, CaseResult, Settings
 from tympan.studies.force.result import ForceResult
@@ -156,8 +155,8 @@ def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], 
            rig: Rig, settings: Settings) -> Copies:
     """Films under some masses [kg], up to a nominal voltage [V]."""
     scattered, points = drawn(specimen, tolerances)
-    forces = [float(rig.force(mass, area(specimen.needed_plate().outline))) for mass in masses]
-    if not any(forces):
+    forces = [float(rig.force(mass, specimen.plate_area)) for mass in masses]
+    if not (any(forces) or rig.gas_pressure):
         raise InputError("must be above 0: without a load the plate of no film moves, so there is "
                          "no band", key="mass", given="0 g")
     return Copies.of(scattered, points, (min(forces), max(forces)),
@@ -166,7 +165,6 @@ def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], 
 
 def drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array]:
     """Scattering numbers, and points of films in them."""
-    specimen.needed_plate()
     scattered = Scattered(specimen, causes(specimen, tolerances)[0])
     from scipy.stats import qmc  # half a second, and no need of one who asks for no bands
 

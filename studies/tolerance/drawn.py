@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
-from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.films.box import STIFFNESS, Box
@@ -160,7 +159,7 @@ class Copies:
 
     def forces(self, mass: float) -> Array:
         """Forces on the plates [N] of a nominal mass [kg], (films,)."""
-        size = area(self.family.box.specimen.needed_plate().outline)
+        size = self.family.box.specimen.plate_area
         return np.asarray(self.rig.force(mass * self.drawn.load, size))
 
     def across(self, voltages: Any) -> Array:
@@ -183,7 +182,7 @@ class Copies:
         holds = states.holds & states.sound & np.isfinite(rest[:, :1])
         holds &= states.breakdown < self.drawn.strength[:, None]
         # Without a load the film is flat; what its equations leave of a deflection is rounding.
-        loaded = forces[:, None] != 0
+        loaded = (forces[:, None] != 0) | self._films.gas
         values = {"deflection_m": loaded * states.deflection,
                   "stroke_m": loaded * (states.deflection - rest[:, :1]),
                   "capacitance_F": states.capacitance, "frequency_Hz": states.frequency}
@@ -191,7 +190,9 @@ class Copies:
 
     def loaded(self, mass: float, voltage: float, margin: float = 1.0) -> FamilyFilms:
         """The films under a nominal mass [kg] and voltage [V], and that times a margin."""
-        return FamilyFilms(self.family, self.drawn.rows, self.forces(mass), self.swinging(mass),
+        plated = self.family.box.specimen.plate is not None
+        swinging = self.swinging(mass) if plated else None
+        return FamilyFilms(self.family, self.drawn.rows, self.forces(mass), swinging,
                            np.full(len(self.drawn.rows), voltage), self.rig, margin,
                            self.drawn.amplifier, self.drawn.strength)
 

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks
-from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS, label_of
-from tympan.studies.limits.loads import usual_masses, usual_voltages
+from tympan.studies.limits.loads import require_moved, usual_masses, usual_voltages
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Copies, Scattered
 from tympan.studies.tolerance.given import Cause, Tolerances, causes
@@ -95,13 +94,14 @@ class ToleranceCase:
                      rig: Rig = ...) -> None: ...
 
     def __post_init__(self) -> None:
-        self.specimen.needed_plate()
         causes(self.specimen, self.tolerances)
         for bound in self.wanted:
             if not bound.quantity.scatters:
                 raise InputError("must be of what differs between films, one of "
                                  f"{', '.join(SCATTERING)}: {bound.name} is judged by its nominal "
                                  "value, in tympan design", key="want", given=bound.text)
+            if bound.quantity.of_plate:
+                self.specimen.needed_plate()
             if bound.name == BREAKDOWN and self.specimen.membrane.strength is None:
                 raise InputError("needs a film whose electric strength is known "
                                  "(membrane.breakdown)", key="want", given=bound.text)
@@ -114,8 +114,11 @@ class ToleranceCase:
     def loaded(self, settings: Settings) -> tuple[float, float]:
         """Mass and voltage, given or such that they suit the film."""
         mass = self.mass
+        if mass is None and self.specimen.plate is None:
+            mass = 0.0
         if mass is None:
             mass = usual_masses(self.specimen, settings, self.rig)[0]
+        require_moved(self.specimen, self.rig, mass)
         if self.voltage is not None:
             return mass, self.voltage
         return mass, usual_voltages(self.specimen, mass, settings, self.rig)[-1]
@@ -127,9 +130,6 @@ def tolerance(case: ToleranceCase, settings: Settings,
     began = time.perf_counter()
     found, words = causes(case.specimen, case.tolerances)
     mass, voltage = case.loaded(settings)
-    if not mass > 0:
-        raise InputError("must be above 0: without a load the plate of no film moves", key="mass",
-                         given=f"{1e3 * mass:g} g")
     if not voltage > 0:
         raise InputError("must be above 0: films are compared without and under it", key="voltage",
                          given=f"{voltage:g} V")
@@ -179,7 +179,7 @@ class Drawn:
         asked = [bound.value for bound in case.wanted if bound.name == LIMIT]
         highest = max(case.margin * voltage, *asked,
                       0.0 if first is None else _ABOVE * first.voltage_V)
-        force = nominal.force(float(area(case.specimen.needed_plate().outline)))
+        force = nominal.force(float(case.specimen.plate_area))
         copies = Copies.of(scattered, design.points, (force, force),
                            float(rig.film_voltage(highest)), rig, settings)
         return cls(copies, found, design, mass, voltage, first)
@@ -218,8 +218,12 @@ class Drawn:
     def _solved(self, copies: Copies) -> dict[str, Array]:
         forces = copies.forces(self.mass)
         rest = copies.rests(forces)
+        plated = self.family.box.specimen.plate is not None
         values = {key: found[:, 0] for key, found in
-                  copies.solved(self.mass, self.voltage, rest).items()}
+                  copies.solved(self.mass, self.voltage, rest, swings=plated).items()}
+        if not plated:  # nothing is blocked, and nothing swings
+            del values["frequency_Hz"]
+            return values
         blocked = forces - copies.held(rest, copies.across(self.voltage)[:, 0])
         values["blocked_force_N"] = np.where(np.isfinite(values["deflection_m"]), blocked, np.nan)
         values["frequency_Hz"] = np.minimum(values["frequency_Hz"],

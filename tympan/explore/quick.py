@@ -20,7 +20,6 @@ from tympan.explore.view import FilmView, controls, value_of
 from tympan.fem.results.limit_states import PULL_IN
 from tympan.fem.rig import MOST_VOLTAGE, Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import area
 from tympan.geometry.paths import with_arrays
 from tympan.studies.case import Limit, Limits, Settings
 from tympan.studies.films.box import STIFFNESS, Box, kind_of, varying
@@ -121,7 +120,7 @@ class Neighbours:
 
     def family(self) -> FilmFamily | None:
         """The family of these films; None where it cannot be made."""
-        rig, plate = self.view.rig, area(self.view.specimen.needed_plate().outline)
+        rig, plate = self.view.rig, self.view.specimen.plate_area
         found = sorted(rig.force(mass, plate * size) for mass in (0.0, self.mass)
                        for size in ((1 - _WIDE) ** 2, (1 + _WIDE) ** 2))
         forces, voltage = (found[0], found[-1]), float(rig.film_voltage(self.voltage))
@@ -212,7 +211,7 @@ def by_family(films: Neighbours) -> Answer:
         film = replace(view, voltage=0.0)
         if not last or last[0][0] != film:
             row, before = films.row(view), last[0][2] if last else None
-            force = view.case.force(area(view.specimen.needed_plate().outline))
+            force = view.case.force(view.specimen.plate_area)
             last[:] = [(film, row, None if row is None else rise(family, row, force, before))]
         _, row, risen = last[0]
         yield (QuickCurve(view) if row is None or risen is None else
@@ -226,7 +225,7 @@ def by_family(films: Neighbours) -> Answer:
 def _quick(view: FilmView, family: FilmFamily, row: Array, risen: FamilyRise) -> QuickCurve:
     across = view.case.film_voltage
     force = family.held_forces(row[None], risen.rest[None], np.array([across]))[0]
-    carried = view.case.force(area(view.specimen.needed_plate().outline))
+    carried = view.case.force(view.specimen.plate_area)
     blocked = Blocked(view, float(carried - force), risen.off) if np.isfinite(force) else None
     place = float(np.interp(across**2, risen.squared, risen.deflection))
     off = Off(risen.error(place), risen.whole)

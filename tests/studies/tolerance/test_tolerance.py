@@ -181,11 +181,11 @@ def test_what_has_no_reduced_film_is_refused_by_its_own_file(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
     film, rig, given = (tmp_path / f"{name}.toml" for name in ("film", "bench", "tolerances"))
     film.write_text(specimen_toml(), encoding="utf-8")
-    rig.write_text('gas_pressure = "20 Pa"\n', encoding="utf-8")
+    rig.write_text('guide = "fixed"\n', encoding="utf-8")
     given.write_text("[thickness]\nfilm = 0.02\n", encoding="utf-8")
     loads = ["--mass", "17.9 g", "--voltage", "3 kV", "--tolerances", str(given)]
     assert main([command, str(film), *loads, "--rig", str(rig)]) == 2
-    assert "bench.toml: gas_pressure: has no reduced film" in capsys.readouterr().err
+    assert "bench.toml: guide: given 'fixed': must let the plate move" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("key", "given", "size"), [
