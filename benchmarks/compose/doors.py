@@ -40,7 +40,9 @@ class Door:
 def _solve(found: Any, _: Path) -> Numbers:
     if found["status"] != "equilibrium":
         return {}
-    return {"deflection": found["deflection_m"], "stroke": found["stroke_m"],
+    stroke = found["stroke_m"]
+    return {"deflection": found["deflection_m"], "stroke": stroke,
+            "size of the stroke": None if stroke is None else abs(stroke),
             "capacitance": found["capacitance_F"], "largest field": found["max_field_V_per_m"],
             "breakdown margin": found["breakdown_margin"]}
 
@@ -124,7 +126,7 @@ def _number(row: Mapping[str, str], name: str) -> float | None:
 
 
 def _designed(column: str) -> Callable[[Any, Path], Numbers]:
-    names = {"stroke": "stroke", "largest field": "max_field", "breakdown margin":
+    names = {"size of the stroke": "stroke", "largest field": "max_field", "breakdown margin":
              "breakdown_margin", "frequency": "frequency"}
 
     def read(found: Any, _: Path) -> Numbers:

@@ -119,8 +119,9 @@ def requirements(asked: Asked) -> Content:
     """Requirements of the largest stroke by thickness."""
     varied = [_quantity(share * asked.specimen.membrane.thickness, "mm", 1e3) for share in _VARIED]
     rig = asked.combination.content("rig")
+    frequency = {"frequency": _SLOWEST} if asked.specimen.plate else {}
     return {"specimen": asked.film.name, **_mass(asked), "voltage": voltage_of(asked),
-            "want": {"stroke": "largest", "frequency": _SLOWEST}, "vary": {_THICKNESS: varied},
+            "want": {"stroke": "largest", **frequency}, "vary": {_THICKNESS: varied},
             **({"rig": rig} if rig else {})}
 
 

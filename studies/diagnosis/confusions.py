@@ -33,6 +33,9 @@ Array = NDArray[np.float64]
 #: Probability beforehand from which factors are those of an ordinary film.
 _ORDINARY = 0.05
 
+#: As large a part of the largest displacement is nothing.
+_NOTHING = 0.02
+
 #: Units that a number may be in, whatever its column says [SI].
 _LENGTHS = {"micrometres": 1e-6, "millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0,
             "inches": 25.4e-3}
@@ -93,8 +96,9 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
     """
     setup, table = readings.setup, readings.table
     as_stated = _Other("", "", setup, table)
-    quick = [*_readings(dataset, setup, table), *_thicknesses(setup, table)]
-    near = [other for other in quick if other.shift is not None and _may_be(nominal, other.shift)]
+    quick = [*_readings(dataset, setup, table), *_thicknesses(setup, table),
+             *_counted(dataset, setup, table)]
+    near = [other for other in quick if other.shift is None or _may_be(nominal, other.shift)]
     most = as_stated.unlikely(nominal) + EXCLUDED
     return _ordinary(near, most) or _ordinary(_sizes(setup, table), most)
 
@@ -155,6 +159,30 @@ def _readings(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_
                     yield _Other(f"{sheet.heading(column)} of {sheet.file.name}",
                                  f"in {unit}", setup, changed,
                                  log(factor) * np.array(powers), read * log(factor))
+
+
+def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_Other]:
+    """Displacements that are counted from the loaded plate: without voltage all are nothing."""
+    states = table.states
+    for sheet in dataset.sheets:
+        rows = np.flatnonzero((table.file == sheet.file.name) & (table.kind == "displacement")
+                              & (table.since < 0) & np.isnan(states.heave[table.state]))
+        at = table.state[rows]
+        begun = (states.voltage[at] == 0) & (states.mass[at] > 0)
+        most = _NOTHING * np.abs(table.value[rows]).max(initial=0.0)
+        if not begun.any() or np.abs(table.value[rows][begun]).max() > most:
+            continue
+        group = list(zip(*(getattr(states, name)[at].tolist()
+                           for name in ("specimen", "mass", "run")), strict=True))
+        origin = dict(zip([group[place] for place in np.flatnonzero(begun)], at[begun].tolist(),
+                          strict=True))
+        if set(group) != set(origin):
+            continue
+        kind, since = table.kind.copy(), table.since.copy()
+        kind[rows], since[rows] = "range", [origin[each] for each in group]
+        yield _Other(f"{sheet.heading('displacement')} of {sheet.file.name}",
+                     "it were counted from the loaded plate without voltage", setup,
+                     replace(table, kind=kind, since=since))
 
 
 def _scaled(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_], column: str,

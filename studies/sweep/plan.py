@@ -366,7 +366,7 @@ def sample_points(method: str, dimensions: int, count: int, seed: int) -> Array:
 
 
 def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:
-    """The specimen of a file, changed.
+    """The specimen of a file, changed; other files it names are beside it.
 
     An error is told of the sweep if that varies the key or one beside it, else of the file.
     """
@@ -375,16 +375,18 @@ def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choi
     if not changes:
         return load_specimen(file)
     changed = with_choice(content, changes, table)
+    # A name of a file that the sweep varies stands in the sweep, and is counted from there.
+    names = any(key.rpartition(".")[2] == "file" for key in changes)
     try:
-        return load_specimen(Table(table.file, changed))
+        return load_specimen(Table(table.file if names else file, changed))
     except Unbuildable:
         raise
     except InputError as error:
         key = error.key or ""
-        if any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.")
-               or name.rpartition(".")[0] == key.rpartition(".")[0] for name in changes):
-            raise
-        raise InputError(error.allowed, file=file, key=key, given=error.given) from None
+        of_sweep = any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.")
+                       or name.rpartition(".")[0] == key.rpartition(".")[0] for name in changes)
+        raise InputError(error.allowed, file=table.file if of_sweep else file, key=key,
+                         given=error.given) from None
 
 
 def _rigs(table: Table, choices: Sequence[Choice]) -> list[Rig]:
@@ -401,8 +403,13 @@ def _rig(table: Table, choice: Choice) -> Rig:
     given = table.value("rig", {})
     rig = (Table.read(table.beside("rig"), "rig") if isinstance(given, str)
            else table.table("rig", {}))
-    return Rig.from_table(Table(table.file, with_choice(rig.data, changes, table), "rig")
-                          if changes else rig)
+    if not changes:
+        return Rig.from_table(rig)
+    try:
+        return Rig.from_table(Table(rig.file, with_choice(rig.data, changes, table), "rig"))
+    except InputError as error:  # what the sweep changes is its own
+        raise InputError(error.allowed, file=table.file, key=error.key, given=error.given
+                         ) from None
 
 
 def _load(table: Table, name: str, value: Any) -> float:

@@ -31,6 +31,8 @@ SAME = 0.5
 
 #: The size at which effects are compared, in standard deviations of their priors.
 TYPICAL = 2.0
+#: As small as sizes are tried, in standard deviations: what they do is then lost in rounding.
+_LEAST = 1e-6
 
 
 def signatures(simulation: Model, table: ReadingTable, unknowns: Array,
@@ -49,11 +51,12 @@ def _shown(simulation: Model, cause: Cause, index: int, unknowns: Array,
            table: ReadingTable, typical: float = TYPICAL) -> Array:
     """Residuals of the nominal model fitted to readings with one parameter at its typical size.
 
-    At a smaller size, in proportion, where the typical one has no equilibria.
+    At a smaller size, in proportion, where the typical one has no equilibria; nothing of a film
+    that has none itself.
     """
     bounds = simulation.bounds((cause,))
     share = typical
-    while True:
+    while abs(share) > _LEAST:
         moved = np.zeros(bounds.shape[1])
         moved[FACTORS] = unknowns[FACTORS]
         moved[SIZES][index] = share * cause.effect.parameters[index].deviation
@@ -63,6 +66,7 @@ def _shown(simulation: Model, cause: Cause, index: int, unknowns: Array,
             if refitted.possible:
                 return refitted.residual * typical / share
         share /= 2
+    return np.zeros(len(table))
 
 
 def shows_when_large(simulation: Model, cause: Cause, nominal: Fit,

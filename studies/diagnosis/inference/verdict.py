@@ -336,7 +336,7 @@ def _wandering(misfit: NominalMisfit, causes: Sequence[Cause], generator: np.ran
     """
     unknown = misfit.of_unknown_noise
     free = unknown.as_a_sensor_that_wanders()
-    if not free.told.correlation:
+    if not (free.told.correlation and free.fit.possible):
         return 0.0, False
     test = free.tests(causes)(free.fit.residual, generator, None)
     lengths = free.table.lengths

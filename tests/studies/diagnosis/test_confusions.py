@@ -73,6 +73,45 @@ def test_large_deflections_tell_a_length_from_a_load_where_no_noise_is_stated(tm
     assert read[0] == ("displacement_mm of static.csv", "in centimetres")
 
 
+def mapped(folder: Path, unit: str) -> Dataset:
+    """The same rows under somebody's German headings, with the unit of the way given."""
+    table = folder / "static.csv"
+    _, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([f"Probe,Gewicht [g],Spannung [kV],Weg [{unit}]", *rows]) + "\n")
+    about = folder / "dataset.toml"
+    about.write_text(about.read_text() + f"""
+[columns.static]
+specimen = "Probe"
+mass_g = "Gewicht [g]"
+voltage_kV = "Spannung [kV]"
+displacement_{unit} = {{ from = "Weg [{unit}]", sign = "down" }}
+""")
+    return read_dataset(folder)
+
+
+def test_the_unit_of_a_mapped_column_is_that_of_its_key(tmp_path: Path) -> None:
+    """No unit is read from its heading again."""
+    dataset(tmp_path / "data", 0.1)
+    made = mapped(tmp_path / "data", "mm")
+    assert named(made)[1] == [("Weg [mm] of static.csv", "in centimetres")]
+
+
+def test_displacements_from_the_loaded_plate_are_named(tmp_path: Path) -> None:
+    """Films that nothing pulls down without voltage are none."""
+    dataset(tmp_path / "data")
+    table = tmp_path / "data" / "static.csv"
+    head, *rows = table.read_text().splitlines()
+    first = {str(mass): reads[0] for mass, reads in EXACT.items()}
+    cells = [row.split(",") for row in rows]
+    table.write_text("\n".join([head, *(
+        f"{film},{mass},{kv},{float(read) - first[mass]:.6f}" for film, mass, kv, read in cells)])
+        + "\n")
+    usual, read = named(read_dataset(tmp_path / "data"))
+    assert usual < UNUSUAL
+    assert read[0] == ("displacement_mm of static.csv",
+                       "it were counted from the loaded plate without voltage")
+
+
 @pytest.mark.parametrize(("edit", "of"), [
     (lambda one: replace(one, membrane=replace(one.membrane, thickness=0.2e-3)),
      "membrane.thickness"),
