@@ -445,7 +445,7 @@ def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
     prices = dict(zip(search.bounds, found.prices.tolist(), strict=True))
     told = []
     for name, quantity in QUANTITIES.items():
-        if quantity.of_plate and exact.specimen.plate is None:
+        if quantity.of_plate and given.plate is None:
             continue
         if name in others:
             reduced, value, before = (_one(quantity, each) for each in films)
