@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -115,6 +116,29 @@ def test_the_last_digits_of_columns_move_no_probability(bench: Bench, three_shap
         return tests(residual, np.random.default_rng(1)).p_value
 
     assert p_value(1e-10) == pytest.approx(p_value(0.0), abs=1e-6)
+
+
+class Nowhere:
+    """A simulation whose films have no equilibrium, whatever their sizes."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._simulation, name)
+
+    @staticmethod
+    def predict(hypothesis: Any, unknowns: Any, table: Any) -> np.ndarray:
+        return np.full(len(table), np.nan)
+
+
+def test_films_without_equilibrium_show_nothing_and_end_the_search(bench: Bench,
+                                                                    three_shapes: Simulation
+                                                                    ) -> None:
+    """A fit at the end of its bounds may be of such films: halving of sizes never ended."""
+    cause = Cause("sensor_zero")
+    shown = signatures(cast(Any, Nowhere(three_shapes)), bench.table, np.zeros(2), [cause])
+    assert not shown[cause].any()
 
 
 @pytest.mark.parametrize("causes", [few_causes, dear(every_cause, seconds=33)])
