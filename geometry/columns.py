@@ -67,7 +67,7 @@ class Sheet:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Where each column stands, of those that are not one value for the whole file."""
+        """Places of the columns that are not one value for the whole file."""
         return {name: source.place for name, source in self.sources.items()
                 if source.place is not None}
 
