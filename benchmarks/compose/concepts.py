@@ -26,7 +26,7 @@ from tympan.geometry.cad.membrane import membrane_part, write_step
 from tympan.geometry.cad.parts import write_dxf
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Registry, fields_of
-from tympan.geometry.outlines import OUTLINES, Circle, examples, perimeter, reshaped
+from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, examples, perimeter, reshaped
 from tympan.geometry.specimen import (
     FLOWS,
     LAWS,
@@ -50,6 +50,8 @@ _WITHOUT_AXIS = "frame ellipse"
 _LOADED_BY = {"no plate": "rig.gas_pressure"}
 #: Half extent of plates [m].
 _PLATE = 10e-3
+#: What plates of other outlines are as large as: a round stadium would be one of two half circles.
+_LONG_PLATE = Ellipse((12e-3, 8e-3))
 #: Prestretches of a library's material, of which the first one that its law was tested at is taken.
 _PRESTRETCHES = (2.236, 2.0, 1.5, 1.2, 1.1, 1.05)
 #: Thickness of those that are stretched less: silicones are thin.
@@ -268,7 +270,7 @@ def _outline(place: str, shape: str) -> Content:
         return {"shape": shape, "file": f"{place}.{shape}", "curve": "outer"}
     if place == "frame":
         return OUTLINES.write(shapes[shape])
-    return OUTLINES.write(reshaped(Circle(_PLATE), shapes[shape]))
+    return OUTLINES.write(reshaped(_LONG_PLATE, shapes[shape]))
 
 
 def _of_library(name: str) -> Content:
