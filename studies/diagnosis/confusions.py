@@ -63,7 +63,8 @@ class _Other:
     """Readings and specimens with one quantity taken for another.
 
     ``shift``: by what the logarithms of both factors change, of small deflections; None where only
-    a fit tells. ``larger``: the logarithm of what the readings are multiplied by, of all together.
+    a fit tells. ``larger``: the logarithm of what the readings are multiplied by, of all together;
+    ``check``: the sentence on what to do about it.
     """
 
     of: str
@@ -72,6 +73,7 @@ class _Other:
     table: ReadingTable
     shift: Array | None = None
     larger: float = 0.0
+    check: str = "do_quantity"
 
     def unlikely(self, found: Fit) -> float:
         """Minus twice the logarithm of the readings' probability, their noise as they tell it.
@@ -129,7 +131,8 @@ def _ordinary(others: Iterable[_Other], most: float) -> tuple[Confusion, ...]:
         return other.unlikely(found) + float(np.sum((found.unknowns[FACTORS] / NUISANCE) ** 2))
 
     least = min(map(unlikely, fitted), default=np.inf)
-    return tuple(Confusion(other.of, other.taken) for other, found in sorted(fitted, key=unlikely)
+    return tuple(Confusion(other.of, other.taken, other.check)
+                 for other, found in sorted(fitted, key=unlikely)
                  if unlikely((other, found)) < least + MORE)
 
 
@@ -182,7 +185,7 @@ def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_O
         kind[rows], since[rows] = "range", [origin[each] for each in group]
         yield _Other(f"{sheet.heading('displacement')} of {sheet.file.name}",
                      "it were counted from the loaded plate without voltage", setup,
-                     replace(table, kind=kind, since=since))
+                     replace(table, kind=kind, since=since), check="do_zero")
 
 
 def _scaled(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_], column: str,

@@ -164,7 +164,7 @@ def of_data(judged: Judgement) -> Finding | None:
     read = listed([WORDS["reads"].format(confusion=one) for one in judged.confusions], "or")
     key = "confused" if judged.unusual else "mistaken"
     return Finding("quantity", WORDS[key].format(reads=read, factors=factors),
-                   check=WORDS["do_quantity"])
+                   check=WORDS[judged.confusions[0].check])
 
 
 def relabelled(judged: Judgement, labels: Relabelling) -> str:

@@ -98,11 +98,13 @@ _ASKED = (8, 6)
 class Confusion:
     """A quantity that was written as if it were another, in words.
 
-    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads.
+    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads; ``check``:
+    the sentence on what to do about it.
     """
 
     of: str
     taken: str
+    check: str = "do_quantity"
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from tympan.studies.data.dataset import Dataset, read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.confusions import confusions_of
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.verdict import UNUSUAL, judge
+from tympan.studies.diagnosis.inference.verdict import UNUSUAL, Confusion, judge
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.sentences import of_data, where
@@ -106,10 +106,13 @@ def test_displacements_from_the_loaded_plate_are_named(tmp_path: Path) -> None:
     table.write_text("\n".join([head, *(
         f"{film},{mass},{kv},{float(read) - first[mass]:.6f}" for film, mass, kv, read in cells)])
         + "\n")
-    usual, read = named(read_dataset(tmp_path / "data"))
-    assert usual < UNUSUAL
-    assert read[0] == ("displacement_mm of static.csv",
-                       "it were counted from the loaded plate without voltage")
+    made = read_dataset(tmp_path / "data")
+    readings = prepared_readings(made)
+    fitted = calibrated(readings.setup, readings.table).fit
+    assert fitted.usual < UNUSUAL
+    assert confusions_of(made, readings, fitted)[0] == Confusion(
+        "displacement_mm of static.csv", "it were counted from the loaded plate without voltage",
+        "do_zero")
 
 
 @pytest.mark.parametrize(("edit", "of"), [
