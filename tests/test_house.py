@@ -178,3 +178,9 @@ def test_a_docstring_begins_with_a_phrase_that_stands_alone() -> None:
     assert not [f"{file.relative_to(ROOT)}: {said.strip()}" for folder in PRODUCT
                 for file in sorted((ROOT / folder).rglob("*.py"))
                 for said in DANGLING.findall(file.read_text(encoding="utf-8"))]
+
+
+def test_files_of_tests_have_names_of_their_own() -> None:
+    """Two of one name in folders without a package end the whole run while it is collected."""
+    names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
