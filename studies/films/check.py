@@ -98,9 +98,9 @@ class ResidualCheck(FieldsAlone):
         if films.gas:
             pressure = films.pressure[number]
             nodal -= pressure[:, None, None] * self._swept(films, number, q)
-            plates, turns = films.volume.plates[number], q @ films.turns.T
-            on_plate[:, HEAVE] += pressure * plates * (1 - (turns**2).sum(1) / 2)
-            on_plate[:, TURNS] -= (pressure * plates * q[:, 0])[:, None] * turns
+            by_heave, by_turns = films.volume.of_plates(number, q[:, 0], q @ films.turns.T)
+            on_plate[:, HEAVE] -= pressure * by_heave
+            on_plate[:, TURNS] -= pressure[:, None] * by_turns
         mesh = self.model.discretisation
         inner = nodal[(slice(None), *mesh.free)]
         edge = np.einsum("snc,ncf->sf", nodal[:, mesh.plate_nodes], self._rigid)

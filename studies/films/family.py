@@ -55,11 +55,12 @@ Array = NDArray[Any]
 class FamilySettings:
     """Settings of how a family is made.
 
-    ``error``: share of the deflection by which films may be off, as far as the estimate says, and
-    what decides how many shapes they have; ``first``: random films that it begins with,
-    and ``more`` for each parameter; ``batch``: films that are added at once where the estimate is
-    largest, ``rounds`` times at most; ``candidates``: random films among which these are sought;
-    ``checks``: random films by which the estimate is scaled. All are drawn with ``seed``.
+    ``error``: share of the deflection, or of 0.3 of the largest one, by which films may be off, as
+    far as the estimate says, and what decides how many shapes they have; ``first``: random films
+    that it begins with, and ``more`` for each parameter; ``batch``: films that are added at once
+    where the estimate is largest, ``rounds`` times at most; ``candidates``: random films
+    among which these are sought; ``checks``: random films by which the estimate is scaled. All are
+    drawn with ``seed``.
     """
 
     error: float = 2e-5

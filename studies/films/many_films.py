@@ -375,8 +375,8 @@ class Films:
         """Forces that films carry [N] of those on their plates, mechanisms and gas included."""
         carried = force - self.acting(films, q[:, 0])[0]
         if self.gas:
-            level = 1 - ((q @ self.turns.T) ** 2).sum(1) / 2
-            carried = carried - self.pressure[films] * self.volume.plates[films] * level
+            by_heave, _ = self.volume.of_plates(films, q[:, 0], q @ self.turns.T)
+            carried = carried + self.pressure[films] * by_heave
         return np.asarray(carried)
 
     def forces(self, films: Numbers, q: Array, squared: Array, share: float = 1.0) -> Array:
@@ -636,6 +636,13 @@ class Volume:
             return self.linear, self.square
         return self.linear[films], self.square[films]
 
+    def value(self, films: Numbers, a: Array) -> Array:
+        """Volumes [m³], (states,)."""
+        linear, square = self._of(films)
+        by = linear + ((square + np.tensordot(a, self.cubic, 1)) @ a[..., None])[..., 0]
+        level, _ = self.of_plates(films, a[:, 0], a @ self.turns.T)
+        return np.asarray(level * a[:, 0] - (by * a).sum(1))
+
     def first(self, films: Numbers, a: Array) -> Array:
         """Derivatives by the amplitudes [m²], (states, shapes)."""
         linear, square = self._of(films)
@@ -654,12 +661,16 @@ class Volume:
         second += (plate * a[:, 0])[:, None, None] * (self.turns.T @ self.turns)
         return self._by(linear, twice + cubes, films, a), second
 
+    def of_plates(self, films: Numbers, heave: Array, turns: Array) -> tuple[Array, Array]:
+        """Rates of the volume below plates by their heave, (states,), and turns, (states, 2)."""
+        plates = self.plates[films]
+        return -plates * (1 - (turns**2).sum(1) / 2), (plates * heave)[:, None] * turns
+
     def _by(self, linear: Array, twice: Array, films: Numbers, a: Array) -> Array:
-        turn, plate = a @ self.turns.T, self.plates[films]
         by = -(linear + (twice @ a[..., None])[..., 0])
-        by[:, 0] -= plate * (1 - (turn**2).sum(1) / 2)
-        by += (plate * a[:, 0])[:, None] * (turn @ self.turns)
-        return np.asarray(by)
+        by_heave, by_turns = self.of_plates(films, a[:, 0], a @ self.turns.T)
+        by[:, 0] += by_heave
+        return np.asarray(by + by_turns @ self.turns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,7 +177,9 @@ class _States:
         return cls(q, squared, force if load is None else load, stiffness)
 
     def energies(self, films: Films, number: Array) -> Corner:
-        """The films at a corner of the cycle, their weight included."""
+        """The films at a corner of the cycle, their weight and gas included."""
         capacitance, energy = films.stored(number, self.q, self.squared)
         potential = energy - (films.weight[number] * self.q).sum(1)
+        if films.gas:
+            potential -= films.pressure[number] * films.volume.value(number, films.along(self.q))
         return Corner.of(potential, capacitance, np.sqrt(self.squared))

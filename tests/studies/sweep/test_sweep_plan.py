@@ -13,8 +13,13 @@ import pytest
 from tests.support.specimens import specimen_toml
 from tests.support.sweeps import CHEAP, read, written
 from tympan.cli import main
+from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
+from tympan.geometry.cad.membrane import membrane_part
+from tympan.geometry.cad.parts import write_dxf
 from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.sweep.asked import Ask
 from tympan.studies.sweep.plan import METHODS, read_sweep, sample_points
 from tympan.studies.sweep.task import SweepTask
@@ -196,3 +201,30 @@ def test_a_mistake_in_the_specimen_names_its_file(tmp_path) -> None:
     broken = specimen_toml().replace('"1 mm"', '"1 kg"')
     with pytest.raises(InputError, match=r"oval.toml: membrane.thickness: given '1 kg'"):
         read(tmp_path, LOADS + '[grid]\n"plate.radius" = ["1 cm"]', oval=broken)
+
+
+def test_files_that_a_specimen_names_are_beside_it(tmp_path: Path) -> None:
+    """Not beside the sweep, though that changes the specimen."""
+    films = tmp_path / "films"
+    films.mkdir()
+    frame = Specimen("frame", Circle(45e-3), None, Film(1e-3, (2.0, 2.0), NeoHooke(2e4), 4.7))
+    write_dxf([membrane_part(frame)], films / "frame.dxf")
+    (films / "drawn.toml").write_text("""name = "drawn"
+[frame]
+shape = "dxf"
+file = "frame.dxf"
+curve = "outer"
+[plate]
+shape = "circle"
+radius = "1 cm"
+[membrane]
+thickness = "1 mm"
+prestretch = [2.0, 2.0]
+material = "vhb-4910"
+relative_permittivity = 4.7
+""", encoding="utf-8")
+    planned = tasks(tmp_path, 'specimen = "films/drawn.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
+                              '[grid]\n"membrane.thickness" = ["0.9 mm", "1 mm"]\n')
+    assert [task.specimen.membrane.thickness for task in planned] == [0.9e-3, 1e-3]
+    assert all(task.specimen.frame.curve.area == pytest.approx(np.pi * 45e-3**2, rel=1e-6)
+               for task in planned)
