@@ -225,6 +225,6 @@ relative_permittivity = 4.7
 """, encoding="utf-8")
     planned = tasks(tmp_path, 'specimen = "films/drawn.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
                               '[grid]\n"membrane.thickness" = ["0.9 mm", "1 mm"]\n')
-    assert [task.specimen.membrane.thickness for task in planned] == [0.9e-3, 1e-3]
+    assert [task.specimen.membrane.thickness for task in planned] == pytest.approx([0.9e-3, 1e-3])
     assert all(task.specimen.frame.curve.area == pytest.approx(np.pi * 45e-3**2, rel=1e-6)
                for task in planned)
