@@ -187,12 +187,13 @@ def _tolerances(given: Tolerances | File) -> Tolerances:
 
 @names_arguments(Loads)
 @one_thread()
-def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
-           ) -> Result[LimitsResult]:
+def limits(specimen: Specimen, settings: Settings = Settings(), *, beyond: bool = False,
+           **loads: Unpack[Loads]) -> Result[LimitsResult]:
     """Limits of the voltage: loss of tension, breakdown, instability, pull-in.
 
     ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``. A mass that is
-    left out suits the film.
+    left out suits the film. ``beyond``: where the film, wrinkled, thins without bound, follow it on
+    as one kept from wrinkling, to its pull-in.
     """
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.loads import usual_masses
@@ -200,19 +201,21 @@ def limits(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[
     case = _case(specimen, loads, settings)
     if specimen.plate is not None and "mass" not in loads:
         case = replace(case, mass=usual_masses(specimen, settings, case.rig)[0])
-    return Result(LimitsResult.of(case, settings))
+    return Result(LimitsResult.of(case, settings, beyond))
 
 
 @names_arguments()
 @one_thread()
 def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | str] = (),
           settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None,
-          tolerances: Tolerances | File | None = None) -> Result[CurveResult]:
+          tolerances: Tolerances | File | None = None, beyond: bool = False
+          ) -> Result[CurveResult]:
     """Deflection against voltage under each mass to the film's end; by default under usual ones.
 
     ``voltages`` are rows of their own. ``result.curves[0].limits.limit.voltage_V`` is the first
     limit under the first mass. ``tolerances`` as for :func:`solve`: then
-    ``result.curves[0].band_deflection_m`` has the band of films at ``band_voltage_V``.
+    ``result.curves[0].band_deflection_m`` has the band of films at ``band_voltage_V``. ``beyond``
+    as for :func:`limits`.
     """
     from tympan.studies.limits import curve
     from tympan.studies.limits.loads import usual_masses
@@ -222,7 +225,7 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
     usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
     marked = sorted(Case(specimen, voltage=voltage).voltage
                     for voltage in numbers(voltages, "voltage", "voltages"))
-    found = curve(specimen, given or usual, settings, rig, marked)
+    found = curve(specimen, given or usual, settings, rig, marked, beyond=beyond)
     return Result(_banded(found, specimen, tolerances, rig, settings))
 
 

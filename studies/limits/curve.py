@@ -100,12 +100,13 @@ class CurveResult(SpecimenRecord):
 
 
 def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: Rig = Rig(),
-          voltages: Sequence[float] = (), progress: Callable[[str], None] = lambda words: None
-          ) -> CurveResult:
+          voltages: Sequence[float] = (), progress: Callable[[str], None] = lambda words: None,
+          beyond: bool = False) -> CurveResult:
     """Follow a film under each mass [kg] as its voltage rises to its limit.
 
     ``voltages`` [V] are rows of their own; those beyond the limit have none. ``progress`` is called
-    before each mass and at each voltage.
+    before each mass and at each voltage. ``beyond``: where a wrinkled film thins without bound, on
+    to the pull-in of one kept from wrinkling.
     """
     began = time.perf_counter()
     curves: list[MassCurve] = []
@@ -113,9 +114,9 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
     dofs = 0
     for mass in masses:
         progress(f"{specimen.name}: {mass * 1e3:g} g")
-        ascent = rise(Case(specimen, mass=mass, rig=rig), settings)
+        ascent = rise(Case(specimen, mass=mass, rig=rig), settings, beyond=beyond)
         dofs = ascent.model.unknowns
-        # The film's model changes where it is followed on as one kept from wrinkling.
+        # The model changes where a film is followed on as one kept from wrinkling.
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
                                   lambda pair: pair[1].model):
             solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)

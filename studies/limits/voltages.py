@@ -135,19 +135,20 @@ class LimitsResult(SpecimenRecord):
                 "stroke_m": self.stroke_m, "warnings": list(self.warnings)}
 
     @classmethod
-    def of(cls, case: Case, settings: Settings) -> LimitsResult:
-        """Limits as the voltage of a case is raised from 0."""
-        risen = rise(case, settings)
+    def of(cls, case: Case, settings: Settings, beyond: bool = False) -> LimitsResult:
+        """Limits as the voltage of a case is raised from 0; ``beyond`` as in :func:`limits`."""
+        risen = rise(case, settings, beyond=beyond)
         return cls(specimen=case.specimen.name, mass_kg=case.mass, limits=risen.limits,
                    stroke_m=risen.stroke, warnings=(*risen.warnings, *case.remarks))
 
 
-def limits(case: Case, settings: Settings) -> Limits:
+def limits(case: Case, settings: Settings, beyond: bool = False) -> Limits:
     """Limits as the voltage of a case is raised from 0; its own voltage is not asked for.
 
-    Voltages are nominal: those that the rig's supply shows.
+    Voltages are nominal: those that the rig's supply shows. ``beyond``: also the pull-in of a film
+    that thins without bound before, were it kept from wrinkling.
     """
-    return rise(case, settings).limits
+    return rise(case, settings, beyond=beyond).limits
 
 
 def first_limit(case: Case, settings: Settings) -> Limit | None:
@@ -155,10 +156,11 @@ def first_limit(case: Case, settings: Settings) -> Limit | None:
     return rise(case, settings, first=True).limits.limit
 
 
-def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
+def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = False) -> Rise:
     """Raise the voltage of a case from 0 to pull-in, instability, or where it is not followed.
 
-    ``first``: only to the first limit of any kind.
+    ``first``: only to the first limit of any kind. ``beyond``: where a wrinkled film thins without
+    bound, on to the pull-in of one kept from wrinkling, which no film reaches.
     """
     case = replace(case, voltage=0.0)
     model = build_model(case.specimen, settings, case.rig.loading)
@@ -167,7 +169,7 @@ def rise(case: Case, settings: Settings, first: bool = False) -> Rise:
     if start.status != "equilibrium":
         ended = Limits(ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
-    passed = list(_to_limit(case, model, start.state, settings, first))
+    passed = list(_to_limit(case, model, start.state, settings, first, beyond))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
     if flat is not None:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
@@ -224,8 +226,8 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
     return replace(result, stroke_m=stroke, limits=reached, first=reached.first, limit=limit)
 
 
-def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool
-              ) -> Iterator[Stop]:
+def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool,
+              beyond: bool) -> Iterator[Stop]:
     """Stops to the film's end; where a mechanism makes the plate snap, on from where it rests."""
     # Of a mesh that does not resolve the branch the limits say how certain they are.
     unchecked = replace(settings.path, unbalanced=np.inf)
@@ -235,13 +237,13 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
         if landed is not None:
             yield stop.at(SNAP_THROUGH)
             if not first:
-                yield from _to_limit(case, model, landed.state, settings, first)
+                yield from _to_limit(case, model, landed.state, settings, first, beyond)
             return
         yield stop
         if stop.event is None:
             continue
-        # A film that thins is followed on as one kept from wrinkling, to where that pulls in.
-        gone = stop.event.what == INSTABILITY.kind and not stop.thins
+        # A film that thins may be followed on as one kept from wrinkling, to where that pulls in.
+        gone = stop.event.what == INSTABILITY.kind and not (beyond and stop.thins)
         if first or gone or stop.event.what == PULL_IN.kind:
             return
 

@@ -107,10 +107,12 @@ def _off(rows: FamilyRows, number: Array, corners: list[_States], ideal: Array) 
     apart = [corner.stiffness * error for corner, error in zip(corners, errors, strict=True)]
     first, charged, moved, discharged = corners
     fall, rise = first.force - charged.force, discharged.force - moved.force
+    # Above a gas they have had either sign, with and without voltage.
+    longer = errors[2] + errors[0] if rows.films.gas else errors[2] - errors[0]
     with np.errstate(all="ignore"):
         # A longer stroke adds to the ideal work what the forces differ by at its end.
         shares = [(apart[0] - apart[1]) / fall, (apart[3] - apart[2]) / rise,
-                  (errors[2] - errors[0]) * rise / ideal]
+                  longer * rise / ideal]
     return np.asarray(np.abs(shares).max(0))
 
 

@@ -101,10 +101,16 @@ def solve(options: argparse.Namespace) -> None:
     finish(options, _banded(options, result, case.specimen, case.rig), specimen=case.specimen)
 
 
+#: Follow a film further than any film goes.
+_BEYOND = argument("--beyond", action="store_true",
+                   help="where the film, wrinkled, thins without bound, follow it on as one kept "
+                        "from wrinkling, to its pull-in (a few times the work)")
+
+
 @command("limits", SPECIMEN, argument("--mass", help='of plate, hook and weight, such as "17.9 g" '
                                       "(default: one that pulls the plate down a tenth of its "
                                       "gap)"), PRESSURE,
-         RIG, MESH, JSON,
+         RIG, _BEYOND, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
     """Limits of a film: the first loss of tension, breakdown, instability and pull-in.
@@ -116,7 +122,7 @@ def limits(options: argparse.Namespace) -> None:
     from tympan.studies.limits import LimitsResult
 
     specimen, rig, settings, (mass, *_) = _loaded(options)
-    result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings)
+    result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings, options.beyond)
     print_record(options, result.json(), limits=result.limits, plate=specimen.plate,
                  pressure=rig.gas_pressure)
 
@@ -125,7 +131,7 @@ def limits(options: argparse.Namespace) -> None:
          argument("--mass", help='of plate, hook and weight, one or several, such as "10 g, 20 g" '
                                 "(default: some that suit the film)"),
          argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'),
-         TOLERANCES, PRESSURE, RIG,
+         TOLERANCES, PRESSURE, RIG, _BEYOND,
          output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
          example='oval.toml --mass "10 g, 17.9 g" -o curve')
@@ -137,7 +143,7 @@ def curve(options: argparse.Namespace) -> None:
     specimen, rig, settings, masses = _loaded(options)
     voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))
     with bar(len(masses) * (1 + len(voltages))) as progress:
-        result = curve(specimen, masses, settings, rig, voltages, progress)
+        result = curve(specimen, masses, settings, rig, voltages, progress, options.beyond)
     finish(options, _banded(options, result, specimen, rig))
 
 

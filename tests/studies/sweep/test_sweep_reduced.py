@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.support.costs import dear
 from tympan.studies.parallel import processes, serial
 from tympan.studies.sweep import reduced, strokes
 from tympan.studies.sweep.cluster import cluster
@@ -215,6 +216,22 @@ def test_the_force_of_reduced_rows_is_that_of_finite_elements(pulled: Path) -> N
         np.testing.assert_allclose(near[name].values, known, rtol=EXACT, err_msg=name)
         # Of finite elements they are the same to the last digits, so these were not asked.
         assert (np.abs(near[name].values - known) > 1e-12 * known)[by_family].mean() > 0.6
+
+
+@pytest.mark.parametrize("pressure", [40, dear(-40, seconds=5)])
+def test_the_work_of_films_above_gas_is_that_of_finite_elements(
+        tmp_path: Path, pressure: float) -> None:
+    """Gas that follows the film gives energy, too."""
+    tables = []
+    for exact in (False, True):
+        plan = forced(tmp_path, exact, '["3 kV", "6 kV"]',
+                      f'[rig]\ngas_pressure = "{pressure} Pa"\n')
+        part = replace(plan, entries=plan.entries[:2])
+        tables.append(run_sweep(part, tmp_path / f"out-{exact}", serial).table)
+    near, known = tables
+    assert (near["by"] == "reduced").all()
+    for name in STROKE:
+        np.testing.assert_allclose(near[name], known[name], rtol=EXACT, err_msg=name)
 
 
 def test_processes_give_the_same_forces(pulled: Path, tmp_path: Path) -> None:
