@@ -6,12 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
@@ -70,6 +69,8 @@ class FilmSurface:
 
         Interpolated linearly within the triangles.
         """
+        from scipy.spatial import cKDTree  # heavy, and `solve` asks for no places
+
         known = np.asarray(np.isfinite(places).all(axis=1))
         places = np.where(known[:, None], places, 0.0)
         corners = self.mounted[self.triangles][:, :, :2]

@@ -51,6 +51,19 @@ EIGHT_LINES = README.split("```python\n")[1].split("```")[0]
 COARSE = Settings(MeshSettings(order=2).refined(0.6))
 
 
+def test_an_equilibrium_and_its_limits_need_no_optimiser_and_no_search_tree() -> None:
+    """Such packages take as long to import as the film takes to solve."""
+    code = ("import sys; from tympan import solving;"
+            "from tympan.studies.limits import solve_within;"
+            "from tympan.fem.film.library import load_specimen;"
+            "print(*sorted(name for name in sys.modules if name.count('.') < 2))")
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                            check=True).stdout.split()
+    heavy = {"scipy.optimize", "scipy.spatial", "scipy.interpolate", "scipy.special", "scipy.stats",
+             "pandas", "xarray", "matplotlib", "pyvista", "gmsh", "jinja2"}
+    assert not heavy & set(loaded)
+
+
 def test_opening_the_door_imports_nothing_heavy() -> None:
     code = ("import sys; before = set(sys.modules); import tympan; dir(tympan);"
             "print(*{name.split('.')[0] for name in set(sys.modules) - before})")

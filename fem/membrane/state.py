@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import sin, sqrt
+from math import atan2, sin, sqrt
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -96,10 +95,14 @@ def _turn(vector: Array) -> Array:
 
 
 def turned(plate: PlateMotion, origin: PlateMotion) -> Array:
-    """The rotation vector that turns one orientation into another [rad]."""
+    """The rotation vector that turns one orientation into another, by less than π [rad]."""
     if plate.rotation is origin.rotation:
         return np.zeros(3)
-    return np.asarray(Rotation.from_matrix(plate.rotation @ origin.rotation.T).as_rotvec())
+    turn = plate.rotation @ origin.rotation.T
+    across = (turn - turn.T)[(2, 0, 1), (1, 2, 0)] / 2
+    sine = float(np.linalg.norm(across))
+    angle = atan2(sine, (turn.trace() - 1) / 2)
+    return np.asarray(across * (angle / sine if sine else 1.0))
 
 
 @dataclass(frozen=True, eq=False)

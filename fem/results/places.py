@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import tabulated
@@ -63,6 +62,8 @@ class Places:
 
 def _located(mesh: Discretisation, points: Array) -> tuple[Array, Array]:
     """Elements of points and their reference coordinates, (points, 2)."""
+    from scipy.spatial import cKDTree  # heavy, and `solve` asks for no places
+
     nodes = mesh.reference[mesh.connectivity, :2]
     tree = cKDTree(nodes.reshape(-1, 2))
     local = nodes.shape[1]
