@@ -332,23 +332,33 @@ def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
 
 
 def slips_of_sign(dataset: Dataset) -> Iterator[str]:
-    """Deflections that fall wherever the voltage rises.
+    """Deflections that fall wherever the voltage of their film rises.
 
     If they fall under heavier masses, too, it is a sensor's distance from the plate, or an axis
-    that points up; else no film that a weight pulls does so.
+    that points up; else no film that a weight pulls does so. Said of all films, or of one that is
+    so among others.
     """
     static, rig = dataset.static, dataset.rig
     if static is None or rig.gas_pressure or rig.biases:
         return
     ramps = [ramp for ramp in _ramps(static) if len(np.unique(ramp.voltage)) >= _FEWEST]
-    heavier = [(light, heavy) for light, heavy in pairwise(ramps) if light.name == heavy.name]
-    if ramps and all(ramp.falls for ramp in ramps):
-        ramp, ends = ramps[0], np.argsort(ramps[0].voltage, kind="stable")[[0, -1]]
+    films = [[ramp for ramp in ramps if ramp.name == name]
+             for name in dict.fromkeys(ramp.name for ramp in ramps)]
+    falling = [film for film in films if all(ramp.falls for ramp in film)]
+    alike = len(falling) == len(films)
+    for told in [ramps] if alike and ramps else falling:
+        heavier = [(light, heavy) for light, heavy in pairwise(told) if light.name == heavy.name]
         up = all(heavy.read.max() < light.read.max() for light, heavy in heavier)
-        if up or all(np.ptp(one.read) > _LIFTED * np.abs(one.read).max() for one in ramps):
-            yield WORDS["falls" if up else "lifts"].format(
-                specimen=ramp.name, mass=1e3 * ramp.mass, read=1e3 * ramp.read[ends],
-                voltage=1e-3 * ramp.voltage[ends])
+        far = all(np.ptp(ramp.read) > _LIFTED * np.abs(ramp.read).max() for ramp in told)
+        if not far and not (up and alike):
+            continue
+        ramp, ends = told[0], np.argsort(told[0].voltage, kind="stable")[[0, -1]]
+        yield WORDS["falls" if up else "lifts"].format(
+            specimen=ramp.name, mass=1e3 * ramp.mass, read=1e3 * ramp.read[ends],
+            voltage=1e-3 * ramp.voltage[ends], whose="" if alike else f" of {ramp.name}",
+            what="voltage and mass rise" if heavier else "the voltage rises",
+            others="" if alike else ", but that of other films rises",
+            remedy=WORDS["do_sign" if alike else "do_sign_of_one"])
 
 
 class _Ramp(NamedTuple):

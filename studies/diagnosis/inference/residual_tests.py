@@ -123,25 +123,30 @@ class ResidualTests:
     def noise(self, residual: Array) -> float:
         """Scatter about smooth curves and stated noise together, over the stated one.
 
-        Less jumps that stand out from it.
+        Less jumps that stand out from it: one after the other is taken away, to the last that
+        stands out from what is left, since several hide one another (Rosner, Technometrics 25,
+        1983).
         """
         scatter = without(self.taken, residual)
         scatter, freedom = scatter - self.smooth @ (self.smooth.T @ scatter), self.freedom
         rough = [columns - self.smooth @ self._small[name] for name, columns in self.jumps.items()]
         jumps = np.hstack([*rough, np.zeros((len(residual), 1))])
+        least, known = float(scatter @ scatter), freedom
         for _ in range(int(_MOST_JUMPS * freedom)):
             sizes = np.sum(jumps**2, axis=0)
             parts = (jumps.T @ scatter) ** 2 / np.where(sizes > RANK, sizes, np.inf)
             best = int(parts.argmax())
+            if sizes[best] <= RANK:
+                break
             squares = float(scatter @ scatter) - parts[best]
             others = self._variance(squares, self.stated, freedom - 1)
             tail = f_distribution.sf(parts[best] / others, 1, freedom - 1 + self.stated)
-            if len(sizes) * tail > _CLEAR:
-                break
             unit = jumps[:, best] / sizes[best] ** 0.5
             scatter, jumps = scatter - unit * (unit @ scatter), jumps - np.outer(unit, unit @ jumps)
             freedom -= 1
-        return float(np.sqrt(self._variance(float(scatter @ scatter), self.stated, freedom)))
+            if len(sizes) * tail <= _CLEAR:
+                least, known = float(scatter @ scatter), freedom
+        return float(np.sqrt(self._variance(least, self.stated, known)))
 
     def _variance(self, squares: Any, stated: Any, freedom: float) -> Any:
         """Variance by the rough part's squares and those of the stated noise."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,22 @@ def test_a_plate_that_rises_with_the_voltage_is_told_before_anything_is_fitted(t
     with pytest.raises(InputError, match="the plate goes the wrong way: heavier masses pull it "
                                          "further down, but it rises with the voltage"):
         prepared_readings(dataset)
+
+
+@pytest.mark.parametrize(("mass_goes", "voltage_goes", "told"), [
+    (-0.1, -0.03, "the displacement of B falls as voltage and mass rise, but that of other films "
+                  "rises .* Is the sign of its rows exchanged"),
+    (0.1, -0.03, "the plate of B goes the wrong way.*, but that of other films rises"),
+    (0.1, -0.001, None)])
+def test_one_film_with_another_sign_is_told_among_others(
+        tmp_path: Path, mass_goes: float, voltage_goes: float, told: str | None) -> None:
+    films = ("A", 0.1, 0.03), ("B", mass_goes, voltage_goes)
+    rows = "".join(f"{name},{mass},{kv},{by_mass * mass + by_voltage * kv**2}\n"
+                   for name, by_mass, by_voltage in films
+                   for mass in (17.9, 22.45) for kv in range(6))
+    said = " ".join(slips_of_sign(read_dataset(write_dataset(tmp_path / "data",
+                                                             static=ROWS + rows))))
+    assert said == "" if told is None else re.search(told, said)
 
 
 @pytest.mark.parametrize(("shown", "step"), [("{:.1f}", 1e-4), ("{:.2f}", 1e-5), ("{:.4f}", 1e-7)])

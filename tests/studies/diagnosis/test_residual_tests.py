@@ -165,3 +165,15 @@ def test_a_span_is_found_where_divide_and_conquer_fails(monkeypatch: pytest.Monk
     monkeypatch.setattr(np.linalg, "svd", failing)
     other = orthonormal(columns)
     assert other @ other.T == pytest.approx(usual @ usual.T, abs=1e-12)
+
+
+def test_readings_that_are_off_do_not_hide_one_another() -> None:
+    """Three of the same size: each alone is hidden by what the other two add to the scatter."""
+    drawn = np.random.default_rng(4)
+    ramp = np.linspace(-1.0, 1.0, 32)
+    tests = ResidualTests.of(np.vander(ramp, 2), {
+        "bent": np.vander(ramp, 5)[:, :3], "single": np.eye(len(ramp))}, 0.0)
+    noise = drawn.normal(size=len(ramp))
+    assert tests.noise(noise) == pytest.approx(1.0, abs=0.35)
+    noise[[5, 18, 30]] += (10.0, -10.0, 10.0)
+    assert tests.noise(noise) == pytest.approx(1.0, abs=0.35)
