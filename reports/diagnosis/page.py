@@ -256,8 +256,12 @@ def error(value: float | None) -> str:
 
 
 def times(factor: float) -> str:
-    """Words for a factor, such as "3 times"."""
-    return f"{factor:.2g} times"
+    """Words for a factor, such as "3 times".
+
+    >>> times(3.14), times(4001.1)
+    ('3.1 times', '4000 times')
+    """
+    return f"{float(f'{factor:.2g}'):g} times"
 
 
 def shifted(off: Sequence[ReadingOff]) -> tuple[ReadingOff, ReadingOff, float] | None:

@@ -402,7 +402,20 @@ class Conclusions:
             where=place,
             ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
-                           if name in judged.patterns))
+                           if name in judged.patterns),
+            others=tuple(self._misfits_of_other_kinds(table.value - predicted)))
+
+    def _misfits_of_other_kinds(self, missed: Array) -> Iterator[result.MisfitOfKind]:
+        """Misfits of readings that are not counted with the first kind, kind by kind."""
+        table, off = self.films.table, self.films.told.off
+        for kind, rows in table.rows_of.items():
+            some = rows[~table.judged[rows] & (off[rows] == 0) & np.isfinite(missed[rows])]
+            if len(some):
+                unit = UNITS[kind]
+                errors = unit.per_si * np.stack([table.sigma[some], missed[some]])
+                noise, rmse = np.sqrt(np.mean(errors**2, axis=1)).tolist()
+                yield result.MisfitOfKind(kind=kind, unit=unit.name, readings=len(some),
+                                          noise=noise, baseline_rmse=rmse)
 
     def _noise_stated(self) -> float | None:
         """Noise of one reading as the files state it, in the readings' unit; None without one."""

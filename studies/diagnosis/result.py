@@ -178,6 +178,17 @@ class ReadingOff:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MisfitOfKind:
+    """Misfit of the nominal model in readings of another kind than the first."""
+
+    kind: Annotated[str, Key("what was read")]
+    unit: Annotated[str, Key("unit of both")]
+    readings: Annotated[int, Key("how many there are")]
+    noise: Annotated[float, Key("standard deviation of one, in the unit")]
+    baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses")]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Misfit:
     """Misfit of the nominal model, its stiffness and permittivity fitted."""
 
@@ -203,6 +214,8 @@ class Misfit:
     where: Annotated[str, Key("where the misfit is, in plain words")]
     ratios: Annotated[tuple[Ratio, ...], Key("ratios of strokes, measured and simulated")] = ()
     patterns: Annotated[tuple[PatternTest, ...], Key("tests of what may be wrong")] = ()
+    others: Annotated[tuple[MisfitOfKind, ...], Key(
+        "the same of readings of other kinds, such as forces")] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

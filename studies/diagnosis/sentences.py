@@ -88,20 +88,28 @@ def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()
 def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
     """Those of the listed causes that may be it, of a family that has one name the first.
 
-    One whose size may be none is no alternative.
+    One whose size may be none is no alternative; nor is one beside the first, where that alone
+    would do.
     """
     likely = [cause for cause in causes if cause.clear
               and (cause.only_its_size or cause.probability >= _SUSPECT)]
     named = {cause.family.name if cause.family else f"{cause.effect} {cause.which}": cause
              for cause in likely[::-1]}
-    return [cause for cause in likely if cause in named.values()][:_MOST] or list(causes[:1])
+    found = [cause for cause in likely if cause in named.values()][:_MOST] or list(causes[:1])
+    if found and not found[0].others:
+        alone = str(_cause(found[0]))
+        found = [cause for cause in found if alone not in cause.others]
+    return found
+
+
+def _cause(found: FoundCause) -> Cause:
+    return Cause(found.effect, found.which, found.again)
 
 
 def together(suspects: Sequence[FoundCause]) -> bool:
     """Whether suspects are no rivals but the members of one hypothesis."""
     return len(suspects) > 1 and all(
-        str(Cause(cause.effect, cause.which, cause.again)) in suspects[0].others
-        for cause in suspects[1:])
+        str(_cause(cause)) in suspects[0].others for cause in suspects[1:])
 
 
 def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[FoundCause], where: str,

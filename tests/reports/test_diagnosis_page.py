@@ -63,7 +63,7 @@ def test_where_nothing_explains_it_there_may_be_no_extended_model() -> None:
     pages = [" ".join(render_diagnosis(each, {}).split()) for each in (usual, none)]
     assert ["<code>extended</code>" in page for page in pages] == [True, False]
     assert ["so there is no extended model" in page for page in pages] == [False, True]
-    assert all("these count the misfit" in page for page in pages)
+    assert all("the bands are as wide as the misfit" in page for page in pages)
 
 
 @pytest.mark.parametrize(("shifts", "words"), [
@@ -173,7 +173,7 @@ def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], word
     assert "Were the noise 1.5 times as large, the probability of what is named would be 96 %" in (
         page)
     assert "misses by 22 µm where the baseline model misses by 61 µm; the noise is 20 µm" in page
-    assert "Of 90 readings not seen, 94 % lay within the bands that are to hold 95 %" in page
+    assert "Of readings held out in turn, 94 % lay within the bands that are to hold 95 %" in page
 
 
 @pytest.mark.parametrize(("over", "words"), [
