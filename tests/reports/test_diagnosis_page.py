@@ -19,6 +19,7 @@ from tympan.studies.diagnosis.result import (
     Attempt,
     FoundCause,
     FoundFamily,
+    MisfitOfKind,
     NextExperiment,
     NoEffect,
     ReadingOff,
@@ -236,3 +237,20 @@ def test_the_bars_of_a_self_check_end_within_the_page() -> None:
     # Names stand on the left, and the last number of the axis ends on the right.
     assert 0.2 < left < 0.3
     assert 0.9 < right < 1.0
+
+
+def test_each_kind_of_readings_has_its_misfit_beside_its_noise() -> None:
+    found = diagnosed("unexplained", cause("drift", "Readings rise"))
+    force = MisfitOfKind(kind="force", unit="mN", readings=60, noise=0.5, baseline_rmse=6.02)
+    both = replace(found, misfit=replace(found.misfit, others=(force,)))
+    assert "It misses those of force by 6.02 mN; their noise is 0.5 mN." in " ".join(
+        verdict_words(both).split())
+    assert "those of force" not in verdict_words(found)
+
+
+def test_outliers_are_said_to_make_a_misfit_only_where_they_do() -> None:
+    found = diagnosed("nothing", cause("drift", "Readings rise"))
+    pages = [" ".join(render_diagnosis(replace(found, misfit=replace(
+        found.misfit, correlation=0.5, p_value=0.15, p_value_of_all=of_all)), {}).split())
+        for of_all in (1e-6, 0.9)]
+    assert ["noise alone would make such a misfit" in page for page in pages] == [True, False]

@@ -324,6 +324,13 @@ def test_suspects_have_a_size_and_a_probability_or_nothing_but_their_size_agains
     assert suspects_among(causes[1:2]) == causes[1:2]
 
 
+def test_what_stands_beside_the_first_is_no_alternative_to_it_alone() -> None:
+    alone, beside = listed("lead", 0.9), listed("hook", 0.1, others=("lead",))
+    assert suspects_among([alone, beside]) == [alone]
+    assert suspects_among([replace(alone, others=("probe",)), beside]) == [
+        replace(alone, others=("probe",)), beside]
+
+
 def test_headlines() -> None:
     lead, hook = listed("lead", 0.6), listed("hook", 0.3)
     assert headline("named", [lead, hook], [], "") == "A lead. A hook."
