@@ -99,8 +99,8 @@ def _unmoved(specimen: Specimen, rig: Rig) -> float:
 #: 94 % of what sectors of 15° and 45° make, with 1.05 to 1.5 times. A thicker film deflects less
 #: without voltage, too: of 3 % a slip takes 70 % away.
 LESS_MOVED = Family(
-    "less_moved", "The voltage acts {share} less on the film of {which} than it should: this film "
-                  "slipped in its frame, or has less electrode than stated",
+    "less_moved", "A voltage takes {share} less tension from the film of {which} than it should: "
+                  "this film slipped in its frame, or has less electrode than stated",
     check="of {which}: look for slip where the film is clamped, and measure the marks drawn on it "
           "before stretching; measure its thickness; look through it against a light: the "
           "electrode may have holes or miss a part of it",

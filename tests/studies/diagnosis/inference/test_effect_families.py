@@ -180,7 +180,7 @@ def test_less_electrode_on_one_film_has_the_name_it_shares_with_a_slip(
     assert size.low < -np.log(1 - lower) < size.high
     assert size.high < 2 * lower
     said = family_finding(LESS_MOVED, size, which)
-    assert said.startswith(f"The voltage acts {size.range} less on the film of {which} than")
+    assert said.startswith(f"A voltage takes {size.range} less tension from the film of {which} ")
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
