@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.membrane.biases import Bias
+from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import film_integrals
@@ -55,15 +55,14 @@ class PlateLoad:
 
     def pull(self, displacement: Array) -> tuple[Array, Array]:
         """Force on the film at displacements [N], and its slope [N/m]."""
-        pushes = np.array([[bias.derivatives(place)[1:] for bias in self.biases]
-                           or [(0.0, 0.0)] for place in displacement.tolist()]).sum(axis=1)
-        return self.weight - pushes[:, 0], -pushes[:, 1]
+        _, push, stiffness = acting(self.biases, displacement)
+        return self.weight - push, -stiffness
 
     def work(self, start: Any, end: Any) -> Any:
         """Work on the film between two displacements [J]."""
-        stored = sum(bias.derivatives(end)[0] - bias.derivatives(start)[0]
-                     for bias in self.biases)
-        return self.weight * (end - start) - stored
+        before, after = (acting(self.biases, np.asarray(place, dtype=float))[0]
+                         for place in (start, end))
+        return self.weight * (end - start) - (after - before)
 
 
 def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],

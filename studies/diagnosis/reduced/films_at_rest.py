@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.membrane.biases import Bias
+from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.loading import Guide, Loading
 from tympan.geometry.outlines import area
 from tympan.studies.case import solved_loading
@@ -246,7 +246,7 @@ class FilmsAtRest:
     def tension(self) -> Array:
         """Stiffness of the flat films under voltage, over the nominal films' without, (states,)."""
         flat = np.zeros(len(self.low))
-        outer = self.rig.spring + sum(bias.derivatives(0.0)[2] for bias in self._biases)
+        outer = self.rig.spring + acting(self._biases, np.zeros(()))[2]
         stiffness = self.balance(flat, 0.0)[1] - outer
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
@@ -285,10 +285,8 @@ class FilmsAtRest:
         # A stiffer film weighs no more, and the force that was sampled is less that weight.
         force = stiffness * force + (stiffness - 1) * self._film_weight + self.rig.spring * heave
         rate = stiffness * rate + self.rig.spring
-        for bias in self._biases:
-            more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])
-            force, rate = (part + more[:, order].reshape(heave.shape)
-                           for order, part in enumerate((force, rate)))
+        _, push, bend = acting(self._biases, heave)
+        force, rate = force + push, rate + bend
         load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
         return force - load, rate
 
