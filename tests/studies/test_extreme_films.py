@@ -190,9 +190,9 @@ def test_what_lies_beyond_a_films_end_takes_a_share_of_its_work(monkeypatch: pyt
     """The film ends without tension; kept from wrinkling it would pull in later."""
     case = Case(elliptical(60e-3), mass=20e-3)
     settings = Settings(MeshSettings(order=2))
-    whole = limits(case, settings)
+    whole = limits(case, settings, beyond=True)
     monkeypatch.setattr(path_following, "_BEYOND", 0.0)
-    ended = limits(case, settings)
+    ended = limits(case, settings, beyond=True)
     assert whole.pull_in is not None
     assert ended.pull_in is None
     assert (ended.tension, ended.instability) == (whole.tension, whole.instability)

@@ -36,7 +36,7 @@ FORCE = 17.9e-3 * 9.80665
 
 @pytest.fixture(scope="module")
 def soft() -> Limits:
-    return limits(Case(SOFT, mass=17.9e-3), Settings())
+    return limits(Case(SOFT, mass=17.9e-3), Settings(), beyond=True)
 
 
 def test_a_round_film_loses_tension_and_pulls_in_where_the_equations_have_it(soft: Limits) -> None:
@@ -149,9 +149,12 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     assert beyond.limit == beyond.limits.instability
     assert beyond.first == beyond.limits.first == "tension"
     assert beyond.limit.voltage_V == pytest.approx(2730, rel=1e-3)
-    # Where it would pull in, were it kept from wrinkling, is known, but limits nothing.
-    assert beyond.limits.pull_in is not None
-    assert beyond.limits.pull_in.voltage_V == pytest.approx(2992, rel=1e-3)
+    # Where it would pull in, were it kept from wrinkling, limits nothing, and is told if asked.
+    assert beyond.limits.pull_in is None
+    whole = limits(Case(film, mass=20e-3), Settings(), beyond=True)
+    assert whole.pull_in is not None
+    assert whole.pull_in.voltage_V == pytest.approx(2992, rel=1e-3)
+    assert replace(whole, pull_in=None) == beyond.limits
     assert beyond.warnings == (beyond.limits.ended,)
     below = solve_within(Case(film, mass=20e-3, voltage=2000.0), Settings())
     assert (below.status, below.limit, below.limits) == ("equilibrium", None, beyond.limits)
@@ -175,8 +178,8 @@ def test_solve_says_what_it_leaves_out_without_a_direction(
 
 
 def test_curves_pass_through_what_solve_finds_and_end_at_the_limit(film: Specimen) -> None:
-    result = curve(film, (20e-3,), Settings(), voltages=(1000.0, 2000.0, 4000.0))
-    table, reached = result.table, limits(Case(film, mass=20e-3), Settings())
+    result = curve(film, (20e-3,), Settings(), voltages=(1000.0, 2000.0, 4000.0), beyond=True)
+    table, reached = result.table, limits(Case(film, mass=20e-3), Settings(), beyond=True)
     asked = table["asked"] == 1
     assert table["status"][asked].tolist() == ["equilibrium"] * 2 + ["no_equilibrium"]
     voltage, deflection = table["voltage"][~asked], table["deflection"][~asked]
@@ -187,6 +190,9 @@ def test_curves_pass_through_what_solve_finds_and_end_at_the_limit(film: Specime
     assert reached.pull_in is not None
     assert voltage[-1] == pytest.approx(pull_in.voltage_V)
     assert pull_in.voltage_V == pytest.approx(reached.pull_in.voltage_V, rel=1e-4)
+    shorter = curve(film, (20e-3,), Settings())
+    assert reached.instability is not None
+    assert shorter.table["voltage"][-1] == pytest.approx(reached.instability.voltage_V)
 
 
 def test_usual_loads_follow_from_the_film(film: Specimen) -> None:
@@ -217,7 +223,7 @@ def test_usual_voltages_stay_on_a_mechanism_that_ends_before_the_film(film: Spec
 
 def test_limits_are_nominal_voltages(soft: Limits) -> None:
     """What the supply shows: with twice the gain half of it will do."""
-    doubled = limits(Case(SOFT, mass=17.9e-3, rig=Rig(amplifier_gain=1.0)), Settings())
+    doubled = limits(Case(SOFT, mass=17.9e-3, rig=Rig(amplifier_gain=1.0)), Settings(), beyond=True)
     assert doubled.pull_in is not None
     assert soft.pull_in is not None
     assert doubled.pull_in.voltage_V == pytest.approx(soft.pull_in.voltage_V / 2, rel=1e-9)

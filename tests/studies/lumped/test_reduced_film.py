@@ -129,7 +129,7 @@ def test_at_rest_it_is_the_field_model(specimen: Specimen) -> None:
 
 def test_pull_in_is_the_fields() -> None:
     """Beyond the voltages that it was made from."""
-    film, field = of(NEO), limits(Case(NEO, mass=MASS), Settings())
+    film, field = of(NEO), limits(Case(NEO, mass=MASS), Settings(), beyond=True)
     low, high = HIGH, 12e3
     while high - low > 1.0:
         middle = (low + high) / 2
