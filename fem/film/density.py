@@ -230,7 +230,8 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     ΛCΛ, with mean m, half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and
     is even in b; so W_b/b stays finite at equal stretches and no eigenvectors are needed.
     """
-    virgin = prestretch[0] == prestretch[1] == 1.0
+    first, second = prestretch
+    virgin = bool(np.all(np.equal(first, 1.0)) and np.all(np.equal(second, 1.0)))
     mean, half, shear, radius = _circle(c if virgin else from_virgin(c, prestretch))
     l1, l2 = np.sqrt(mean + radius), np.sqrt(mean - radius)
     w, w1, w2, w11, w12, w22 = material.derivatives(l1, l2)
@@ -249,7 +250,8 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     split = over * half
     stress = np.empty((3, *np.shape(w)), dtype=np.result_type(w, 0.0))
     stress[0], stress[1], stress[2] = total + split, total - split, over * shear
-    scale = np.array([prestretch[0] ** 2, prestretch[1] ** 2, prestretch[0] * prestretch[1]])
+    # Of films that differ in them, numbers or arrays.
+    scale = np.array(np.broadcast_arrays(first * first, second * second, first * second))
     if not virgin:
         stress = stress * _outermost(scale, stress)
     if not tangent:
@@ -266,7 +268,7 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     d[0, 2] = d[2, 0] = ms + ds
     d[1, 2] = d[2, 1] = ms - ds
     if not virgin:
-        d = d * _outermost(np.multiply.outer(scale, scale), d)
+        d = d * _outermost(scale[:, None] * scale[None], d)
     return Density(w, _components_last(stress, 1), _components_last(d, 2))
 
 
