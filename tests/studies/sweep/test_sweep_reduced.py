@@ -137,6 +137,7 @@ def test_processes_and_a_cluster_are_sent_the_family_and_give_the_same_table(
         assert (there["by"] == before["by"]).all()
 
 
+@pytest.mark.study(seconds=20)
 def test_rows_beyond_pull_in_are_those_of_finite_elements(tmp_path: Path) -> None:
     plan = planned(tmp_path, highest=11.0)
     part = replace(plan, entries=plan.entries[:1])

@@ -136,7 +136,7 @@ def by_tester(gauge_zero: float = 0.0, gauge_gain: float = 0.0, displacement_zer
 @pytest.mark.parametrize(("effect", "size", "others"), [
     ("gauge_zero", 20e-3, ()), dear("displacement_zero", -0.3e-3, (), seconds=8),
     dear("gauge_gain", 0.05, ("sensor_gain",), seconds=8),
-    ("tester_compliance", 4e-4, ("sensor_zero",))])
+    dear("tester_compliance", 4e-4, ("sensor_zero",), seconds=8)])
 def test_errors_of_a_tester_are_found(prepared: tuple[PreparedReadings, Simulation], effect: str,
                                       size: float, others: tuple[str, ...]) -> None:
     """By readings that the equations make, with their noise; predicted within 1e-4 of the largest.
