@@ -196,6 +196,11 @@ class Films:
         lift[0] += float(self.specimen.plate is not None)
         return lift
 
+    @cached_property
+    def leverage(self) -> Array:
+        """The same over that of the heave, (shapes,)."""
+        return self.lift / (self.lift[0] or 1.0)
+
     def along(self, q: Array) -> Array:
         """Amplitudes of all shapes in states q, their bends included."""
         return np.hstack([q, squares_of(q @ self.turns.T)]) if self.bends else q
@@ -471,7 +476,7 @@ class Films:
                  held: bool = False, share: float = 1.0) -> Balance:
         """States in equilibrium near a guess, with a ``held`` plate at its deflection.
 
-        Under a ``share`` of the gas pressure.
+        Under a ``share`` of the gas pressure. What holds a plate acts where its weight does.
 
         One tangent serves as long as corrections by it fall fast.
         """
@@ -493,13 +498,15 @@ class Films:
         """Correct some states by their tangents; those that need others."""
         with np.errstate(all="ignore"):
             pull, stiffness = self.pull(films[some], balance.q[some], squared[some], share)
-            pull -= force[some, None] * self.lift
+            pull -= (pull[:, :1] * self.leverage if held else force[some, None] * self.lift)
+            turned = stiffness
             if held:
-                pull[:, 0], stiffness[:, 0, :], stiffness[:, :, 0] = 0.0, 0.0, 0.0
-                stiffness[:, 0, 0] = 1.0
+                turned = stiffness - self.leverage[:, None] * stiffness[:, :1]
+                for part in (stiffness, turned):
+                    part[:, 0, :], part[:, :, 0], part[:, 0, 0] = 0.0, 0.0, 1.0
             finite = np.isfinite(stiffness).all((1, 2)) & np.isfinite(pull).all(1)
             some, pull, stiffness = some[finite], pull[finite], stiffness[finite]
-            firm, inverse = positive_definite(stiffness), np.linalg.inv(stiffness)
+            firm, inverse = positive_definite(stiffness), np.linalg.inv(turned[finite])
             balance.stiffness[some] = 1 / inverse[:, 0, 0]
             balance.least[some] = 1 / np.linalg.norm(inverse, axis=(1, 2))
             going, before = [], np.full(len(some), np.inf)
@@ -519,9 +526,7 @@ class Films:
                 if not len(some) or correction == _CHORDS:
                     break
                 pull = self.forces(films[some], balance.q[some], squared[some], share)
-                pull -= force[some, None] * self.lift
-                if held:
-                    pull[:, 0] = 0.0
+                pull -= (pull[:, :1] * self.leverage if held else force[some, None] * self.lift)
         return np.concatenate([*going, some])
 
     def charged(self, films: Numbers, force: Array, q: Array, squared: Array, chords: int = 0

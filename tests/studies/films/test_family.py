@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.costs import dear
-from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import PowerStrength
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.biases import (
@@ -309,6 +309,7 @@ def of_finite_elements(film: Specimen, rig: Rig, box: Mapping[str, tuple[float, 
     known = FilmFamily.around(film, box, (0.17, 0.18), (0.0, 3e3), rig, family=QUICK)
     rows = np.array(differing)
     states = known.states(rows, 0.1755, np.array([0.0, 3e3]), check=False)
+    forces = known.held_forces(rows, states.q[:, 0], np.full(2, 3e3))
     for number, row in enumerate(rows):
         for place, voltage in enumerate((0.0, 3e3)):
             model = known.ground.film(row)
@@ -320,6 +321,9 @@ def of_finite_elements(film: Specimen, rig: Rig, box: Mapping[str, tuple[float, 
                 model.capacitance(exact.state), rel=2e-6)
             assert states.force[number, place] == pytest.approx(
                 model.reaction(exact.state), rel=2e-5)
+            if voltage:
+                charged = held(model, states.deflection[number, 0], voltage, exact.solution)
+                assert forces[number] == pytest.approx(charged.state.force, rel=1e-4)
             rim = np.linalg.norm(model.arms, axis=1).max()
             assert states.tilt[number, place] == pytest.approx(
                 exact.state.plate.tilt,
