@@ -246,7 +246,7 @@ class FilmsAtRest:
     def tension(self) -> Array:
         """Stiffness of the flat films under voltage, over the nominal films' without, (states,)."""
         flat = np.zeros(len(self.low))
-        outer = self.rig.spring + acting(self._biases, np.zeros(()))[2]
+        outer = self.rig.spring + float(acting(self._biases, np.zeros(()))[2])
         stiffness = self.balance(flat, 0.0)[1] - outer
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
