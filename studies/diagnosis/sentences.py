@@ -15,6 +15,7 @@ from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.relabelled import Relabelling
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
+from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import load_columns, run_columns
 from tympan.studies.effects.effect import Quantity
@@ -204,10 +205,22 @@ def where(judged: Judgement) -> str:
     if words := slip(judged):
         return words
     told_of, shares = _told(judged)
-    parts = [judged.test.words(name) for name in told_of]
+    parts = [judged.test.words(name) + (_loop(judged) if name == "loop" else "")
+             for name in told_of]
     if told_of and told_of[0].startswith("specimen ") and not _alone(told_of[0], shares):
         parts[0] = WORDS["apart"]
     return "; ".join(parts)
+
+
+def _loop(judged: Judgement) -> str:
+    """How far readings on the way out and back are apart, in words."""
+    table, columns = judged.table, judged.patterns["loop"]
+    rows = np.any(columns != 0, axis=1)
+    missed = (table.value - judged.nominal.predicted(table))[rows]
+    of_way = columns[rows] @ np.linalg.lstsq(columns[rows], missed, rcond=None)[0]
+    unit = UNITS[str(table.kind[rows][0])]
+    return WORDS["loop_size"].format(
+        size=2 * unit.per_si * float(np.sqrt(np.mean(of_way**2))), unit=unit.name)
 
 
 def pattern_checks(judged: Judgement) -> list[str]:

@@ -61,7 +61,10 @@ def test_a_loop_is_no_noise(written: bool, tmp_path: Path) -> None:
     """Of 12 mN, σ 0.5 mN: told as one, though the ways are not written; σ of lengths stays."""
     result = judged(tmp_path, 6e-3, written)
     assert result.verdict == "unexplained"
-    assert "forces differ on the way out and back" in result.headline
+    assert "forces differ on the way out and back by about 12 mN" in result.headline
+    force, = result.misfit.others
+    assert (force.kind, force.unit, force.readings) == ("force", "mN", 90)
+    assert force.baseline_rmse == pytest.approx(6.0, rel=0.05)
     assert result.misfit.noise == pytest.approx(1e6 * LENGTH, rel=0.3)
 
 
