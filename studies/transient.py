@@ -102,6 +102,9 @@ class TransientCase:
         if self.inertia and highest.specimen.plate is None:
             raise InputError("must be left out: the film has no plate that swings, and moves "
                              "without inertia itself", key="--swing", given=self.specimen.name)
+        if self.inertia and self.rig.guide == "fixed":
+            raise InputError("must be left out: the guide holds the plate, and the film has no "
+                             "inertia itself", key="--swing", given=self.rig.guide)
         if self.inertia and self.mass + self.rig.added_mass <= 0:
             raise InputError("must be positive where the plate swings: the film has no inertia",
                              key="mass", given=f"{self.mass:g} kg")

@@ -113,6 +113,9 @@ def test_creeps_from_what_its_branch_resists_to_its_law() -> None:
         TransientCase(branched, signal, mass=0.0, inertia=True)
     with pytest.raises(InputError, match="no plate to carry it"):
         TransientCase(branched, signal, mass=1e-3)
+    with pytest.raises(InputError, match=r"--swing.*the guide holds the plate"):
+        TransientCase(replace(branched, plate=Plate(Circle(1e-2))), signal, mass=1e-3, inertia=True,
+                      rig=Rig(guide="fixed"))
 
 
 @pytest.mark.parametrize("pressure", [20.0, 300.0, -20.0])
