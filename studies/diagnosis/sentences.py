@@ -213,7 +213,7 @@ def where(judged: Judgement) -> str:
 
 
 def _loop(judged: Judgement) -> str:
-    """How far readings on the way out and back are apart, in words."""
+    """Distance of readings on the way out from those on the way back, in words."""
     table, columns = judged.table, judged.patterns["loop"]
     rows = np.any(columns != 0, axis=1)
     missed = (table.value - judged.nominal.predicted(table))[rows]
