@@ -418,6 +418,10 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
         if first is None:
             raise InputError("must be given: the film has no limit to turn before", key="to")
         turn = _NEAR_LIMIT * first.voltage_V
+        if turn <= case.voltage:
+            raise InputError(
+                f"must be given: a loop turns at {100 * _NEAR_LIMIT:.0f} % of the film's first "
+                f"limit, {first.words}, and this one begins at {case.voltage / 1e3:g} kV", key="to")
     if not 0 < rate < inf:
         raise InputError("must be positive", key="rate", given=f"{rate:g} V/s")
     if not case.voltage < turn < inf:

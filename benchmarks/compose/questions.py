@@ -57,7 +57,9 @@ WAYS: Mapping[str, Mapping[str, str]] = {
 }
 
 #: Options of :data:`COMMON` that a question does not take, though its command knows them.
-LEFT_OUT: Mapping[str, frozenset[str]] = {"export": frozenset({"mass", "voltage"})}
+LEFT_OUT: Mapping[str, frozenset[str]] = {
+    "export": frozenset({"mass", "voltage"}),
+    "path in time": frozenset({"voltage"})}  # a loop begins at none
 
 #: Commands that ask nothing of a film on a rig, and why.
 ELSEWHERE: Mapping[str, str] = {

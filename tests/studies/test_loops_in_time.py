@@ -16,6 +16,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.signals import Pieces, Sine, ramp
 from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history, loop, respond
@@ -138,3 +139,13 @@ def test_extremes_between_times_and_at_jumps() -> None:
 def test_the_turn_must_be_known() -> None:
     with pytest.raises(InputError, match="above the voltage where the loop begins, 5 kV"):
         loop(Case(CREEPS, mass=MASS, voltage=TURN), 10.0, TURN / 2, Settings())
+
+
+def test_a_loop_that_begins_beyond_where_it_would_turn_is_refused_by_what_is_missing() -> None:
+    first = first_limit(Case(CREEPS, mass=MASS), Settings())
+    assert first is not None
+    begin = 0.96 * first.voltage_V
+    with pytest.raises(InputError, match="must be given: a loop turns at 95 % of the film's first "
+                                         "limit, loss of tension at") as caught:
+        loop(Case(CREEPS, mass=MASS, voltage=begin), 10.0, None, Settings())
+    assert caught.value.key == "to"
