@@ -87,7 +87,7 @@ def section(folder: Path) -> str:
     """Area against voltage by both, where each ends, a picture."""
     points = [point(growth) for growth in GROWTHS]
     case = FilmCase(specimen(), rig=Rig(gravity=1e-9))
-    reached, coarse = limits(case, FINE), limits(case, Settings()).tension
+    reached, coarse = limits(case, FINE, beyond=True), limits(case, Settings()).tension
     stretches = np.linspace(1.01 * PRESTRETCH, _FAR, 40)
     voltages = [voltage_at(disc(), ELECTRODE, stretch) for stretch in stretches]
     rows = [[f"{item.voltage / 1e3:.4f}", f"{item.voltage / UNIT:.4f}", f"{item.equations:.4f}",

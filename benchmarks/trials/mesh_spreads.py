@@ -124,13 +124,13 @@ def mirrored(specimen: Specimen) -> Specimen:
 def judged(drawn: Drawn, mesh: MeshSettings = _MESH, finer: float = FINER) -> Record:
     """The limits of a film on a mesh, and of the same film on others."""
     case, settings = drawn.case, Settings(mesh)
-    here = limits(case, settings)
+    here = limits(case, settings, beyond=True)
     others = {"finer": (case, Settings(mesh.refined(finer))),
               "swapped": (replace(case, specimen=swapped(case.specimen)), settings),
               "mirrored": (replace(case, specimen=mirrored(case.specimen)), settings)}
     compared: list[Compared] = []
     for way, (other, its_settings) in others.items():
-        there = limits(other, its_settings)
+        there = limits(other, its_settings, beyond=True)
         for kind in KINDS:
             limit, two = getattr(here, kind), getattr(there, kind)
             if limit is not None and two is not None and two.voltage_V:

@@ -143,7 +143,7 @@ def physics() -> Cases:
         f"{name}.toml": _UNEQUAL.format(*(entry for pair in axes for entry in pair[::step]))
         .replace('"unequal"', f'"{name}"') for name, step in (("a", 1), ("b", -1))}
     script = ("from tympan.cli import main\nfor name in 'ab':\n    main(['curve', f'{name}.toml', "
-              "'--mass', '5 g', '-o', name])\n")
+              "'--mass', '5 g', '--beyond', '-o', name])\n")
     yield Case("swapped axes", "a.py", {**both, "a.py": script}, status=0, program=(),
                seconds=60.0, check=_same_pull_in)
     yield Case("current of a step", "transient b3.toml --mass '3 g' --signal step --high '2 kV' "
