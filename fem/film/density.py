@@ -250,9 +250,8 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     split = over * half
     stress = np.empty((3, *np.shape(w)), dtype=np.result_type(w, 0.0))
     stress[0], stress[1], stress[2] = total + split, total - split, over * shear
-    # Of films that differ in them, numbers or arrays.
-    scale = np.array(np.broadcast_arrays(first * first, second * second, first * second))
-    if not virgin:
+    if not virgin:  # films may differ in their stretches: numbers or arrays
+        scale = np.array(np.broadcast_arrays(first * first, second * second, first * second))
         stress = stress * _outermost(scale, stress)
     if not tangent:
         return Density(w, _components_last(stress, 1), None)

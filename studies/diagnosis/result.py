@@ -178,13 +178,19 @@ class ReadingOff:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MisfitOfKind:
-    """Misfit of the nominal model in readings of another kind than the first."""
+class ReadingsOfKind:
+    """Readings of another kind than the first, such as forces."""
 
     kind: Annotated[str, Key("what was read")]
-    unit: Annotated[str, Key("unit of both")]
+    unit: Annotated[str, Key("unit of the errors")]
     readings: Annotated[int, Key("how many there are")]
     noise: Annotated[float, Key("standard deviation of one, in the unit")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MisfitOfKind(ReadingsOfKind):
+    """Misfit of the nominal model in them."""
+
     baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses")]
 
 
@@ -241,13 +247,9 @@ class HeldOut:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GainOfKind:
+class GainOfKind(ReadingsOfKind):
     """Errors on readings of another kind than the first, on all parts held out that count."""
 
-    kind: Annotated[str, Key("what was read")]
-    unit: Annotated[str, Key("unit of the errors")]
-    readings: Annotated[int, Key("how many there are")]
-    noise: Annotated[float, Key("standard deviation of one, in the unit")]
     rmse_before: Annotated[float, Key("error of the nominal model, in the unit")]
     rmse_after: Annotated[float, Key("error of the extended model, in the unit")]
 

@@ -444,7 +444,7 @@ class FilmFamily:
             squared = voltages[part][number] ** 2
             balance = films.balanced(number, np.zeros(len(number)), squared, q[part][number],
                                      held=True)
-            forces = films.forces(number, balance.q, squared)[:, 0] / (films.lift[0] or 1.0)
+            forces = films.forces(number, balance.q, squared)[:, 0] / films.lever
             result[part][number] = np.where(balance.sound, forces, np.nan)
         return result
 

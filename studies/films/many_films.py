@@ -199,7 +199,12 @@ class Films:
     @cached_property
     def leverage(self) -> Array:
         """The same over that of the heave, (shapes,)."""
-        return self.lift / (self.lift[0] or 1.0)
+        return self.lift / self.lever
+
+    @property
+    def lever(self) -> float:
+        """Rate of that place by the heave; 1 without a plate, which nothing holds."""
+        return float(self.lift[0]) or 1.0
 
     def along(self, q: Array) -> Array:
         """Amplitudes of all shapes in states q, their bends included."""

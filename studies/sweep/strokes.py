@@ -167,15 +167,15 @@ class _States:
             with np.errstate(all="ignore"):
                 pull, tangent = films.pull(number[part], q[part], squared[part])
             # What acts on the plate acts where its weight does, and turns it.
-            lever = films.lift[0] or 1.0
-            acting = pull[:, :1] / lever if load is None else load[part, None]
+            acting = pull[:, :1] / films.lever if load is None else load[part, None]
             other, turned = pull[:, 1:] - acting * films.lift[1:], tangent[:, 1:]
             if load is None:
                 turned = turned - films.leverage[1:, None] * tangent[:, :1]
             beside = np.linalg.solve(turned[..., 1:], np.stack([other, turned[..., 0]], -1))
             with_plate = tangent[:, 0, 1:]
-            force[part] = (pull[:, 0] - (with_plate * beside[..., 0]).sum(1)) / lever
-            stiffness[part] = (tangent[:, 0, 0] - (with_plate * beside[..., 1]).sum(1)) / lever
+            force[part] = (pull[:, 0] - (with_plate * beside[..., 0]).sum(1)) / films.lever
+            stiffness[part] = (
+                tangent[:, 0, 0] - (with_plate * beside[..., 1]).sum(1)) / films.lever
             q[part, 1:] -= beside[..., 0]
             if load is not None:
                 rise = (load[part] - force[part]) / stiffness[part]
