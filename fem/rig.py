@@ -12,6 +12,7 @@ import numpy as np
 
 from tympan.fem.membrane.biases import BIASES, Bias, JoinedFilm, Spring
 from tympan.fem.membrane.loading import Guide, Loading
+from tympan.fem.transient.circuit import Circuit
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, fields_of, number, read, takes_units, write
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
@@ -170,6 +171,16 @@ class Rig:
                 raise InputError("has no place: the film has no plate", key=field.key,
                                  given=getattr(self, name))
 
+    @property
+    def circuit(self) -> Circuit:
+        """Resistances between supply and film."""
+        return Circuit(self.series_resistance, self.leakage_resistance)
+
+    @property
+    def source(self) -> Rig:
+        """The same rig without leak: its film's voltage at rest is that of the source in time."""
+        return replace(self, leakage_resistance=inf)
+
     def record(self) -> dict[str, Any]:
         """All settings by name, as a study stores them."""
         return {**asdict(replace(self, biases=())), "biases": [
@@ -197,8 +208,9 @@ class Rig:
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
         """Voltage [V] that acts on the film, of a nominal one: (1+k) U/(1+(U/U_s)²), less its lag.
 
-        The lag never turns the sign. Numbers or arrays; ``direction`` is 1 where the voltage rises,
-        -1 where it falls, 0 where that is not known.
+        Of that a leak past the film leaves R_l/(R_l + R) beyond the series resistance R. The lag
+        never turns the sign. Numbers or arrays; ``direction`` is 1 where the voltage rises, -1
+        where it falls, 0 where that is not known.
 
         Examples
         --------
@@ -208,11 +220,13 @@ class Rig:
         [2900.0, 3100.0]
         >>> Rig(amplifier_gain=0.5).film_voltage(-1000.0)
         -1500.0
+        >>> Rig(series_resistance=1e8, leakage_resistance=1e9).film_voltage(1100.0)
+        1000.0
         """
         # The lag is the film's own: it comes after all that the supply does.
         sag = voltage / self.sag_voltage
         # As a product: numbers and arrays round a power differently.
-        supplied = (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
+        supplied = self.circuit.share * (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
         if isinstance(self.lag_voltage, float) and self.lag_voltage == 0:
             return supplied
         return _not_turned(supplied, supplied - direction * self.lag_voltage)
@@ -229,7 +243,7 @@ class Rig:
         >>> Rig(sag_voltage=7000.0).nominal_voltage(3600.0)
         inf
         """
-        supplied = film_voltage + direction * self.lag_voltage
+        supplied = (film_voltage + direction * self.lag_voltage) / self.circuit.share
         gain = 1 + self.amplifier_gain
         # gain U = supplied (1 + (U/U_s)²), its smaller root.
         square = gain**2 - (2 * supplied / self.sag_voltage) ** 2

@@ -73,6 +73,15 @@ class ConeCircle:
         return 2 * np.pi * self.plate_radius * self.thickness / self.steepness
 
     @cached_property
+    def gas_area(self) -> Any:
+        """Volume below film and plate over the deflection [m²]: on it a gas lifts the plate.
+
+        The film is not bulged by the gas: that counts with the pressure's square.
+        """
+        inner, outer = self.plate_radius, self.radius
+        return np.pi / 3 * (outer**2 + outer * inner + inner**2)
+
+    @cached_property
     def film(self) -> tuple[Any, Any]:
         """Slope over deflection [1/m] and volume [m³] of the film that pulls."""
         return self.steepness, self.volume
@@ -142,6 +151,11 @@ class MembraneCircle(ConeCircle):
         """l₀/(r ln(R/r)): how much stiffer a membrane is than the cone, hardly deflected."""
         inner = self.plate_radius
         return (self.radius - inner) / (inner * np.log(self.radius / inner))
+
+    @cached_property
+    def gas_area(self) -> Any:
+        inner, outer = self.plate_radius, self.radius
+        return np.pi * (outer**2 - inner**2) / (2 * np.log(outer / inner))
 
     @cached_property
     def film(self) -> tuple[Any, Any]:

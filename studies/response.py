@@ -11,7 +11,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.fem.vibration.modes import vibrations
 from tympan.geometry.errors import InputError
@@ -104,15 +103,15 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     rig = case.rig
     plate = carried(case)
     harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping,
-                        Circuit(rig.series_resistance, rig.leakage_resistance))
+                        rig.circuit)
     film = case.specimen.membrane.density or case.specimen.electrode.mass
     undamped = (float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
                 if case.specimen.plate is not None or film else 0.0)
     s = _natural(harmonic, undamped)
     asked = np.array(frequencies or _frequencies(case, undamped))
     heave, voltage = harmonic.response(asked, progress)
-    supplied = (case.rig.film_voltage(case.voltage + _SLOPE)
-                - case.rig.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
+    supplied = (rig.source.film_voltage(case.voltage + _SLOPE)
+                - rig.source.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
     reading = heave * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
     return replace(
         result, deflection_m=model.deflection(outcome.state),

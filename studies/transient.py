@@ -24,7 +24,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
-from tympan.fem.transient.circuit import Circuit
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
@@ -249,11 +248,11 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
     rig, film = case.rig, case.specimen.membrane
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
-    supplied = Supplied(case.signal, rig)
-    first = supplied.first
+    supplied = Supplied(case.signal, rig.source)
+    first = float(rig.film_voltage(case.signal.first))
     plate = carried(Case(case.specimen, mass=case.mass, rig=rig)) if case.inertia else None
     transient = Transient(model, force, supplied, plate, rig.plate_damping,
-                          Circuit(rig.series_resistance, rig.leakage_resistance), case.steps,
+                          rig.circuit, case.steps,
                           rig.gas_pressure)
     if case.rested == inf:
         outcome = equilibrium(model, force, first, rig.gas_pressure)

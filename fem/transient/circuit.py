@@ -36,7 +36,16 @@ class Circuit:
         """Conductance of both resistances from the film [1/Ω]."""
         return 1 / self.resistance + 1 / self.leakage
 
-    def current(self, source: float, film: float) -> float:
+    @property
+    def share(self) -> float:
+        """Share of the source's voltage that is across the film at rest."""
+        return 1 / (1 + self.resistance / self.leakage)
+
+    def time(self, capacitance: Any) -> Any:
+        """Time in which a film of a capacitance [F] charges, by a factor e [s]."""
+        return self.share * self.resistance * capacitance
+
+    def current(self, source: Any, film: Any) -> Any:
         """Current to electrodes [A] at voltages of source and film [V]; 0 without resistance."""
         return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
+from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -32,6 +33,9 @@ STILL_PLATE = 1e-6
 #: Directions around the plate that are told apart.
 _DIRECTIONS = 7200
 
+#: Pressure of a gas that bulges nothing, over the film's force on the area of the plate.
+_LITTLE = 1e-3
+
 #: Radii at which forces are solved for the fit, a cubic spline between them. Set by trial.
 _GRID = 9
 #: How far these go beyond the frame's nearest and farthest distance, as a factor, so that the best
@@ -41,12 +45,17 @@ _BEYOND = 1.1
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Equilibria: force on the film [N], deflection [m], film voltage [V], shares (n, parts)."""
+    """Equilibria: force on the film [N], deflection [m], film voltage [V], shares (n, parts).
+
+    Force and shares are those of the film without gas, held where the plate is above the gas;
+    ``lift`` [N] is what the gas below film and plate adds.
+    """
 
     force: Array
     deflection: Array
     voltage: Array
     shares: Array
+    lift: Array
 
     def __len__(self) -> int:
         return len(self.force)
@@ -60,7 +69,7 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
                warnings: list[str]) -> Samples:
     """Equilibria of a model under every load that has one; ``warnings`` gets the others."""
     part_of = parts_of(model.specimen, parts)
-    rows: list[tuple[float, float, float]] = []
+    rows: list[tuple[float, float, float, float]] = []
     shares: list[Array] = []
     for mass in loads.masses:
         for _, outcome in voltage_ramp(model, mass, loads.voltages, rig, settings.path):
@@ -72,11 +81,46 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
             if abs(state.plate.deflection) <= STILL_PLATE * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly moves; this load is left out")
                 break
-            rows.append((model.reaction(state), state.plate.deflection,
-                         float(np.sqrt(state.voltage_squared))))
-            shares.append(part_shares(model, state, part_of))
-    force, deflection, voltage = np.array(rows).reshape(-1, 3).T
-    return Samples(force, deflection, voltage, np.array(shares).reshape(-1, parts))
+            plate, volts = state.plate, float(np.sqrt(state.voltage_squared))
+            alone = state
+            if rig.gas_pressure:
+                alone = _held(model, plate.deflection, volts, settings, None).state
+            pull = model.reaction(alone)
+            lifted = rig.gas_pressure * model.plate_area + model.reaction(state) - pull
+            rows.append((pull, plate.deflection, volts, lifted))
+            shares.append(part_shares(model, alone, part_of))
+    force, deflection, voltage, lift = np.array(rows).reshape(-1, 4).T
+    return Samples(force, deflection, voltage, np.array(shares).reshape(-1, parts), lift)
+
+
+def gas_area(model: Model, samples: Samples, rig: Rig, settings: Settings) -> float:
+    """Area [m²] on which a gas below film and plate lifts the plate, of a model's samples.
+
+    On a rig without gas that of the first sample, above so little gas that it bulges nothing.
+    """
+    if rig.gas_pressure:
+        return float(samples.lift.mean() / rig.gas_pressure)
+    pull, deflection, voltage = (float(each[0]) for each in (
+        samples.force, samples.deflection, samples.voltage))
+    pressure = _LITTLE * abs(pull) / model.plate_area
+    above = _held(model, deflection, voltage, settings, None, pressure)
+    return float(model.plate_area + (model.reaction(above.state) - pull) / pressure)
+
+
+def _held(model: Model, deflection: float, voltage: float, settings: Settings,
+          start: Solution | None, gas_pressure: float = 0.0) -> Solution:
+    """A film with its plate held at a deflection [m] under a film voltage [V], above a gas or none.
+
+    Raises
+    ------
+    InputError
+        When the film cannot follow.
+    """
+    outcome = held(model, deflection, voltage, start, settings.path, gas_pressure)
+    if outcome.status != "equilibrium":
+        settings.path.require_work(model.specimen.name)
+        raise InputError("cannot follow its deflection", key="alpha", given=model.specimen.name)
+    return outcome.solution
 
 
 def frame_distances(specimen: Specimen) -> Array:
@@ -132,7 +176,7 @@ def membrane_forces(specimen: Specimen, settings: Settings, rig: Rig, radii: Rad
                     samples: Samples) -> Array:
     """Force [N] of centred membrane circles with film, electrode and plate of the specimen.
 
-    Under the rig's gas, if there is any. Shape (samples, circles).
+    Without gas. Shape (samples, circles).
     """
     columns = []
     for radius in radii:
@@ -145,14 +189,9 @@ def membrane_forces(specimen: Specimen, settings: Settings, rig: Rig, radii: Rad
                              key="alpha", given=specimen.name) from None
         model, column, start = build_model(circle, settings, rig.loading), [], None
         for deflection, voltage in zip(samples.deflection, samples.voltage, strict=True):
-            outcome = held(model, deflection, voltage, start, settings.path, rig.gas_pressure)
-            start = outcome.solution if outcome.solution.converged else None
-            if outcome.status != "equilibrium":
-                settings.path.require_work(specimen.name)
-                raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its "
-                                 "deflection", key="alpha", given=specimen.name)
+            start = _held(model, deflection, voltage, settings, start)
             # The film's alone, as the samples have it: no spring.
-            column.append(model.reaction(outcome.state))
+            column.append(model.reaction(start.state))
         columns.append(column)
     return np.array(columns).reshape(len(radii), -1).T
 

@@ -160,9 +160,9 @@ class DynamicProblem:
         if np.isnan(y):
             raise InputError("has no stable rest to begin from with these constants",
                              key=actuator.specimen.name)
-        state, (_, stiffness) = actuator.rest(y), actuator.balance(y, began)
+        state, (_, stiffness) = actuator.rest(y, began), actuator.balance(y, began)
         driven = self.by_constants(record, z, state[None], np.array([began]))[0, 1]
-        tangent = np.array([1.0, 0.0, *actuator.circles.stretch(y)[1]])
+        tangent = actuator.by_rest(y, began)
         return np.column_stack([state, np.outer(tangent, driven * actuator.moved / stiffness)])
 
     @cached_property
@@ -194,7 +194,8 @@ class DynamicProblem:
         poles: list[complex] = []
         for record, began in zip(self.records, self.began, strict=True):
             actuator = self.actuator(record, z)
-            poles.extend(np.linalg.eigvals(actuator.linear(actuator.rest(record.first), began)[1]))
+            state = actuator.rest(record.first, began)
+            poles.extend(np.linalg.eigvals(actuator.linear(state, began)[1]))
         return complex(max(poles, key=abs))
 
     @cached_property

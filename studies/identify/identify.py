@@ -63,7 +63,8 @@ class IdentifySettings:
 
     def require(self, dataset: Dataset) -> None:
         """Refuse a dataset without the readings that are asked for, or on another rig."""
-        for key in (*AGAINST_THE_WAY, "sensor_lag"):
+        late = ("sensor_lag", *["series_resistance"][:self.dynamic])
+        for key in (*AGAINST_THE_WAY, *late):
             if getattr(dataset.rig, key):
                 raise InputError("must be 0: constants are found of readings without it",
                                  key=f"rig.{key}", given=getattr(dataset.rig, key))

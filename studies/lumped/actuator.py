@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from operator import add
@@ -26,6 +26,12 @@ from tympan.studies.paper.table1 import known
 Array = NDArray[np.float64]
 _SLIGHT = 1e-9  # by which weights may miss their sum or their bounds
 _STEP = 1e-30  # of a derivative by a complex step
+#: Shortest charging time [s], a thousandth of the fastest swing: what charges sooner does so at
+#: once.
+_AT_ONCE = 1e-6
+#: A voltage next to none [V], about which a film that charges through a resistance has small
+#: motions by the square of the voltage.
+_NEARLY_NONE = 1.0
 #: How far a joined film is solved, over its frame's half extent: a sixteenth takes two solutions.
 _JOINED = 0.5
 
@@ -60,16 +66,18 @@ class Actuator:
     One actuator, or an array of them of any shape: circles and their weights are on the last axis
     of ``circles.radius`` and ``weights``, and what is before it broadcasts with the masses, the
     corrections and the points a method is asked about. Who has fewer circles than others has some
-    of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis, (…, 2 + circles). With
-    φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq. (5) reads
+    of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis, (…, 2 + circles), and of
+    a film that charges through a resistance its charge Q [C] behind these. With φ = dλ_r/dy and
+    V = 2π r z₀ l₀ of each circle, Eq. (5) reads
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],
 
     the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
-    multiply the parts of σ_h and of E², where a specimen is not what its circles say. Of the rig
-    all counts that acts on the plate or the voltage at rest, and what damps or moves with the
-    plate; friction and a lag of the voltage do not. Gas is refused, and a resistance that charges
-    the film is for motions.
+    multiply the parts of σ_h and of E², where a specimen is not what its circles say. ``gas_area``
+    [m²] is that on which a gas below film and plate lifts the plate, by default the circles'. Of
+    the rig all counts that acts on the plate or the voltage at rest, what damps or moves with the
+    plate, and what charges the film; friction and a lag of the voltage do not. Gas lifts, but does
+    not bulge the film.
     """
 
     circles: ConeCircle
@@ -79,6 +87,7 @@ class Actuator:
     rig: Rig = field(default_factory=Rig)
     stiffness: Any = 1.0
     permittivity: Any = 1.0
+    gas_area: Any = None
 
     def __post_init__(self) -> None:
         alpha = np.real(self.weights)
@@ -94,22 +103,12 @@ class Actuator:
                              key="correction", given=f"{self.stiffness}, {self.permittivity}")
         self._check_rig()
 
-    def require_charged(self) -> None:
-        """Refuse a resistance for what moves: the film is charged at once."""
-        if self.rig.series_resistance:
-            raise InputError("the lumped model has no series resistance in time: its film is "
-                             "charged at once; take tympan transient or response",
-                             key="rig.series_resistance")
-
     def _check_rig(self) -> None:
         """Refuse what circles do not have, and a mechanism that is not there at the flat film."""
         rig = self.rig
         if rig.guide == "fixed":
             raise InputError("must let the plate move: the lumped model is of its motion",
                              key="rig.guide", given=rig.guide)
-        if rig.gas_pressure:
-            raise InputError("the lumped model has no gas: the film between the circles would "
-                             "bulge; take the commands by finite elements", key="rig.gas_pressure")
         for bias, curve in zip(rig.biases, self.mechanisms, strict=True):
             if curve is None:
                 raise InputError(f"the mechanism {bias.law!r} has no force at the flat film, from "
@@ -130,6 +129,16 @@ class Actuator:
     @property
     def count(self) -> int:
         return int(np.shape(self.circles.radius)[-1])
+
+    @cached_property
+    def charges(self) -> bool:
+        """Whether the film charges through a resistance so late that it shows."""
+        return bool(np.max(self.rig.circuit.time(self.capacitance(0.0))) > _AT_ONCE)
+
+    @property
+    def size(self) -> int:
+        """Numbers of a state."""
+        return 2 + self.count + self.charges
 
     @property
     def flat(self) -> Any:
@@ -153,8 +162,14 @@ class Actuator:
 
     @property
     def load(self) -> Any:
-        """The weight, and what a pressure on the plate adds [N]."""
-        return self.rig.force(self.mass, self.plate_area if self.rig.plate_pressure else 0.0)
+        """The weight, and what a pressure on the plate adds and a gas below it lifts [N]."""
+        weight = self.rig.force(self.mass, self.plate_area if self.rig.plate_pressure else 0.0)
+        if not self.rig.gas_pressure:
+            return weight
+        area = self.gas_area
+        if area is None:
+            area = np.sum(self.weights * self.circles.gas_area, axis=-1)
+        return weight - self.rig.gas_pressure * area
 
     @cached_property
     def mechanisms(self) -> tuple[ForceCurve | None, ...]:
@@ -183,8 +198,9 @@ class Actuator:
 
     @cached_property
     def lowest(self) -> float:
-        """Lowest deflection in use [m]: 0, or where a mechanism may lift the plate to."""
-        return self._far(-self._longest) if self.rig.biases else 0.0
+        """Lowest deflection in use [m]: 0, or where a mechanism or gas may lift the plate to."""
+        lifted = self.rig.biases or self.rig.gas_pressure > 0
+        return self._far(-self._longest) if lifted else 0.0
 
     def _far(self, end: float) -> float:
         """Deflection to which there is stress on the way from 0 to an end [m]."""
@@ -218,7 +234,10 @@ class Actuator:
 
         The branches are relaxed, or at ``strains`` ε₁, shape (…, circles).
         """
-        squared = self.rig.film_voltage(voltage) ** 2
+        return self._balance(y, self.rig.film_voltage(voltage) ** 2, strains)
+
+    def _balance(self, y: Any, squared: Any, strains: Any) -> tuple[Any, Any]:
+        """The same at the square of the film's voltage [V²]."""
         (_, pull, stiff), (_, drawn, soft) = self.elastic(y), self.electric(y)
         force, stiffness = pull + squared * drawn - self.load, stiff + squared * soft
         if strains is None:
@@ -228,53 +247,102 @@ class Actuator:
         return (force + k1 * np.sum(lever * behind, axis=-1),
                 stiffness + k1 * np.sum(change * behind + lever * phi, axis=-1))
 
-    def rest(self, y: Any) -> Any:
-        """The state at rest at deflections [m], its branches relaxed."""
+    def rest(self, y: Any, voltage: Any) -> Any:
+        """The state at rest at deflections [m] under a nominal voltage [V], branches relaxed."""
         strains = self.circles.stretch(_each(y))[0] - 1
-        y, speed = _each(y) + 0 * strains[..., :1], 0 * strains[..., :1]
-        return np.concatenate([y, speed, strains], axis=-1)
+        parts = [_each(y) + 0 * strains[..., :1], 0 * strains[..., :1], strains]
+        if self.charges:
+            charge = self.capacitance(y) * self.rig.film_voltage(voltage)
+            parts.append(_each(charge) + 0 * parts[0])
+        return np.concatenate(parts, axis=-1)
+
+    def by_rest(self, y: Any, voltage: Any) -> Any:
+        """Derivative of the state at rest by its deflection, (…, size), voltage and film given."""
+        tangent = [np.ones(1), np.zeros(1), self.circles.stretch(_each(y))[1]]
+        if self.charges:
+            tangent.append(_each(self._capacitance_slope(y) * self.rig.film_voltage(voltage)))
+        return np.concatenate(tangent, axis=-1)
+
+    def strains(self, state: Any) -> Any:
+        """ε₁ of every circle of states, shape (…, circles)."""
+        return state[..., 2:2 + self.count]
+
+    def film_voltage(self, state: Any, voltage: Any) -> Any:
+        """Voltage [V] across the film of states under a nominal one."""
+        if self.charges:
+            return state[..., -1] / self.capacitance(state[..., 0])
+        return self.rig.film_voltage(voltage)
 
     def linear(self, state: Any, voltage: Any) -> tuple[Any, Any]:
         """Time derivative of states, (…, size), and its derivative by them, (…, size, size)."""
-        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
-        v, branches = self.viscous, np.arange(2, 2 + self.count)
+        y, speed, strains = state[..., 0], state[..., 1], self.strains(state)
+        v, circles = self.viscous, slice(2, 2 + self.count)
+        branches = np.arange(2, 2 + self.count)
         phi, bend, behind, lever, change = self._branches(y, strains)
         damping = self.rig.plate_damping + v.eta2 * np.sum(lever * phi, axis=-1)
-        force, by_y = self.balance(y, voltage, strains)
+        film_voltage = self.film_voltage(state, voltage)
+        force, by_y = self._balance(y, film_voltage**2, strains)
         by_y = by_y + v.eta2 * speed * np.sum(change * phi + lever * bend, axis=-1)
-        slopes = np.zeros((*np.shape(force), 2 + self.count, 2 + self.count), force.dtype)
+        acceleration = -(force + damping * speed) / self.moved
+        rates = [_each(speed), _each(acceleration), self._creep(behind)]
+        slopes = np.zeros((*np.shape(force), self.size, self.size), force.dtype)
+        if self.charges:
+            circuit, capacitance = self.rig.circuit, self.capacitance(y)
+            source = self.rig.source.film_voltage(voltage)
+            drawn = self.electric(y)[1]
+            by_charge = 1 / capacitance  # of U = Q/C
+            of_y = -film_voltage * self._capacitance_slope(y) / capacitance
+            by_y = by_y + 2 * film_voltage * of_y * drawn
+            slopes[..., 1, -1] = -2 * film_voltage * by_charge * drawn / self.moved
+            slopes[..., -1, 0] = -circuit.conductance * of_y
+            slopes[..., -1, -1] = -circuit.conductance * by_charge
+            rates.append(_each(circuit.current(source, film_voltage)))
         slopes[..., 0, 1] = 1.0
         slopes[..., 1, 0] = -by_y / self.moved
         slopes[..., 1, 1] = -damping / self.moved
-        slopes[..., 1, 2:] = lever * _each(v.k1 / self.moved)
-        slopes[..., 2:, 0] = self._creep(phi)
+        slopes[..., 1, circles] = lever * _each(v.k1 / self.moved)
+        slopes[..., circles, 0] = self._creep(phi)
         slopes[..., branches, branches] = self._creep(-1.0)
-        acceleration = -(force + damping * speed) / self.moved
-        return np.concatenate([_each(speed), _each(acceleration), self._creep(behind)],
-                              axis=-1), slopes
+        return np.concatenate(rates, axis=-1), slopes
+
+    def about(self, voltage: float) -> float:
+        """Voltage [V] about which small motions by the square of the voltage are those at one.
+
+        Without voltage a film that charges through a resistance has none: its charge goes with the
+        root of the square.
+        """
+        return max(abs(voltage), _NEARLY_NONE) if self.charges else voltage
 
     def by_voltage(self, state: Any, voltage: Any, squared: bool = False) -> Any:
-        """Derivative of the rates by the voltage [1/V], or by its square, (…, 2 + circles)."""
-        stepped = np.sqrt(voltage**2 + _STEP * 1j) if squared else voltage + _STEP * 1j
-        slope = np.imag(self.rig.film_voltage(stepped) ** 2) / _STEP
+        """Derivative of the rates by the voltage [1/V], or by its square, (…, size)."""
         result = np.zeros(np.shape(state))
-        result[..., 1] = -slope * self.electric(state[..., 0])[1] / self.moved
+        if self.charges:
+            slope = _by_voltage(self.rig.source.film_voltage, voltage, squared)
+            result[..., -1] = slope / self.rig.series_resistance
+        else:
+            result[..., 1] = self.by_rest_voltage(state[..., 0], voltage, squared) / self.moved
         return result
 
+    def by_rest_voltage(self, y: Any, voltage: Any, squared: bool = False) -> Any:
+        """Derivative of what the voltage adds to the weight [N], by it or its square, at rest."""
+        return -self.electric(y)[1] * _by_voltage(
+            lambda nominal: self.rig.film_voltage(nominal) ** 2, voltage, squared)
+
     def by_viscous(self, state: Any) -> Any:
-        """Derivatives of the rates by ln k₁, ln η₁ and ln η₂, shape (…, 2 + circles, 3)."""
-        phi, _, behind, lever, _ = self._branches(state[..., 0], state[..., 2:])
+        """Derivatives of the rates by ln k₁, ln η₁ and ln η₂, shape (…, size, 3)."""
+        circles = slice(2, 2 + self.count)
+        phi, _, behind, lever, _ = self._branches(state[..., 0], self.strains(state))
         lever = lever / _each(self.moved)
         result = np.zeros((*np.shape(state), 3))
         result[..., 1, 0] = -self.viscous.k1 * np.sum(lever * behind, axis=-1)
         result[..., 1, 2] = -self.viscous.eta2 * state[..., 1] * np.sum(lever * phi, axis=-1)
-        result[..., 2:, 0] = self._creep(behind)
-        result[..., 2:, 1] = -self._creep(behind)
+        result[..., circles, 0] = self._creep(behind)
+        result[..., circles, 1] = -self._creep(behind)
         return result
 
     def drag(self, state: Any) -> Any:
         """Pull of each circle's branch and damper for a weight of 1 [N], (…, circles)."""
-        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
+        y, speed, strains = state[..., 0], state[..., 1], self.strains(state)
         stretch, phi, _ = self.circles.stretch(_each(y))
         stress = (_each(self.viscous.k1) * (stretch - 1 - strains)
                   + phi * _each(self.viscous.eta2 * speed))
@@ -285,6 +353,10 @@ class Actuator:
         flat, deflected = (np.sum(self.weights * self.circles.capacitance(_each(at)), axis=-1)
                            for at in (0.0, y))
         return flat + self.permittivity * (deflected - flat)
+
+    def _capacitance_slope(self, y: Any) -> Any:
+        """Derivative of the capacitance by the deflection [F/m]; cones pull with another one."""
+        return np.imag(self.capacitance(y + _STEP * 1j)) / _STEP
 
     def _branches(self, y: Any, strains: Any) -> tuple[Any, Any, Any, Any, Any]:
         """φ, φ', λ_r − 1 − ε₁, and α V φ/λ_r with its derivative by y, shape (…, circles) each."""
@@ -301,6 +373,12 @@ class Actuator:
         energy, force, stiffness = (factor * np.sum(self.weights * part, axis=-1)
                                     for part in parts)
         return energy, force, stiffness
+
+
+def _by_voltage(of: Callable[[Any], Any], voltage: Any, squared: bool) -> Any:
+    """Derivative of a function of the voltage [V] by it, or by its square."""
+    stepped = np.sqrt(voltage**2 + _STEP * 1j) if squared else voltage + _STEP * 1j
+    return np.imag(of(stepped)) / _STEP
 
 
 @lru_cache(maxsize=64)

@@ -17,7 +17,7 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from tympan.studies.alpha.circles import STILL_PLATE, Samples, equilibria
+from tympan.studies.alpha.circles import STILL_PLATE, Samples, equilibria, gas_area
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.circles import ConeCircle
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
@@ -293,7 +293,8 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
                         model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     stiffness, permittivity = _factors(plain, samples)
-    lumped = replace(plain, stiffness=stiffness, permittivity=permittivity)
+    lumped = replace(plain, stiffness=stiffness, permittivity=permittivity,
+                     gas_area=gas_area(model, samples, rig, settings))
     progress(f"{specimen.name}: vibrations")
     actuator = lumped.actuator(chosen.masses[0], rig)
     low, high = (_frequencies(actuator, voltage, settings)

@@ -239,7 +239,11 @@ def first_mesh(actuator: Actuator, start: Array, signal: Signal) -> Array:
     breaks = signal.breaks
     poles = np.linalg.eigvals(actuator.linear(start, signal.first)[1])
     fastest = complex(max(poles, key=abs))
-    first = max(0.5 / abs(fastest), float(np.ptp(breaks)) / _STEPS)
+    # A film that charges is followed from its first moments: the rule does not damp what it passes
+    # over.
+    first = 0.5 / abs(fastest)
+    if not actuator.charges:
+        first = max(first, float(np.ptp(breaks)) / _STEPS)
     least = _LEAST if len(breaks) < 100 else 1
     return np.concatenate([*(begin + _graded(end - begin, first, abs(fastest.real), least)[:-1]
                              for begin, end in pairwise(breaks)), breaks[-1:]])

@@ -34,9 +34,9 @@ class Pole:
     """A pole [1/s], of a pair the upper one, and what moves.
 
     ``name`` is *oscillation* of the plate on the film, *overdamped plate* where that does not
-    swing, *creep* of the branches, *creep between circles*, which does not move the plate, or
-    *pull-in*, which grows. ``share`` is its part of the gain, of both poles of a pair; None of a
-    motion that never ends.
+    swing, *charging* of the film, *creep* of the branches, *creep between circles*, which does not
+    move the plate, or *pull-in*, which grows. ``share`` is its part of the gain, of both poles of a
+    pair; None of a motion that never ends.
     """
 
     name: str
@@ -68,6 +68,8 @@ class Pole:
 class Linear:
     """ẋ = A x + B δu, δy = C x + D δu; x is (δy, δẏ, δε₁ of every circle), δy [m], downwards.
 
+    A film that charges through a resistance has its charge [C] as a last state.
+
     δu is of the ``driven_by``: the voltage [V] or its square [V²]. ``gain`` is δy/δu at rest [m/V
     or m/V²]. ``film_frequency`` is the plate's on the film alone [Hz], its branches relaxed, as
     :mod:`tympan.studies.modes` has it; the branches make the oscillation faster. ``specimen`` and
@@ -85,12 +87,15 @@ class Linear:
     film_frequency: float
     specimen: str
     mass: float
+    charges: bool = False
     warnings: tuple[str, ...] = ()
 
     @property
     def states(self) -> list[str]:
-        return ["deflection", "speed",
-                *(f"branch_{number}" for number in range(1, len(self.a) - 1))]
+        """Names of the states."""
+        branches = range(1, len(self.a) - 1 - self.charges)
+        return ["deflection", "speed", *(f"branch_{number}" for number in branches),
+                *["charge"][:self.charges]]
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -104,7 +109,8 @@ class Linear:
         values, right = np.linalg.eig(self.a)
         inverse = np.linalg.pinv(right)
         taken = np.abs(right * inverse.T)  # participation of every state in every motion
-        plate = taken[:2].sum(axis=0) / taken.sum(axis=0)
+        plate, charge = ((taken[rows].sum(axis=0) / taken.sum(axis=0)).tolist() for rows in (
+            slice(2), slice(len(taken) - self.charges, None)))
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = -((self.c @ right)[0] * (inverse @ self.b)[:, 0] / values) / self.gain
         poles = []
@@ -115,7 +121,7 @@ class Linear:
             if value.imag < 0:
                 continue
             share = float(shares[number].real) * (2 if value.imag else 1)
-            poles.append(Pole(_name(value, float(plate[number])), value,
+            poles.append(Pole(_name(value, plate[number], charge[number]), value,
                               share if np.isfinite(share) else None))
         return tuple(poles)
 
@@ -202,9 +208,11 @@ class LinearResult:
         write_json(folder / "linear.json", self.json())
 
 
-def _name(pole: complex, plate: float) -> str:
+def _name(pole: complex, plate: float, charge: float) -> str:
     if pole.real > 0:
         return "pull-in"
+    if charge > 0.5:
+        return "charging"
     if pole.imag:
         return "oscillation"
     if plate > 0.5:
@@ -219,14 +227,14 @@ def linearise(actuator: Actuator, voltage: float, deflection: float | None = Non
     The film's pull goes with the square of the voltage, so at 0 kV a small voltage does nothing:
     there ``by="U2"`` tells what the voltage does.
     """
-    actuator.require_charged()
     at = rest(actuator, voltage) if deflection is None else deflection
-    state = actuator.rest(at)
+    about = actuator.about(voltage) if by == "U2" else voltage
+    state = actuator.rest(at, about)
     seen = np.zeros((1, len(state)))
     seen[0, 0] = 1.0
-    driven = actuator.by_voltage(state, voltage, by == "U2")
+    driven = actuator.by_voltage(state, about, by == "U2")
     stiffness = float(actuator.balance(at, voltage)[1])
-    return Linear(actuator.linear(state, voltage)[1], driven[:, None], seen, np.zeros((1, 1)), at,
-                  voltage, by, float(driven[1] * actuator.moved / stiffness),
+    return Linear(actuator.linear(state, about)[1], driven[:, None], seen, np.zeros((1, 1)), at,
+                  voltage, by, float(actuator.by_rest_voltage(at, about, by == "U2") / stiffness),
                   float(np.sqrt(max(stiffness, 0.0) / actuator.moved) / (2 * np.pi)),
-                  actuator.specimen.name, actuator.mass)
+                  actuator.specimen.name, actuator.mass, actuator.charges)

@@ -37,7 +37,8 @@ class LumpedModel:
     The film's law, thickness, prestretch and permittivity, and the plate's size, are those of
     ``specimen``. ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest
     across the film [V] that it is for: these circles keep their hoop stretch, so they do not pull
-    in where the film does.
+    in where the film does. ``gas_area`` [m²] is that on which a gas below film and plate lifts the
+    plate; where a file has none it is the circles' own.
     """
 
     specimen: Specimen
@@ -49,6 +50,7 @@ class LumpedModel:
     permittivity: float = 1.0
     viscous: Viscous = field(default_factory=Viscous)
     film: ReducedFilm | None = None
+    gas_area: float | None = None
 
     @property
     def circles(self) -> MembraneCircle:
@@ -65,7 +67,7 @@ class LumpedModel:
 
     def actuator(self, mass: float, rig: Rig = Rig()) -> Actuator:
         return Actuator(self.circles, self.weights, mass, self.viscous, rig,
-                        self.stiffness, self.permittivity)
+                        self.stiffness, self.permittivity, self.gas_area)
 
 
 def write_model(file: Path, model: LumpedModel) -> None:
@@ -74,6 +76,7 @@ def write_model(file: Path, model: LumpedModel) -> None:
     content = {
         "stiffness": model.stiffness, "permittivity": model.permittivity,
         "flat_capacitance_F": model.flat_capacitance, "highest_voltage_V": model.highest_voltage,
+        **({} if model.gas_area is None else {"gas_area_m2": model.gas_area}),
         **({} if model.film else {"viscous": {
             "k1_Pa": viscous.k1, "eta1_Pa_s": viscous.eta1, "eta2_Pa_s": viscous.eta2}}),
         "circle": [{"radius_m": radius, "alpha": weight}
@@ -115,7 +118,8 @@ def read_model(file: Path | str) -> LumpedModel:
         specimen, radii, weights, table.number("flat_capacitance_F", rule=NON_NEGATIVE),
         table.number("highest_voltage_V", rule=POSITIVE), table.number("stiffness", rule=POSITIVE),
         table.number("permittivity", rule=NON_NEGATIVE),
-        STILL if film else _viscous(table.table("viscous")), film)
+        STILL if film else _viscous(table.table("viscous")), film,
+        table.number("gas_area_m2", rule=NON_NEGATIVE) if "gas_area_m2" in table.data else None)
     for part in (*circles, table):
         part.done()
     if abs(sum(weights) - 1) > 1e-9:

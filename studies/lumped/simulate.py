@@ -61,10 +61,10 @@ class LumpedMotion:
         return float(self.ends[-1])
 
     def state(self, time: Array) -> Array:
-        """States at times [s], shape (times, 2 + circles)."""
+        """States at times [s], shape (times, size)."""
         time = np.asarray(time, float)
         number = np.clip(np.searchsorted(self.ends, time, "right") - 1, 0, len(self.motions) - 1)
-        result = np.empty((len(time), 2 + self.actuator.count))
+        result = np.empty((len(time), self.actuator.size))
         for each in np.unique(number):
             result[number == each] = self.motions[each].state(time[number == each])
         return result
@@ -133,7 +133,6 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     beyond pull-in or the model's reach is refused: no rest holds the film there. So is a mass next
     to nothing, and what would take minutes.
     """
-    actuator.require_charged()
     if actuator.moved < _LIGHTEST:
         raise InputError("must move at least 1 mg: the model has no mass but this, not the film's",
                          key=actuator.label)
@@ -142,7 +141,9 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
         reason = f"the signal goes too high: {limit_words(actuator)}"
         raise InputError(actuator.case(signal.peak).doubted(reason), key=actuator.label,
                          given=f"{peak / 1e3:.5g} kV")
-    state = actuator.rest(rest(actuator, signal.first)) if start is None else start
+    state = start
+    if state is None:
+        state = actuator.rest(rest(actuator, signal.first), signal.first)
     solver = CollocationSolver(signal, precision, most=_WORK)
     solver.check(len(signal.breaks) - 1)
     mesh = first_mesh(actuator, state, signal)
@@ -190,7 +191,7 @@ def slow_ends(actuator: Actuator, signal: Signal) -> Array:
     of actuators, shape (pieces + 1, …); nan where there is no rest.
     """
     y = settle(lambda at: actuator.balance(at, signal.first), actuator.flat)
-    strains = actuator.rest(y)[..., 2:]
+    strains = actuator.strains(actuator.rest(y, signal.first))
     viscous, shape = actuator.viscous, strains.shape
     rate = np.asarray(viscous.k1 / viscous.eta1)[..., None]
     deflections = [y]

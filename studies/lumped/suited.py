@@ -41,13 +41,14 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
                       in_time=False).model
         _STORE.keep(key, json.dumps([model.radii, model.weights, model.flat_capacitance,
                                      model.highest_voltage, model.stiffness,
-                                     model.permittivity]).encode())
+                                     model.permittivity, model.gas_area]).encode())
     return model
 
 
 def _model(specimen: Specimen, content: bytes) -> LumpedModel:
-    radii, weights, *numbers = json.loads(content)
-    return LumpedModel(specimen, tuple(radii), tuple(weights), *numbers)
+    radii, weights, flat, highest, stiffness, permittivity, gas_area = json.loads(content)
+    return LumpedModel(specimen, tuple(radii), tuple(weights), flat, highest, stiffness,
+                       permittivity, gas_area=gas_area)
 
 
 def _sources() -> list[str]:

@@ -138,6 +138,7 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return kept
 
 
+@pytest.mark.study(seconds=5, only=("more2",))
 @pytest.mark.parametrize("more", [(), ("--basis", "cone"), ("--uncertainty",)])
 def test_alpha_says_weights_and_radii_on_lines(more: tuple[str, ...], oval: str, capsys,
                                                monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,6 +225,7 @@ def test_without_a_cache_films_are_meshed_again(folder: str, meshing: Mock,
     assert meshing.call_count == 2
 
 
+@pytest.mark.study(seconds=6, only=("solve-oval.png",))
 @pytest.mark.parametrize(("words", "pictures"), [
     (("solve", *MASS), ["oval.png", "oval.svg"]),
     (("force", "--to", "4 mm"), ["oval-force.png", "oval-force.svg"]),

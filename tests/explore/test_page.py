@@ -310,6 +310,7 @@ def test_what_is_saved_is_what_the_command_solves_and_nothing_else_is_written(
     assert json.loads(capsys.readouterr().out)["deflection_m"] == pytest.approx(shown, rel=1e-4)
 
 
+@pytest.mark.study(seconds=4)
 def test_interrupting_it_ends_everything_with_one_line(folder: Path) -> None:
     with exploring(folder, *START) as running:
         assert answered(running.address) == 200  # so that there are processes

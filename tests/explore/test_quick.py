@@ -71,6 +71,7 @@ def quick(family: FilmFamily, monkeypatch: pytest.MonkeyPatch
     return by_family(films)
 
 
+@pytest.mark.study(seconds=4, only=("voltage-3500.0",))
 @pytest.mark.parametrize(("key", "value"), [
     ("voltage", 3500.0), ("mass", 0.005), ("mass", 0.03), ("stiffness", 0.85),
     ("membrane.prestretch.0", 2.05), ("membrane.relative_permittivity", 5.2),
@@ -195,6 +196,7 @@ def _fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bands, "_FILMS", 256)
 
 
+@pytest.mark.study(seconds=9)
 @pytest.mark.usefixtures("_fewer")
 @pytest.mark.parametrize("change", [
     {"mass": 0.022, "voltage": 4000.0, "stiffness": 1.12, "frame.semi_axes.0": 63e-3},
@@ -281,6 +283,7 @@ def test_a_rig_that_no_reduced_film_has_has_none() -> None:
     assert Neighbours.of(replace(OVAL, rig=Rig(guide="fixed")), END) is None
 
 
+@pytest.mark.study(seconds=4)
 def test_a_film_above_gas_is_that_of_finite_elements() -> None:
     """Some of the weight is borne by the gas; its plate still sinks with the voltage."""
     view = replace(OVAL, rig=Rig(gas_pressure=5.0))

@@ -80,6 +80,7 @@ def test_modes_swing_there_and_back(film: Path, tmp_path: Path, monkeypatch: pyt
                for part in (slice(None, half), slice(half, None)))
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize(("command", "name"), [
     (["modes", "--mass", "17.9 g", "--count", "1", "--refine", "0.5"], "circle-modes.gif"),
     (["transient", "--signal", "ramp", "--high", "3 kV", "--duration", "2 s", "--interval",

@@ -140,6 +140,7 @@ def test_a_search_for_limits_has_its_own_bound() -> None:
     assert solving.bounded(model) is solving
 
 
+@pytest.mark.study(seconds=5, only=("5",))
 @pytest.mark.parametrize("drawn", list(design(6, seed=2)), ids=lambda drawn: str(drawn.number))
 def test_an_extreme_film(drawn) -> None:
     record = judged(drawn, MeshSettings(order=2).refined(0.5))

@@ -131,6 +131,7 @@ def test_a_film_that_wrinkles_first_thins_at_one_voltage_on_every_mesh(mass: flo
         assert coarse.voltage_V == pytest.approx(fine.voltage_V, rel=1e-3)
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("mass", [dear(20e-3, seconds=7), 28e-3, dear(40e-3, seconds=7)])
 def test_every_command_has_the_end_of_a_wrinkled_film_at_one_voltage(mass: float) -> None:
     """However far beyond it a voltage is asked for: one search, of one accuracy."""
@@ -151,6 +152,7 @@ def test_every_command_has_the_end_of_a_wrinkled_film_at_one_voltage(mass: float
     assert drawn.table["status"][asked].tolist() == ["equilibrium", "no_equilibrium"]
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("factors", [(1.0, 1.5, 2.0),
                                      dear((1.0, 1.25, 1.5, 2.0, 3.0), seconds=16)])
 def test_a_wrinkled_film_s_end_is_as_certain_as_it_says(factors: tuple[float, ...]) -> None:
@@ -227,6 +229,7 @@ def test_the_terminal_tells_the_order_and_places_with_their_digits(
     assert record["limits"][record["first"]] is not None
 
 
+@pytest.mark.study(seconds=4)
 def test_what_pulls_the_plate_in_before_any_voltage_is_named(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "disk.toml").write_text("""
@@ -279,6 +282,7 @@ BANDS = Case(Specimen(
 LOST = 4253.646271
 
 
+@pytest.mark.study(seconds=5)
 @pytest.mark.parametrize("refine", [1.0, dear(2.0, seconds=10)])
 def test_another_branch_beyond_tension_does_not_hide_where_it_is_lost(refine: float) -> None:
     lost = happening(BANDS, "tension", refine)
@@ -317,6 +321,7 @@ def at_edge() -> Limit:
     return gone
 
 
+@pytest.mark.study(seconds=3, only=("specimen0-1.0",))
 @pytest.mark.parametrize(("specimen", "refine"), [(EDGED, 1.0), (EDGED, 1.5), (EDGED, 2.0),
                                                   (EDGED_TURNED, 1.0), (EDGED_TURNED, 1.5)])
 def test_an_electrode_s_edge_gives_way_at_one_voltage_on_every_mesh(
@@ -332,6 +337,7 @@ def test_an_electrode_s_edge_gives_way_at_one_voltage_on_every_mesh(
     assert np.hypot(gone.x_m, gone.y_m) == pytest.approx(65.5e-3 - 5.3e-3, rel=1e-3)
 
 
+@pytest.mark.study(seconds=6)
 def test_finite_elements_find_the_waves_of_an_electrode_s_edge_soon_beyond() -> None:
     """None before; beyond it the more, the shorter their elements let waves be."""
     film = Film(0.614e-3, (2.91, 2.91), NeoHooke(20e3), 4.0)
@@ -366,6 +372,7 @@ def softening(alpha: float, thickness: float, stretch: float) -> tuple[Specimen,
     return specimen, axisymmetric.Film(10e-3, 45e-3, thickness, stretch, law, 4.7)
 
 
+@pytest.mark.study(seconds=3, only=("1.3-0.0005-2.5-0.003-1.5",))
 @pytest.mark.parametrize(("alpha", "thickness", "stretch", "mass", "refine"), [
     (1.2, 1e-3, 2.5, 3e-3, 0.7), (1.1, 1e-3, 2.0, 3e-3, 0.7),
     dear(1.2, 1e-3, 2.5, 3e-3, 2.0, seconds=7),

@@ -96,6 +96,7 @@ class Cubic:
 SMALL = Cubic(0.1e-3)
 
 
+@pytest.mark.study(seconds=3)
 def test_snaps_are_where_the_discriminant_of_the_cubic_vanishes() -> None:
     reached = limits(SMALL.case, Settings())
     through, back = SMALL.snaps
@@ -141,6 +142,7 @@ def voltage_squared(case: Case, deflection: float) -> float:
                   0.0, 49e6, rtol=1e-13)
 
 
+@pytest.mark.study(seconds=3)
 def test_snaps_by_arc_length_and_by_displacement_control_are_the_same() -> None:
     wide = Cubic(0.4e-3).case
     reached = limits(wide, Settings())
@@ -277,6 +279,7 @@ def test_a_curve_jumps_and_goes_on() -> None:
 CREEPS = circular(NEO_HOOKE, branches=(ViscousBranch(10e3, 0.5),))
 
 
+@pytest.mark.study(seconds=4, only=("swinging",))
 @pytest.mark.parametrize(("film", "rig", "inertia"), [
     (FILM, STAYS, False), (CREEPS, STAYS, False),
     dear(FILM, Rig(biases=STAYS.biases, plate_damping=20.0), False, seconds=4, name="damped"),
@@ -299,6 +302,7 @@ def test_a_step_over_the_snap_ends_on_the_other_branch(film, rig, inertia) -> No
         assert abs(balance.unexplained_J) < 1e-8 * work
 
 
+@pytest.mark.study(seconds=3, only=("creeping",))
 @pytest.mark.parametrize("film", [FILM, CREEPS], ids=["elastic", "creeping"])
 def test_a_slow_ramp_snaps_where_limits_say(film) -> None:
     """A plate without inertia jumps at once; its film's branches hold it for a little longer."""
@@ -317,6 +321,7 @@ def test_a_slow_ramp_snaps_where_limits_say(film) -> None:
     assert balance.jumps_J > 0
 
 
+@pytest.mark.study(seconds=4)
 def test_the_terminal_and_json_tell_snaps_and_equilibria(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "disc.toml").write_text("""

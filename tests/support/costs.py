@@ -76,15 +76,24 @@ def pytest_report_header(config: pytest.Config) -> list[str]:
             "(count of commits)"]
 
 
+def is_of(item: pytest.Item, marker: pytest.Mark) -> bool:
+    """Whether a mark of a parametrised test is of this one of its values."""
+    only = marker.kwargs.get("only")
+    return only is None or item.name.partition("[")[2].removesuffix("]") in only
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let the dear tests that are drawn run as all others do."""
-    if not draws(config):
-        return
-    seed = commits()
+    """Let the dear tests that are drawn run as all others do, and cheap values of dear tests."""
+    seed = commits() if draws(config) else None
     for item in items:
-        seconds = seconds_of(item)
-        if seconds is not None and seconds <= MOST and is_drawn(item.nodeid, seed):
+        marker = item.get_closest_marker("study")
+        if marker is None:
+            continue
+        seconds = marker.kwargs.get("seconds")
+        drawn = (seed is not None and seconds is not None and seconds <= MOST
+                 and is_drawn(item.nodeid, seed))
+        if drawn or not is_of(item, marker):
             item.own_markers[:] = [mark for mark in item.own_markers if mark.name != "study"]
 
 

@@ -26,7 +26,7 @@ def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Arr
     rows, passages = states.in_time, states.passages
     if not rig.series_resistance or not len(rows):
         return squared
-    lag = rig.series_resistance * capacitance[rows]
+    lag = rig.circuit.time(capacitance[rows])
     less = passages.squared(rig, lag) - passages.squared(rig)
     result = squared.copy()
     result[rows] = np.maximum(result[rows] + less, 0.0)
@@ -76,7 +76,7 @@ def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, NDArra
     before, after = (np.asarray(rig.film_voltage(voltage)) for voltage in jump)
     whole = after**2 - before**2
     whole = np.where(whole == 0, 1.0, whole)
-    slow = -1 / (rig.series_resistance * capacitance)
+    slow = -1 / rig.circuit.time(capacitance)
     return [(2 * after * (after - before) / whole, slow + 0j),
             (-((after - before) ** 2) / whole, 2 * slow + 0j)]
 

@@ -68,9 +68,10 @@ class Design:
         largest = np.zeros(films.flat.shape)
         for linear in self.linear:
             y = settle(partial(films.balance, voltage=linear.voltage), films.flat)
-            state = films.rest(np.nan_to_num(y))
-            driven = films.by_voltage(state, linear.voltage, squared=True)[..., None]
-            plant = Sampled.of(films.linear(state, linear.voltage)[1], driven / linear.gain,
+            about = films.about(linear.voltage)
+            state = films.rest(np.nan_to_num(y), about)
+            driven = films.by_voltage(state, about, squared=True)[..., None]
+            plant = Sampled.of(films.linear(state, about)[1], driven / linear.gain,
                                self.controller.interval_s, self.sensor_lag)
             pole = closed_poles(plant, self.controller.law).max(axis=-1)
             largest = np.fmax(largest, np.where(np.isfinite(y), pole, np.nan))
@@ -98,7 +99,8 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
               for voltage in np.linspace(0.0, supply, _RESTS)]
     plants = tuple(Sampled.of(each.a, each.b / each.gain, interval, sensor_lag)
                    for each in linear)
-    swing = max(max(abs(pole.value) for pole in each.named_poles) for each in linear)
+    swing = max(abs(pole.value) for each in linear for pole in each.named_poles
+                if pole.name != "charging")
     found = _pi(plants, swing) if method == "pi" else best_lqg(plants, SENSITIVITY)
     if found is None:
         raise Failure("no controller of this sampling holds the film: sample it more often "

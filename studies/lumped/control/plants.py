@@ -26,6 +26,10 @@ Array = NDArray[np.float64]
 _STAGES = 4
 #: Most of a swing in a step [rad].
 _RADIANS = 1.0
+#: Most that a film charges in a step, in times by a factor e: what is left is known to 1e-4 of it.
+_FALLEN = 3.0
+#: Steps at most that only the charging asks for: a film that charges sooner does so at once.
+_CHARGING = 50
 #: Newton's corrections of a step at most; it takes two or three.
 _CORRECTIONS = 6
 #: The last correction [m]: of what is left after it the square counts.
@@ -76,7 +80,7 @@ class LumpedPlant:
         y = settle(lambda at: actuator.balance(at, voltage), actuator.flat)
         if not np.isfinite(y).all():
             raise Failure(f"the film does not rest at {voltage / 1e3:g} kV")
-        return cls(actuator, actuator.rest(y))
+        return cls(actuator, actuator.rest(y, voltage))
 
     @property
     def deflection(self) -> Array:
@@ -99,8 +103,8 @@ class LumpedPlant:
         return LumpedPlant(replace(self.actuator, mass=mass), self.state)
 
     def holds(self, deflection: Any, voltage: Any) -> Any:
-        needed = squared_at(self.actuator, deflection, self.state[..., 2:])
-        return needed <= self.actuator.rig.film_voltage(voltage) ** 2
+        needed = squared_at(self.actuator, deflection, self.actuator.strains(self.state))
+        return needed <= self.actuator.film_voltage(self.state, voltage) ** 2
 
     def after(self, voltage: Any, duration: float) -> LumpedPlant:
         """Step by Radau's rule, as finely as the swing needs."""
@@ -109,7 +113,11 @@ class LumpedPlant:
             return self._stepped(held, duration)
         slopes = self.actuator.linear(self.state, held)[1]
         swing = np.sqrt(np.abs(slopes[..., 1, 0]).max())
-        count = max(1, int(np.ceil(duration * swing / _RADIANS)))
+        steps = duration * swing / _RADIANS
+        if self.actuator.charges:
+            fallen = duration * np.abs(slopes[..., -1, -1]).max()
+            steps = max(steps, min(fallen / _FALLEN, _CHARGING))
+        count = max(1, int(np.ceil(steps)))
         plant = self
         for _ in range(count):
             plant = plant._stepped(held, duration / count)
@@ -203,7 +211,7 @@ def creeping_circles(model: LumpedModel, mass: float, rig: Rig, voltage: float) 
                        for flow in (at_once, None))
     y = plant.deflection
     unit = replace(still, viscous=Viscous(1.0, 1.0, 0.0))
-    strains = unit.rest(y)[2:]
+    strains = unit.strains(unit.rest(y, voltage))
     of_one = unit.balance(y, voltage, strains)[1] - unit.balance(y, voltage)[1]
     k1 = float((frozen - relaxed) / of_one)
     branches = film.specimen.membrane.branches

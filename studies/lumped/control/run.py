@@ -312,7 +312,8 @@ def _margins(found: Margins) -> LoopMargins:
 
 def _swing(linear: Linear) -> tuple[float, float]:
     """Frequency [Hz] and damping ratio of the plate's swing."""
-    pole = max((pole for pole in linear.named_poles if "creep" not in pole.name),
+    pole = max((pole for pole in linear.named_poles
+                if "creep" not in pole.name and pole.name != "charging"),
                key=lambda pole: abs(pole.value))
     return pole.frequency, pole.damping_ratio
 

@@ -103,6 +103,7 @@ def test_critical_mode_is_the_branch_s_derivative() -> None:
     assert abs(resisted) < 1e-4 * stiff
 
 
+@pytest.mark.study(seconds=5)
 def test_an_ellipse_s_pull_in_settles() -> None:
     """With the mesh, with the waves that smooth motions may have, and alike on quarter and whole.
     """
@@ -123,6 +124,7 @@ def test_an_ellipse_s_pull_in_settles() -> None:
     assert limit(whole_film) == pytest.approx(usual, rel=1e-5)
 
 
+@pytest.mark.study(seconds=6)
 def test_a_limit_is_found_on_any_mesh() -> None:
     """Beside it, a point that was beyond it by the tangent of an iterate was before it by its own.
     """

@@ -61,6 +61,7 @@ def test_a_turned_hub_s_film_wrinkles_where_mikulas_has_it() -> None:
         assert (turned_hub(MU, stretch, 1e-3, 10e-3, 45e-3, turn).wrinkled > 0) == (share > 1)
 
 
+@pytest.mark.study(seconds=5)
 def test_a_charged_film_goes_on_wrinkled_as_the_relaxed_equations_say() -> None:
     """A film stretched little, a fifth of it wrinkled, and its end, on three meshes."""
     sample, force = SAMPLES["separable"], 50e-3 * 9.81

@@ -146,6 +146,7 @@ def test_a_film_charges_through_a_resistance() -> None:
     assert done.at(done.voltage, when) == pytest.approx(exact, abs=0.02)
 
 
+@pytest.mark.study(seconds=4)
 def test_a_film_that_thins_after_a_while_says_when() -> None:
     """Its branches hold it for a time where it has no equilibrium at rest."""
     limit = solve(Case(film(), mass=MASS, voltage=9.5e3), Settings())

@@ -123,14 +123,14 @@ def test_a_spring_on_the_rig_changes_no_weight() -> None:
 
 @pytest.mark.parametrize("pressure", [50.0, -20.0])
 def test_circles_stand_for_the_shape_under_gas_too(pressure: float) -> None:
-    """The gas is below the circles as it is below the film: without it 63 % of the force missed."""
+    """Weights are those of the film without gas: what lifts the plate is another number."""
     coarse = Settings(MeshSettings(order=2).refined(0.5))
     result = alpha(elliptical(60e-3), coarse, FEW, Rig(gas_pressure=pressure))
     weights = result.by_basis["membrane"]
     assert weights.fit_error < 1e-5
     assert weights.held_out_error < 5e-3
     plain = alpha(elliptical(60e-3), coarse, FEW).by_basis["membrane"]
-    assert weights.alpha[0] == pytest.approx(plain.alpha[0], abs=0.1)
+    assert weights.alpha[0] == pytest.approx(plain.alpha[0], abs=1e-2)
 
 
 def test_a_plate_off_centre_is_no_circle_and_says_so() -> None:

@@ -86,6 +86,7 @@ def test_circle_and_strip_are_the_formula_s_ends() -> None:
     assert far == pytest.approx((same - long) / (short - long), rel=1e-9)
 
 
+@pytest.mark.study(seconds=4)
 def test_workers_change_nothing() -> None:
     places = COARSE.places()["inside"][:2]
     assert map_readings(places, COARSE) == map_readings(places, COARSE, workers=2)

@@ -58,6 +58,7 @@ def best(folder: Path, text: str, **given: str) -> DesignedFilm:
     return result.films[0]
 
 
+@pytest.mark.study(seconds=3)
 @pytest.mark.parametrize("more", ["", dear('blocked_force = "1 mN"\n', seconds=6, name="force")])
 def test_the_edge_of_what_reduced_films_know_is_no_optimum(tmp_path: Path, more: str) -> None:
     """A family over frames of 12 to 60 mm knows no small ones; the smallest keeps all bounds.
@@ -170,6 +171,7 @@ def shipped() -> DesignedFilm:
     return film
 
 
+@pytest.mark.study(seconds=5)
 def test_the_shipped_requirements_find_the_known_optimum() -> None:
     """By finite elements alone: 2.3191 mm, 58.0 by 58.2 mm, plate 8.569 mm, tension binding."""
     film = shipped()
@@ -273,6 +275,7 @@ def test_a_margin_that_is_just_not_borne_is_missed_by_little(tmp_path: Path) -> 
     assert 0.3 * rates[0] < rates[1] < 1.1 * rates[0]
 
 
+@pytest.mark.study(seconds=4)
 def test_a_bar_beyond_its_axis_has_its_number() -> None:
     result, _ = scattered()
     quantities = tuple(replace(each, bound=each.value / share) if each.value else each
@@ -395,6 +398,7 @@ def test_no_film_of_the_equations_meets_what_is_impossible() -> None:
     assert kept.max() == pytest.approx(answer.aim, abs=0.03)
 
 
+@pytest.mark.study(seconds=4)
 def test_the_smallest_gap_in_the_ranges_is_searched_too(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A mesh of the middle film cannot move there; the frequency is that of finite elements."""
@@ -410,6 +414,7 @@ def test_the_smallest_gap_in_the_ranges_is_searched_too(
         {"frame.semi_axes.0": 0.03, "frame.semi_axes.1": 0.025, "plate.radius": 0.015}, rel=1e-3)
 
 
+@pytest.mark.study(seconds=6)
 def test_what_cannot_be_met_says_which_bound_binds_and_what_can_be(tmp_path: Path) -> None:
     """With the stroke's bound at what is attainable it can be met, beyond it cannot."""
     text, result = IMPOSSIBLE, impossible()
@@ -447,6 +452,7 @@ def test_the_command_stores_what_it_prints_and_solve_takes_the_film(
     assert "keeps all bounds" in capsys.readouterr().out
 
 
+@pytest.mark.study(seconds=4)
 def test_no_film_is_better_than_one_of_the_front_in_both_quantities(tmp_path: Path) -> None:
     """Of 500 random films that keep the bounds, by 0.5 %; the front's films trade one for one."""
     wanted = requirements(tmp_path, 'front = ["stroke", "frequency"]\n[want]\n'

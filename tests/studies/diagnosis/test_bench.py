@@ -36,6 +36,7 @@ def lines_off(judgement: Judgement) -> list[tuple[str, int]]:
     return [(str(table.file[row]), int(table.line[row])) for row in off]
 
 
+@pytest.mark.study(seconds=7)
 def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path) -> None:
     judgement = judged(tmp_path, "slip")
     assert judgement.verdict == "nothing"
@@ -46,6 +47,7 @@ def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path) -> None:
     assert judgement.test_of_all.p_value < 1e-3 < judgement.test.p_value
 
 
+@pytest.mark.study(seconds=3)
 def test_errors_that_remember_are_no_misfit(tmp_path: Path) -> None:
     judgement = judged(tmp_path, "remembers", noise="")
     assert judgement.verdict == "nothing"

@@ -139,6 +139,7 @@ def written(three_shapes: Simulation,
     return folder, diagnosis.json()
 
 
+@pytest.mark.study(seconds=8)
 def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) -> None:
     folder, content = written
     text = (folder / "diagnosis.json").read_text(encoding="utf-8")

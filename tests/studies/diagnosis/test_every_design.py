@@ -41,6 +41,7 @@ def _prepared(drawn: RandomDesign, folder: Path) -> PreparedReadings:
     return prepared_readings(read_dataset(made))
 
 
+@pytest.mark.study(seconds=3, only=("106",))
 @pytest.mark.parametrize("number", [*FEW, *(dear(number, seconds=6) for number in DOZEN
                                             if number not in FEW)])
 def test_any_film_is_calibrated_by_its_own_equilibria(number: int, tmp_path: Path) -> None:
@@ -148,6 +149,7 @@ def test_readings_of_a_film_that_wrinkles_are_kept_and_named(tmp_path: Path) -> 
     assert "loss of tension" in nominal.remarks[0]
 
 
+@pytest.mark.study(seconds=9)
 @pytest.mark.parametrize(("cause", "sizes"), [("plate_eccentricity", (3e-3, 0.0)),
                                               dear("prestretch_anisotropy", (0.03,), seconds=28)])
 @among("strain_stiffening", "prestretch_anisotropy", "plate_eccentricity", "parallel_spring",

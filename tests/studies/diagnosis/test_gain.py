@@ -145,6 +145,7 @@ def test_training_never_sees_what_is_held_out(three_shapes: Simulation,
         np.testing.assert_allclose(again.errors[name] - split.errors[name], moved, atol=1e-12)
 
 
+@pytest.mark.study(seconds=5)
 def test_readings_that_do_not_count_do_not_count_in_the_gain(
         three_shapes: Simulation, sagging: tuple[ReadingTable, Judgement, GainReport]) -> None:
     """Three slips of a pen: errors on readings held out are those of the others."""
@@ -181,6 +182,7 @@ def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulatio
     assert "circular" not in report.overall.held_out.split("(")[1].split(")")[0].split(", ")
 
 
+@pytest.mark.study(seconds=5)
 def test_a_mass_left_out_of_account_needs_two_masses(three_shapes: Simulation) -> None:
     """With one mass left it is one with the stiffness, exactly."""
     cause = Cause("unaccounted_mass")
@@ -213,6 +215,7 @@ def synthetic(generator: np.random.Generator, ramps: int, before: float, after: 
     return [split], table
 
 
+@pytest.mark.study(seconds=3)
 @pytest.mark.parametrize(("ramps", "after", "count"), [
     (6, 1.2, 300), (6, 0.0, 300), dear(24, 1.2, 60, seconds=3), dear(24, 0.1, 60, seconds=3),
     dear(24, 1.2, 300, seconds=27.0), dear(24, 0.1, 300, seconds=27.0)])

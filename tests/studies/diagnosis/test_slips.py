@@ -127,18 +127,21 @@ def test_labels_are_told_beside_a_real_effect(three_shapes: Simulation, table: R
         "the column voltage of elliptical-small under 17.9 g alone looks one row too low")
 
 
+@pytest.mark.study(seconds=11)
 def test_exchanged_labels_are_told(three_shapes: Simulation, table: ReadingTable) -> None:
     judgement = judged(three_shapes, exchanged(table, "specimen", 17.9e-3))
     assert where(judgement).startswith(
         "if circular and elliptical-large were exchanged under 17.9 g alone, the simulation would")
 
 
+@pytest.mark.study(seconds=3)
 def test_what_an_effect_does_is_no_slip(three_shapes: Simulation) -> None:
     for cause, size in zip(CAUSES, (30.0, 0.8e-3, 6e-3), strict=True):
         made = read(three_shapes, design(20e-6), (cause,), [size], 1)
         assert not slip(judged(three_shapes, made)), cause
 
 
+@pytest.mark.study(seconds=4)
 def test_one_specimen_unlike_what_is_written_of_it_is_told(three_shapes: Simulation,
                                                            table: ReadingTable) -> None:
     """As if its plate were larger and its film thinner: no one effect does that."""

@@ -121,6 +121,7 @@ def test_labels_stand_where_they_should_not() -> None:
     assert np.array_equal(both, [*range(60, 90), *range(30, 60), *range(30)])
 
 
+@pytest.mark.study(seconds=15)
 @pytest.mark.parametrize(("stranger", "told"), [
     (Exchanged("specimen", (0, 2)), {"specimen"}),
     dear(Exchanged("mass", (1, 1)), {"mass"}, seconds=5), dear(Late(20), {"voltage"}, seconds=5)])
@@ -131,6 +132,7 @@ def test_what_a_page_blames_is_the_column(three_shapes: Simulation, stranger: Ex
     assert blamed(judge(three_shapes, table.with_values(shown), CAUSES)) == told
 
 
+@pytest.mark.study(seconds=9)
 @pytest.mark.parametrize("share", [0.02, dear(-0.03, seconds=20)])
 def test_a_film_of_another_thickness_is_no_slip_of_labels(three_shapes: Simulation, share: float
                                                           ) -> None:
@@ -182,6 +184,7 @@ def test_rates_count_what_is_told_of_strangers() -> None:
     assert "| one frame bent oval | 4 | unexplained 3; drift 1 | 2 of 4 |" in text
 
 
+@pytest.mark.study(seconds=7)
 @pytest.mark.parametrize("stranger", [Jump(150e-6, 40), dear(Stick(200e-6), seconds=10)])
 def test_a_stranger_that_shows_is_unexplained_by_what_causes_leave(
         three_shapes: Simulation, stranger: Jump | Stick, monkeypatch: pytest.MonkeyPatch) -> None:

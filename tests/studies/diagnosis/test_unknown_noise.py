@@ -49,6 +49,7 @@ def test_readings_scatter_about_their_ramps_by_their_noise() -> None:
     assert 10e-6 < scatter.size < 40e-6
 
 
+@pytest.mark.study(seconds=8)
 @among(*FEW, seconds=40)
 def test_a_smooth_misfit_is_told_with_its_cause_and_the_noise_below_which_it_counts() -> None:
     """3 g more than the labels say; "agrees", with a noise of 111 µm, would be wrong."""

@@ -84,6 +84,7 @@ def test_evidence_is_the_integral_and_limits_its_quantiles(
     assert shares == pytest.approx((0.0, 0.95) if at_bound else (0.025, 0.975), abs=0.02)
 
 
+@pytest.mark.study(seconds=4)
 def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (), [], seed=0)
     nominal = fit(three_shapes, (), table)
@@ -207,6 +208,7 @@ def test_ratios_of_strokes(three_shapes: Simulation) -> None:
     assert abs(by_words["elliptical-large over circular at 22.45 g"].off_by_noise) > 3
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("among", [partial(few_causes, more=("prestretch_loss",)),
                                    dear(every_cause, seconds=15)])
 def test_order_of_rows_and_causes_changes_no_verdict(
@@ -256,6 +258,7 @@ def test_a_channel_of_other_noise_than_assumed_makes_no_misfit(three_shapes: Sim
     assert np.median(factor[~both.lengths]) == pytest.approx(share, rel=0.3)
 
 
+@pytest.mark.study(seconds=8)
 def test_a_cause_that_only_its_size_speaks_against_is_suspected(three_shapes: Simulation) -> None:
     """Plates 8.5 mm off centre, whose own readings a film stretched unevenly shows as well."""
     plate = (Cause("plate_eccentricity"),)

@@ -72,6 +72,7 @@ def exact(box: Box, row: np.ndarray, force: float, voltage: float) -> tuple[floa
     return model.deflection(outcome.state), float(model.capacitance(outcome.state))
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("scatter", [False, True])
 def test_random_films_are_those_of_finite_elements_and_errors_are_covered(scatter: bool) -> None:
     films = family(scatter)
@@ -120,6 +121,7 @@ def test_films_on_different_springs_are_those_of_finite_elements() -> None:
         assert states.force[number, 0] == pytest.approx(force - rig.spring * known, rel=1e-4)
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("error", [dear(1e-4, seconds=7), 1e-3])
 def test_a_larger_error_is_that_of_films_with_fewer_shapes(error: float) -> None:
     films = FilmFamily.around(OVAL, SHAPES, FORCE, VOLTAGE, family=FamilySettings(error=error))

@@ -190,6 +190,7 @@ def test_small_strokes_are_those_of_two_linear_springs() -> None:
     assert result.blocked_displacement_m == line.crossings[0].displacement_m
 
 
+@pytest.mark.study(seconds=3)
 def test_a_bias_makes_a_film_bistable() -> None:
     rig = Rig(biases=(Magnet(force=6.0, gap=12e-3, decay=3e-3), Spring(120.0, 4e-3)))
     case = ForceCase(circular(NEO_HOOKE), voltages=(0.0, 3e3), to=11.9e-3, rig=rig)
@@ -304,6 +305,7 @@ def loops() -> ForceResult:
                               cycles=3), Settings())
 
 
+@pytest.mark.study(seconds=6)
 def test_the_area_of_a_loop_is_the_heat_of_its_branches(loops: ForceResult) -> None:
     for loop in loops.loops:
         assert len(loop.area_J) == 3

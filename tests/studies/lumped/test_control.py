@@ -300,6 +300,7 @@ def test_the_integral_does_not_wind_up(method: Method) -> None:
     assert voltage < 4e3
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("mass", [17.9e-3, dear(22.45e-3, seconds=6)])
 def test_the_swing_explains_which_shape_has_the_quickest_loop(mass: float) -> None:
     """K_i of the paper's three shapes goes with 2 ζ ω over the share at once."""
@@ -355,6 +356,7 @@ def test_circles_creep_as_the_film_they_stand_for() -> None:
     assert lumped == pytest.approx(film, abs=0.05 * float(np.ptp(film)))
 
 
+@pytest.mark.study(seconds=5)
 def test_a_controller_of_circles_holds_films_in_time() -> None:
     """The film of the design, then films that differ in stiffness, permittivity and mass."""
     model = branched_model()
@@ -524,7 +526,7 @@ def test_the_fmus_of_film_and_controller_make_the_loop(tmp_path: Path) -> None:
     controller, one, wanted = designed().controller, actuator(), wanted_levels()
     write_controller_fmu(tmp_path, "oval", controller, None)
     film_fmu = export_fmu(MODEL, tmp_path, float(one.mass))
-    states = one.rest(rest(one, 2e3))
+    states = one.rest(rest(one, 2e3), 2e3)
     ours = closed_loop(controller, LumpedPlant.resting(one, 2e3), float(states[0]), wanted)
     reached, (*_, voltage, deflection) = [], range(len(states) * 2 + 3)
     with (instance(FMU2Slave, "coSimulation", film_fmu, tmp_path / "film") as film,

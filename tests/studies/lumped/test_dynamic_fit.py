@@ -49,7 +49,7 @@ def actuator(number: int = 2, mass: float = MASSES[0]) -> Actuator:
 def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.ndarray:
     """States at times, shape (size, times), by DOP853 from rest at the signal's first voltage,
     piece by piece."""
-    state, parts = model.rest(rest(model, signal.first)), []
+    state, parts = model.rest(rest(model, signal.first), signal.first), []
     for piece, (begin, end) in enumerate(pairwise(signal.breaks)):
         inside = time[(time >= begin) & ((time < end) | (end == signal.end))]
         done = solve_ivp(lambda t, x, piece=piece: model.linear(x, signal.within(piece, t))[0],
@@ -106,7 +106,7 @@ def test_motion_is_that_of_another_integrator(signal: Sine | Pieces) -> None:
     """
     given = drive(signal)
     model = actuator()
-    start = model.rest(rest(model, given.first))
+    start = model.rest(rest(model, given.first), given.first)
     motion = CollocationSolver(given).solve(model, start[:, None])
     time = np.linspace(0.0, given.end, 3001)
     other = explicit(model, given, time)
@@ -140,6 +140,7 @@ def test_viscous_derivatives_by_complex_step() -> None:
         assert actuator().by_viscous(state)[:, number] == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.study(seconds=4)
 def test_truth_is_found_from_far_and_its_delay_too() -> None:
     """From constants three times as large and as small; no noise but the data's own 1e-12 m."""
     made = replace(problem(0), noise=1e-8,
@@ -181,6 +182,7 @@ def told(inside: np.ndarray) -> str:
             f"{1.96 * np.sqrt(0.95 * 0.05 / len(inside)):.4f} of 0.95")
 
 
+@pytest.mark.study(seconds=5)
 def test_intervals_cover_the_truth() -> None:
     """Six runs with exact statics, two without the noise known, and two with fitted ones; to 2 % of
     each constant."""
@@ -199,6 +201,7 @@ def test_intervals_cover_the_truth() -> None:
         assert fit.rmse == pytest.approx(NOISE, rel=0.2)
 
 
+@pytest.mark.study(seconds=4)
 def test_responses_that_do_not_see_a_constant_leave_it_open() -> None:
     """The first 60 ms see no relaxation, so not η₁; a reading every 0.2 s does not follow what η₂
     damps."""

@@ -78,6 +78,7 @@ def test_the_oracle_rests_and_moves_as_the_model_does(tmp_path: Path) -> None:
     assert np.abs(other.step(17.9e-3, 0.0, 3.5e3, when) - moved).max() < 1e-9
 
 
+@pytest.mark.study(seconds=3)
 def test_what_another_integrator_made_is_found_within_its_limits(
         dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In well under a minute of processor time, from a model with other viscous constants."""

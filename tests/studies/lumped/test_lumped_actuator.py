@@ -170,7 +170,7 @@ def test_table_1_marks_what_is_lost() -> None:
 @pytest.mark.parametrize(("change", "words"), [
     ({"weights": (0.5, 0.6)}, "add up to 1"), ({"weights": (1.0,)}, "2 numbers"),
     ({"mass": 0.0}, "mass to move"),
-    ({"rig": Rig(gas_pressure=10.0)}, "has no gas"),
+    ({"rig": Rig(guide="fixed")}, "must let the plate move"),
 ])
 def test_what_is_no_model_is_refused(change: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):

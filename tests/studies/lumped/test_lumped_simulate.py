@@ -121,7 +121,7 @@ def test_a_step_overshoots_into_pull_in_where_a_slow_ramp_would_still_hold() -> 
 
 def test_a_film_thrown_beyond_the_models_reach_is_followed_until_there() -> None:
     """Against DOP853 with an event: when it leaves, and where it is half way."""
-    start = PAPER.rest(0.98 * PAPER.reach)
+    start = PAPER.rest(0.98 * PAPER.reach, 0.0)
     start[1] = 200.0
     constant = step(2e3, 2e3, 0.5, 1.0)
 

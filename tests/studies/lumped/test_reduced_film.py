@@ -404,6 +404,7 @@ def test_a_film_that_no_reduced_one_follows_is_refused() -> None:
               BuildSettings((70e-6, 88e-6), (0.0, 100.0, 200.0)))
 
 
+@pytest.mark.study(seconds=3)
 def test_build_and_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The commands, beside `transient` on the same signal and rig."""
     file, rig = tmp_path / "tape.toml", tmp_path / "rig.toml"

@@ -201,7 +201,7 @@ def test_the_seed_is_the_first_that_reaches_both_ends() -> None:
 
 def test_a_negative_voltage_does_what_the_positive_does(fitted: lost.MissingParameters) -> None:
     actuator = fitted.actuators(17.9e-3)[1]
-    state = actuator.rest(2e-3)
+    state = actuator.rest(2e-3, 0.0)
     assert np.array_equal(actuator.linear(state, -3e3)[0], actuator.linear(state, 3e3)[0])
     assert actuator.by_voltage(state, -3e3) == pytest.approx(-actuator.by_voltage(state, 3e3),
                                                              rel=1e-12)

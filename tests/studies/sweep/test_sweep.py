@@ -222,6 +222,7 @@ def backwards(function, tasks):
     return serial(function, dict(reversed(tasks.items())))
 
 
+@pytest.mark.study(seconds=5)
 def test_order_and_processes_change_nothing(whole, tmp_path) -> None:
     sweep, folder = whole
     run_sweep(sweep, tmp_path / "backwards", backwards)

@@ -67,6 +67,7 @@ def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
     xr.testing.assert_identical(table(folder), whole)
 
 
+@pytest.mark.study(seconds=11)
 @pytest.mark.parametrize("times", [2, dear(10, seconds=45)])
 def test_killed_many_times_the_table_is_complete_and_nothing_is_solved_twice(
         right, tmp_path, times: int) -> None:
@@ -103,6 +104,7 @@ def test_what_a_signal_does_waits_for_a_process_that_is_being_started() -> None:
     assert came == ["started", "signal"]
 
 
+@pytest.mark.study(seconds=5, only=("15-3",))
 @pytest.mark.parametrize(("number", "tasks"),
                          [(signal.SIGINT, 0), (signal.SIGINT, 3), (signal.SIGTERM, 3)])
 def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, number, tasks: int) -> None:
@@ -126,6 +128,7 @@ def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, number, tasks:
         goes_on(right, tmp_path / "out")
 
 
+@pytest.mark.study(seconds=5)
 def test_a_full_disk_is_one_message_and_what_was_finished_stays(right, tmp_path) -> None:
     """On a file system of 12 pages, mounted for the command alone."""
     (tmp_path / "small").mkdir()
@@ -145,6 +148,7 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(right, tmp_path)
     goes_on(right, tmp_path / "out")
 
 
+@pytest.mark.study(seconds=6)
 def test_no_room_for_the_table_is_one_message_and_what_was_finished_stays(right, tmp_path) -> None:
     """Files of some size are refused, as by a quota."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

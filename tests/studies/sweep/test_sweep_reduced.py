@@ -151,6 +151,7 @@ def test_rows_beyond_pull_in_are_those_of_finite_elements(tmp_path: Path) -> Non
     np.testing.assert_allclose(result["deflection_m"], known["deflection_m"], rtol=EXACT)
 
 
+@pytest.mark.study(seconds=3)
 def test_limits_are_asked_of_finite_elements_beside_reduced_rows(tmp_path: Path) -> None:
     tables = []
     for exact in (False, True):
@@ -201,6 +202,7 @@ def pulled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.study(seconds=4)
 def test_the_force_of_reduced_rows_is_that_of_finite_elements(pulled: Path) -> None:
     plan, some = forced(pulled, exact=True), slice(None, None, 3)
     exact = run_sweep(replace(plan, entries=plan.entries[some]), pulled / "exact", serial).table
@@ -249,6 +251,7 @@ def test_the_work_of_what_acts_beside_the_weight_is_that_of_finite_elements(
         np.testing.assert_allclose(near[name], known[name], rtol=EXACT, err_msg=name)
 
 
+@pytest.mark.study(seconds=5)
 def test_processes_give_the_same_forces(pulled: Path, tmp_path: Path) -> None:
     before = table(pulled / "out")
     run_sweep(forced(tmp_path), tmp_path / "two", partial(processes, workers=2))
@@ -258,6 +261,7 @@ def test_processes_give_the_same_forces(pulled: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(there[name], before[name], rtol=1e-9, err_msg=name)
 
 
+@pytest.mark.study(seconds=4)
 def test_forces_beyond_the_family_s_reach_are_those_of_finite_elements(tmp_path: Path) -> None:
     tables = []
     for exact in (False, True):
@@ -277,6 +281,7 @@ def test_forces_beyond_the_family_s_reach_are_those_of_finite_elements(tmp_path:
                                    rtol=1e-6, err_msg=name)
 
 
+@pytest.mark.study(seconds=3)
 def test_a_row_whose_force_is_not_sure_comes_from_finite_elements(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = forced(tmp_path, voltages='["1 kV", "3 kV", "4 kV", "5 kV"]')

@@ -97,6 +97,7 @@ def test_shares_of_few_films_are_known_to_some_per_cent() -> None:
     assert rest < 0.02
 
 
+@pytest.mark.study(seconds=4)
 def test_small_loads_scatter_as_products_of_lognormal_numbers() -> None:
     """The deflection of a hardly loaded neo-Hookean film goes as F / (μ T): closed form."""
     film = film_of('material = "vhb-4910-neo-hooke"')
@@ -164,6 +165,7 @@ def test_what_does_not_differ_between_films_has_no_shares() -> None:
     assert sum(spread.counts) == result.films
 
 
+@pytest.mark.study(seconds=4)
 def test_a_voltage_that_no_film_reaches_is_explained(tmp_path: Path) -> None:
     result = tympan.tolerance(oval(), settings=COARSE, mass=MASS, voltage="30 kV", films=100)
     assert result.reached.probability == 0
@@ -197,6 +199,7 @@ def test_lengths_that_scatter_too_far_are_refused_by_their_key(
         ToleranceCase(oval(), tolerances=replace(STILL, **{key: given}))
 
 
+@pytest.mark.study(seconds=6)
 def test_a_film_without_a_load_has_no_band() -> None:
     for mass in (0.0, "0 g"):
         with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
@@ -222,6 +225,7 @@ def test_films_of_the_library_scatter_as_it_says(name: str) -> None:
         *(key for key, size in sizes.items() if size is None), "offset"]
 
 
+@pytest.mark.study(seconds=3, only=("200000000.0-tension",))
 @pytest.mark.parametrize(("strength", "kind"), [(30e6, "breakdown"), (200e6, "tension")])
 def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -> None:
     film = oval()
@@ -245,6 +249,7 @@ def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -
         assert found.voltage[1 + film_number] == pytest.approx(known.voltage_V, rel=3e-3)
 
 
+@pytest.mark.study(seconds=7)
 def test_a_first_limit_that_is_not_that_of_finite_elements_is_told() -> None:
     drawn, _ = drawn_films()
     limits = drawn.limits()
@@ -356,6 +361,7 @@ def test_what_films_fail_of_is_what_finite_elements_meet_first() -> None:
         assert met[number] < 0 or KINDS[met[number]] == known.kind
 
 
+@pytest.mark.study(seconds=9)
 def test_the_words_of_what_is_wanted_are_those_of_a_file_the_option_and_python(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And the answers: on the terminal, in JSON and in Python."""
@@ -436,6 +442,7 @@ def test_quantiles_are_those_of_500_films_of_finite_elements() -> None:
         assert (np.abs(ranks - shares) <= off).all(), key
 
 
+@pytest.mark.study(seconds=3)
 def test_half_of_the_films_reach_the_nominal_film_s_limit() -> None:
     given = Tolerances(**{**vars(STILL), "thickness": Scatter(film=0.02)})
     limit = first_limit(Case(oval(), mass=MASS), COARSE)
@@ -473,6 +480,7 @@ GIVEN = Tolerances(**{**vars(STILL), "thickness": Scatter(batch=0.05),
                       "stiffness": Scatter(film=0.1), "load": Scatter(film=0.02)})
 
 
+@pytest.mark.study(seconds=6)
 def test_bands_of_a_curve_and_of_one_case_are_the_quantiles_of_ten_thousand_films() -> None:
     many = tolerance(ToleranceCase(oval(), mass=MASS, voltage=VOLTAGE, tolerances=GIVEN),
                      COARSE).quantities
@@ -527,6 +535,7 @@ def test_a_wrong_file_is_one_message(tmp_path: Path, text: str, message: str) ->
         Tolerances.read(tmp_path / "T.toml")
 
 
+@pytest.mark.study(seconds=4)
 def test_what_cannot_scatter_is_refused() -> None:
     with pytest.raises(InputError, match="margin: must be left out"):
         ToleranceCase(oval(), tolerances=Tolerances(margin=LengthScatter(film=1e-4)))

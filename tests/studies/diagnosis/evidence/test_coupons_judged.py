@@ -123,6 +123,7 @@ def test_a_wrong_unit_of_stress_is_no_stiffer_film(tmp_path: Path) -> None:
         coupon_readings(read_dataset(folder))
 
 
+@pytest.mark.study(seconds=5)
 @pytest.mark.parametrize("noise", [0.01, dear(0.04, seconds=6.0)])
 def test_hardening_with_a_second_invariant_is_both(tmp_path: Path, noise: float) -> None:
     """Neither alone explains three modes of one film, and no third takes the place of one."""
@@ -245,6 +246,7 @@ def drops(folder: Path, film: Film, noise: float, *, wrong_law: float = 0.0, hea
         "mode,stretch,nominal_stress_kPa,voltage_kV,sigma_kPa\n" + "".join(lines)))
 
 
+@pytest.mark.study(seconds=3)
 def test_drops_are_judged_whatever_the_law_is(tmp_path: Path) -> None:
     """A law that is wrong by a wave of 5 kPa hides no voltage that is right, nor the cause of one
     that is wrong."""
@@ -273,6 +275,7 @@ def test_falling_permittivity_and_a_strip_that_narrows_are_one_class_in_drops(
     assert all(not cause["with"] and cause["probability"] > 0.2 for cause in first)
 
 
+@pytest.mark.study(seconds=3)
 @pytest.mark.parametrize("seed", [0, dear(1, seconds=5.0)])
 def test_strips_that_differ_are_no_misfit_once_that_is_said(tmp_path: Path, seed: int) -> None:
     """Each run another strip, 4 % stiffer or softer: without a word of it something seems wrong.
@@ -313,6 +316,7 @@ def test_one_command_writes_page_readings_and_films_at_each_temperature(
     assert Rig.read(extended / "rig.toml") == Rig()
 
 
+@pytest.mark.study(seconds=5)
 @pytest.mark.parametrize("library", [FEW, dear(WHOLE, seconds=72.0)], ids=["few", "whole"])
 def test_coupons_beside_an_actuator_are_judged_by_themselves_and_with_it(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], library: tuple[str, ...]) -> None:

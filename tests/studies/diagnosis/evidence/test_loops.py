@@ -56,6 +56,7 @@ def _csv(file: Path, head: str, rows: Sequence[Sequence[float | str]]) -> None:
         ",".join(map(str, [name, *row])) for row in rows)]) + "\n")
 
 
+@pytest.mark.study(seconds=3, only=("True",))
 @pytest.mark.parametrize("written", [True, False])
 def test_a_loop_is_no_noise(written: bool, tmp_path: Path) -> None:
     """Of 12 mN, σ 0.5 mN: told as one, though the ways are not written; σ of lengths stays."""

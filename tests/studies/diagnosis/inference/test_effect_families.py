@@ -115,6 +115,7 @@ def quadrants(three_shapes: Simulation) -> ReadingTable:
     return table.with_values(values + SIGMA * np.random.default_rng(7).standard_normal(len(table)))
 
 
+@pytest.mark.study(seconds=7)
 def test_a_missing_quadrant_is_named_by_what_it_has_in_common_with_a_margin(
         three_shapes: Simulation, quadrants: ReadingTable) -> None:
     judged = judge(three_shapes, quadrants, [
@@ -202,6 +203,7 @@ def test_how_much_less_a_voltage_acts_does_not_hang_on_what_all_films_have_in_co
     assert size.high < 1.8 * truth
 
 
+@pytest.mark.study(seconds=6)
 @pytest.mark.parametrize(("truth", "size", "alike", "said"), [
     ("unaccounted_mass", -1.5e-3, {"unaccounted_mass", "friction"}, "less"),
     dear("unaccounted_mass", 1.5e-3, {"unaccounted_mass", "electrode_mass"}, "more", seconds=9),

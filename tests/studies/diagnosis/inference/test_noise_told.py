@@ -71,6 +71,7 @@ def test_slips_are_told_by_their_rows_and_sizes(effect: float, stated: bool) -> 
     assert wrong <= 2
 
 
+@pytest.mark.study(seconds=5, only=("0.8",))
 @pytest.mark.parametrize("correlation", [0.0, 0.8])
 def test_good_readings_are_seldom_told_off(correlation: float) -> None:
     random = np.random.default_rng(7)
@@ -78,6 +79,7 @@ def test_good_readings_are_seldom_told_off(correlation: float) -> None:
     assert sum(bool(one.off.any()) for one in told) <= 3
 
 
+@pytest.mark.study(seconds=5)
 def test_errors_that_remember_are_told_from_such_that_do_not() -> None:
     """Where they do at 0.8, nearly always, about right; where they do not, hardly ever."""
     random = np.random.default_rng(11)

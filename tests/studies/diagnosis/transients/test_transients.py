@@ -58,6 +58,7 @@ def test_creep_is_named(tmp_path: Path) -> None:
     assert any("became" in remark for remark in diagnosis["warnings"])
 
 
+@pytest.mark.study(seconds=3)
 @pytest.mark.parametrize(("branch", "time"), [(60e3, 2.0), dear(100e3, 1.0, seconds=7)])
 def test_creep_of_other_sizes_and_times(tmp_path: Path, branch: float, time: float) -> None:
     """Both within their limits, what is left is noise, and the readings at rest keep theirs."""
@@ -124,6 +125,7 @@ def test_what_hangs_on_a_late_clock_is_left_out(tmp_path: Path) -> None:
     assert late[0] > 0.9 * late[1]
 
 
+@pytest.mark.study(seconds=5)
 def test_nothing_hidden_is_nothing_found(tmp_path: Path) -> None:
     data = runs_in_time.write(tmp_path / "d", Hidden(), SLOW, seed=2)
     assert judge_dataset(read_dataset(data))[1].verdict == "nothing"
@@ -186,6 +188,7 @@ def test_readings_are_those_without_hum(tmp_path: Path) -> None:
     assert loud.sigma == pytest.approx(plain.sigma, rel=0.25)
 
 
+@pytest.mark.study(seconds=3)
 def test_hum_is_told_and_a_late_trigger_and_neither_is_an_effect(tmp_path: Path) -> None:
     """Of four runs that hum the plate of one moves 1 s after the voltage that is written."""
     run = replace(SLOW, before=200, late=40, hum=(30e-6, 50.0))
@@ -216,6 +219,7 @@ def test_derivatives_of_what_is_read_in_time(tmp_path: Path) -> None:
                 slope[some], rel=2e-2, abs=5e-3 * np.abs(slope[some]).max() + 1e-9), kind
 
 
+@pytest.mark.study(seconds=3)
 def test_a_branch_stiffens_and_damps_a_swing_as_the_whole_film_does(tmp_path: Path) -> None:
     """Frequency and fading of a film whose branch relaxes within half a swing, by its equations in
     time: 0.5 % above that at rest, where a tenth of it matters."""
@@ -235,6 +239,7 @@ def test_a_branch_stiffens_and_damps_a_swing_as_the_whole_film_does(tmp_path: Pa
     assert decay == pytest.approx(rung.decay, rel=0.05)
 
 
+@pytest.mark.study(seconds=4)
 def test_what_a_film_remembers_of_any_branch_is_between_those_that_are_solved(tmp_path: Path
                                                                               ) -> None:
     """Against a run with that very branch: to 1e-5 of the stiffness and 1e-3 of what it adds, be it
