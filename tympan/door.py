@@ -636,19 +636,21 @@ def effects() -> dict[str, Any]:
 @names_arguments(PartSizes)
 def export(specimen: Specimen, folder: File, *, inp: bool = False,
            masses: float | str | Sequence[float | str] = (),
-           voltages: float | str | Sequence[float | str] = (), settings: Settings = Settings(),
-           **sizes: Unpack[PartSizes]) -> list[Path]:
+           voltages: float | str | Sequence[float | str] = (), pressure: float | str = 0.0,
+           settings: Settings = Settings(), **sizes: Unpack[PartSizes]) -> list[Path]:
     """Write frame, clamp, plate, film and mesh into a folder, and answer the files.
 
     As STEP, DXF, SVG and VTU; ``sizes`` are those of the parts. ``inp``: instead the film as input
-    of CalculiX or Abaqus, a step for each of the ``masses``, then for each of the ``voltages``.
+    of CalculiX or Abaqus, a step for each of the ``masses``, then for each of the ``voltages``,
+    above a gas of a ``pressure`` [Pa].
     """
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export, export_input
 
     carried, applied = numbers(masses, "mass", "masses"), numbers(voltages, "voltage", "voltages")
     if inp:
-        return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied))]
+        return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied),
+                             number(pressure, "stress", "pressure"))]
     chosen = PartOptions(**{name: number(size, "length", name) for name, size in sizes.items()})
     return list(export(specimen, settings.mesh, Path(folder), chosen))
 

@@ -19,6 +19,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import METRE, quantities_text
 from tympan.studies.case import failure_reason, voltage_ramp
@@ -33,9 +34,10 @@ Ints = NDArray[np.int64]
 _INCREMENTS = "1e-3, 1., 1e-8, 0.12"
 _CONTROLS = ("*CONTROLS, PARAMETERS=TIME INCREMENTATION\n"
              "4, 8, 9, 16, 10, 4, , 5, ,\n.25, .5, .75, .85, , , 2.")
-_OUTPUT = ("*NODE PRINT, NSET=PLATE, FREQUENCY=1000", "U", "*NODE PRINT, NSET=RIM, TOTALS=ONLY",
+_OUTPUT = ("*NODE PRINT, NSET={moving}, FREQUENCY=1000", "U", "*NODE PRINT, NSET=RIM, TOTALS=ONLY",
            "RF", "*NODE FILE", "U", "*EL FILE", "S")
 _TONNE_PER_MM3 = 1e-12
+_MPA_PER_PA = 1e-6
 
 #: Thickness of the plate as a solid [mm]. Any would do, as it is rigid.
 _PLATE_THICKNESS = 2.0
@@ -50,7 +52,8 @@ class FlatFilm:
     """The flat mounted film: ``points`` [m], (n, 2), ``triangles`` of six of them, (m, 6).
 
     Corners counterclockwise, then the middles of the edges 12, 23, 31. ``plate`` and ``frame`` are
-    the points on these edges, ``centre`` the plate's [m].
+    the points on these edges, none of a film without plate; ``centre`` is the plate's [m], or where
+    a film without plate is looked at. ``thickness``: over the film's stated one, of all points.
     """
 
     points: Floats
@@ -58,16 +61,24 @@ class FlatFilm:
     plate: Ints
     frame: Ints
     centre: tuple[float, float] = (0.0, 0.0)
+    thickness: Any = 1.0
 
     @classmethod
-    def of(cls, mesh: CurvedTriangles, centre: tuple[float, float]) -> FlatFilm:
+    def of(cls, mesh: CurvedTriangles, specimen: Specimen) -> FlatFilm:
         """Film by a second-order mesh of the whole of it."""
         points, triangles = mesh.doflocs.T, mesh.dofs.element_dofs.T.copy()
         clockwise = _areas(points, triangles) < 0
         triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
         plate, frame = (np.unique(mesh.dofs.get_facet_dofs(mesh.boundaries[name]).flatten())
+                        if name in mesh.boundaries else np.zeros(0, dtype=np.int64)
                         for name in ("plate", "frame"))
-        return cls(points, triangles, plate, frame, centre)
+        return cls(points, triangles, plate, frame, specimen.centre,
+                   specimen.relative_thickness(*mesh.doflocs))
+
+    @property
+    def middle(self) -> int:
+        """Point nearest to the centre."""
+        return int(np.argmin(np.hypot(*(self.points - self.centre).T)))
 
     def fan(self) -> tuple[Floats, Ints]:
         """The plate as triangles around its centre, as of a sheet.
@@ -93,12 +104,13 @@ class FlatFilm:
 class _Layer:
     """A layer of wedges [mm] over six-node triangles of flat points; nodes from ``first`` on.
 
-    First the lower ones, then the upper, then those between corners.
+    First the lower ones, then the upper, then those between corners. ``thickness`` of all points,
+    or of each.
     """
 
     flat: Floats
     triangles: Ints
-    thickness: float
+    thickness: Any
     first: int = 1
 
     @cached_property
@@ -141,63 +153,70 @@ class Step:
     """Loads at a step's end, by the words that tell them in the file.
 
     The plate carries a ``force`` [N] or is held at a ``deflection`` [m]. ``electric``: forces on
-    the sheet's points, (n, 3) [N].
+    the sheet's points, (n, 3) [N]. ``pressure`` of a gas below film and plate [Pa].
     """
 
     words: str
     force: float = 0.0
     deflection: float | None = None
     electric: Floats | None = None
+    pressure: float = 0.0
 
 
 def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
-                 masses: Sequence[float] = (), voltages: Sequence[float] = ()) -> Path:
+                 masses: Sequence[float] = (), voltages: Sequence[float] = (),
+                 pressure: float = 0.0) -> Path:
     """Write the film as ``NAME.inp``, with a step for each mass [kg], then for each voltage [V].
 
-    Voltages ascend, under the last mass, in standard gravity. Of a stack of films one is written,
-    under its part of the mass: it moves as they all do.
+    Voltages ascend, under the last mass, in standard gravity; all above a gas of a ``pressure``
+    [Pa]. Where there is gas and no mass, a first step has it alone. Of a stack of films one is
+    written, under its part of the loads: it moves as they all do.
 
     Raises
     ------
     InputError
         Where the specimen has what CalculiX has not, or no equilibrium under these loads.
     """
-    plate = specimen.needed_plate()
     if specimen.electrode.stiffness:
         raise InputError("cannot be exported: no solid here is free of stress when mounted",
                          key="electrode.stiffness", given=specimen.electrode.stiffness)
-    if specimen.membrane.thickness_gradient != (0.0, 0.0):
-        raise InputError("cannot be exported: the film's layers are even",
-                         key="membrane.thickness_gradient",
-                         given=specimen.membrane.thickness_gradient)
+    if specimen.plate is None and any(masses):
+        raise InputError("must be left out: the film has no plate to hang it on", key="--mass",
+                         given=f"{max(masses) * 1e3:g} g")
     planes = specimen.mirror_planes
     part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
     mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt
     layers = specimen.membrane.layers
     single = replace(specimen, membrane=replace(specimen.membrane, layers=1))
-    weights = [Step(_load_words(mass, layers), force=Rig().force(mass / layers))
-               for mass in masses]
-    actuated = _actuated(single, mesh, masses[-1] if masses else 0.0, layers, voltages)
-    sheet = FlatFilm.of(mesh, plate.offset)
-    lines = film_input(specimen.name, sheet, single.membrane, [*weights, *actuated])
+    rig = Rig(gas_pressure=pressure / layers)
+    carried = masses or ((0.0,) if pressure else ())
+    weights = [Step(_load_words(mass, layers, pressure), force=rig.force(mass / layers),
+                    pressure=rig.gas_pressure) for mass in carried]
+    actuated = _actuated(single, mesh, masses[-1] if masses else 0.0, layers, voltages, rig)
+    sheet = FlatFilm.of(mesh, specimen)
+    plate_area = 0.0 if specimen.plate is None else area(specimen.plate.outline)
+    lines = film_input(specimen.name, sheet, single.membrane, [*weights, *actuated], plate_area)
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")
     return file
 
 
-def _load_words(mass: float, layers: int) -> str:
-    """Mass on a stack of films, and that on the one which is written."""
-    return f"{mass * 1e3:g} g" + (f" on {layers} films, {mass / layers * 1e3:g} g on this one"
-                                 if layers > 1 else "")
+def _load_words(mass: float, layers: int, pressure: float) -> str:
+    """Mass and gas on a stack of films, and what is on the one which is written."""
+    def loads(count: int) -> str:
+        gas = [f"{pressure / count:g} Pa"] if pressure else []
+        return ", ".join([f"{mass / count * 1e3:g} g", *gas])
+
+    return loads(1) + (f" on {layers} films, {loads(layers)} on this one" if layers > 1 else "")
 
 
 def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, layers: int,
-              voltages: Sequence[float]) -> Iterator[Step]:
+              voltages: Sequence[float], rig: Rig) -> Iterator[Step]:
     """Steps of the electric forces that the same mesh has at its equilibria.
 
-    The mass [kg] is that on so many films, of which the specimen is one.
+    The mass [kg] is that on so many films, of which the specimen is one, on its own rig.
     """
-    rig, own = Rig(), mass / layers
+    own, pressure = mass / layers, rig.gas_pressure
     model = Model(Discretisation.of(mesh), specimen, rig.loading)
     for case, outcome in voltage_ramp(model, own, voltages, rig, PathSettings()):
         if outcome.status != "equilibrium":
@@ -206,19 +225,24 @@ def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, layers: in
         state = outcome.state
         electric = (model.forces(state.positions, 0.0)
                     - model.forces(state.positions, state.voltage_squared))
-        yield Step(f"{_load_words(mass, layers)}, {case.voltage / 1e3:g} kV", rig.force(own),
-                   None, electric)
+        words = _load_words(mass, layers, pressure * layers)
+        yield Step(f"{words}, {case.voltage / 1e3:g} kV", rig.force(own), None, electric, pressure)
 
 
-def film_input(name: str, sheet: FlatFilm, film: Film, steps: Sequence[Step]) -> Iterator[str]:
-    """Lines of an input file: stretch the film, let all but the rims go, then the steps."""
-    assembly = _Assembly(sheet, film)
+def film_input(name: str, sheet: FlatFilm, film: Film, steps: Sequence[Step],
+               plate_area: float = 0.0) -> Iterator[str]:
+    """Lines of an input file: stretch the film, let all but the rims go, then the steps.
+
+    ``plate_area`` [m²], on which a gas lifts the plate.
+    """
+    assembly = _Assembly(sheet, film, plate_area)
+    output = [line.format(moving="PLATE" if len(sheet.plate) else "CENTRE") for line in _OUTPUT]
     yield _preamble(name, film, steps)
     yield from assembly.cards()
     yield from _stage("1., 1.", [*assembly.mounted(), *assembly.hold_film()])
     yield from _stage("1., 1.", assembly.mounted())
     for step in steps:
-        yield from _stage(f"{_INCREMENTS}\n{_CONTROLS}", assembly.loaded(step), _OUTPUT)
+        yield from _stage(f"{_INCREMENTS}\n{_CONTROLS}", assembly.loaded(step), output)
 
 
 def _preamble(name: str, film: Film, steps: Sequence[Step]) -> str:
@@ -234,12 +258,23 @@ class _Assembly:
 
     sheet: FlatFilm
     film: Film
+    plate_area: float
 
     @cached_property
     def skin(self) -> _Layer:
         """The virgin film."""
         flat = METRE * self.sheet.points / np.array(self.film.prestretch)
-        return _Layer(flat, self.sheet.triangles, METRE * self.film.thickness)
+        return _Layer(flat, self.sheet.triangles,
+                      METRE * self.film.thickness * self.sheet.thickness)
+
+    @property
+    def has_plate(self) -> bool:
+        return bool(len(self.sheet.plate))
+
+    @property
+    def mount(self) -> int:
+        """Node by which the film is mounted."""
+        return self.plate.end if self.has_plate else self.skin.end
 
     @cached_property
     def plate(self) -> _Layer:
@@ -266,28 +301,33 @@ class _Assembly:
     def cards(self) -> Iterator[str]:
         """Nodes, elements, materials, and how rims, plate and mounting hang together."""
         yield from self.skin.cards("FILM")
-        yield from self.plate.cards("PLATE", len(self.sheet.triangles) + 1)
-        yield from ("*NODE, NSET=MOUNT", f"{self.plate.end}, 0., 0., 0.")
-        yield from ("*NSET, NSET=REF", f"{self.centre},")
-        edge = [*self.skin.faces(self.sheet.plate), self.skin.between(self._rim_corners)]
+        if self.has_plate:
+            yield from self.plate.cards("PLATE", len(self.sheet.triangles) + 1)
+            yield from ("*NSET, NSET=REF", f"{self.centre},")
+        else:
+            yield from ("*NSET, NSET=CENTRE", *(f"{node}," for node in self.skin.faces(
+                self.sheet.middle)))
+        yield from ("*NODE, NSET=MOUNT", f"{self.mount}, 0., 0., 0.")
+        rim = self.sheet.plate if self.has_plate else self.sheet.frame
+        corners = np.intersect1d(rim, self.skin.corners)
+        edge = [*self.skin.faces(rim), self.skin.between(corners)]
         yield from ("*NSET, NSET=RIM", *(f"{node}," for node in np.hstack(edge)))
         yield from ("*MATERIAL, NAME=RUBBER", *hyperelastic(self.film.material))
         if self.film.density:
             yield from ("*DENSITY", f"{self.film.density * _TONNE_PER_MM3:.12g}")
-        yield from ("*MATERIAL, NAME=STIFF", "*ELASTIC", f"{_PLATE_MODULUS:g}, 0.3")
         yield "*SOLID SECTION, ELSET=FILM, MATERIAL=RUBBER"
-        yield "*SOLID SECTION, ELSET=PLATE, MATERIAL=STIFF"
+        if self.has_plate:
+            yield from ("*MATERIAL, NAME=STIFF", "*ELASTIC", f"{_PLATE_MODULUS:g}, 0.3",
+                        "*SOLID SECTION, ELSET=PLATE, MATERIAL=STIFF")
         yield from self._hinges()
-
-    @property
-    def _rim_corners(self) -> Ints:
-        return np.intersect1d(self.sheet.plate, self.skin.corners)
 
     def _hinges(self) -> Iterator[str]:
         """Equations: a rim's mean between its faces is where mounting and plate have it."""
-        carriers = dict(zip(self.sheet.plate.tolist(),
-                            zip(*self.plate.faces(np.arange(len(self.sheet.plate))), strict=True),
-                            strict=True))
+        carriers: dict[int, Any] = {}
+        if self.has_plate:
+            rim = self.sheet.plate
+            carriers = dict(zip(rim.tolist(), zip(*self.plate.faces(np.arange(len(rim))),
+                                                  strict=True), strict=True))
         for point in (*self.sheet.frame.tolist(), *self.sheet.plate.tolist()):
             pairs: list[tuple[int, ...]] = [self.skin.faces(point)]
             if point in self.skin.corners:
@@ -302,14 +342,14 @@ class _Assembly:
             mounting = self.skin.flat[point, k - 1] if k < 3 else 0.0
             yield from _equation([*((node, k, 1.0) for node in nodes),
                                   *((node, k, -count / 2) for node in carriers),
-                                  (self.plate.end, k, -count * mounting)])
+                                  (self.mount, k, -count * mounting)])
 
     def mounted(self) -> list[str]:
         """The plate held, the rims stretched."""
-        return [*self._stretched_rims(), "PLATE, 1, 3"]
+        return [*self._stretched_rims(), *["PLATE, 1, 3"][:self.has_plate]]
 
     def _stretched_rims(self) -> list[str]:
-        mount = self.plate.end
+        mount = self.mount
         along = [f"{mount}, {k}, {k}, {self.film.prestretch[k - 1] - 1:.12g}" for k in (1, 2)]
         return [*along, f"{mount}, 3, 3"]
 
@@ -333,18 +373,26 @@ class _Assembly:
         forces = [f"{node}, {k}, {force:.12g}" for node, k, force in self._forces(step) if force]
         if forces:
             yield from ("*CLOAD, OP=NEW", *forces)
+        spread = []
         if self.film.density:
-            yield from ("*DLOAD, OP=NEW", f"FILM, GRAV, {METRE * Rig().gravity:.12g}, 0., 0., 1.")
+            spread.append(f"FILM, GRAV, {METRE * Rig().gravity:.12g}, 0., 0., 1.")
+        if step.pressure:  # on the face that looks along the load
+            spread.append(f"FILM, P2, {_MPA_PER_PA * step.pressure:.12g}")
+        if spread:
+            yield from ("*DLOAD, OP=NEW", *spread)
 
     def _forces(self, step: Step) -> Iterator[Term]:
         """Forces [N] on nodes; of the electric ones half on either face."""
-        yield self.centre, 3, step.force
+        if self.has_plate:
+            yield self.centre, 3, step.force - step.pressure * self.plate_area
         if step.electric is None:
             return
         inside = np.setdiff1d(np.arange(len(step.electric)),
                               np.concatenate([self.sheet.plate, self.sheet.frame]))
-        for layer, at, points in ((self.skin, inside, inside),
-                                  (self.plate, np.arange(len(self.sheet.plate)), self.sheet.plate)):
+        parts = [(self.skin, inside, inside)]
+        if self.has_plate:
+            parts.append((self.plate, np.arange(len(self.sheet.plate)), self.sheet.plate))
+        for layer, at, points in parts:
             for nodes in layer.faces(at):
                 for node, force in zip(nodes.tolist(), step.electric[points].tolist(), strict=True):
                     yield from ((node, k, push / 2) for k, push in enumerate(force, start=1))
@@ -357,8 +405,8 @@ def _areas(points: Floats, triangles: Ints) -> Floats:
     return np.asarray(ax * by - ay * bx)
 
 
-def _at(flat: Floats, height: float) -> Floats:
-    return np.column_stack([flat, np.full(len(flat), height)])
+def _at(flat: Floats, height: Any) -> Floats:
+    return np.column_stack([flat, np.broadcast_to(height, len(flat))])
 
 
 def _nodes(points: Floats, first: int) -> Iterator[str]:

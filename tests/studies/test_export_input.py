@@ -117,12 +117,16 @@ def test_of_a_stack_one_film_is_written_under_its_part_of_the_mass(tmp_path: Pat
     assert cards[0] == cards[1]
 
 
-def run_ccx(folder: Path) -> list[tuple[float, float]]:
-    """Deflection [mm] and tilt [rad] of the plate at the end of every load step."""
+def run_ccx_alone(folder: Path) -> None:
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     done = subprocess.run(["ccx", "film"], cwd=folder, capture_output=True, text=True, check=False,
                           env=environment)
     assert done.returncode == 0, done.stdout[-2000:]
+
+
+def run_ccx(folder: Path) -> list[tuple[float, float]]:
+    """Deflection [mm] and tilt [rad] of the plate at the end of every load step."""
+    run_ccx_alone(folder)
     nodes = (folder / "film.inp").read_text().split("*NODE, NSET=PLATE\n")[1].split("*ELEMENT")[0]
     table = np.array([[float(word) for word in line.split(",")] for line in nodes.splitlines()])
     steps = re.split("displacements.*set PLATE and time.*", (folder / "film.dat").read_text())[1:]
@@ -164,6 +168,36 @@ def test_calculix_agrees_on_the_elliptical_film(tmp_path: Path, offset: float) -
         ours = solve(Case(film, mass=0.1, voltage=voltage), Settings())
         assert 1e-3 * deflection == pytest.approx(ours.deflection_m, rel=1e-3)
         assert tilt == pytest.approx(ours.tilt_rad, rel=6e-3, abs=1e-5)
+
+
+@needs_ccx
+@pytest.mark.parametrize("pressure", [0.0, 40.0, -40.0])
+def test_calculix_agrees_on_an_uneven_film_above_gas(pressure: float, tmp_path: Path) -> None:
+    """A film that is thicker on one side: it tilts the plate. Gas lifts or sucks film and plate."""
+    even = actuator(Circle(45e-3), NEO, (ROOT5, ROOT5))
+    film = replace(even, membrane=replace(even.membrane, thickness_gradient=(0.2, 0.0)))
+    export_input(film, MeshSettings(), tmp_path, [30e-3], [3e3], pressure)
+    for (deflection, tilt), voltage in zip(run_ccx(tmp_path), (0.0, 3e3), strict=True):
+        ours = solve(Case(film, mass=30e-3, voltage=voltage, rig=Rig(gas_pressure=pressure)),
+                     Settings())
+        assert 1e-3 * deflection == pytest.approx(ours.deflection_m, rel=1e-3)
+        assert tilt == pytest.approx(ours.tilt_rad, rel=6e-3)
+
+
+@needs_ccx
+def test_calculix_agrees_on_a_film_without_plate(tmp_path: Path) -> None:
+    film = replace(actuator(Ellipse((50e-3, 40e-3)), NEO, (ROOT5, ROOT5)), plate=None)
+    with pytest.raises(InputError, match="no plate to hang it on"):
+        export_input(film, MeshSettings(), tmp_path, [10e-3])
+    file = export_input(film, MeshSettings(), tmp_path, [], [2e3], 60.0)
+    assert "3: 0 g, 60 Pa\n" in file.read_text()
+    run_ccx_alone(tmp_path)
+    steps = re.split("displacements.*set CENTRE and time.*", (tmp_path / "film.dat").read_text())
+    for step, voltage in zip(steps[1:], (0.0, 2e3), strict=True):
+        rows = [line.split() for line in step.split("total")[0].splitlines() if line.strip()]
+        deflection = np.mean([float(row[3]) for row in rows])
+        ours = solve(Case(film, mass=0.0, voltage=voltage, rig=Rig(gas_pressure=60.0)), Settings())
+        assert 1e-3 * deflection == pytest.approx(ours.deflection_m, rel=1e-3)
 
 
 @needs_ccx

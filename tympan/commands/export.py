@@ -43,6 +43,7 @@ SIZES = {
                   help="instead: the prestretched film and plate as input of CalculiX or Abaqus"),
          argument("--mass", help='with --inp: loads to put on, such as "10 g, 20 g", a step each'),
          argument("--voltage", help='with --inp: voltages under the last of them, such as "3 kV"'),
+         argument("--pressure", help='with --inp: of a gas below film and plate, such as "50 Pa"'),
          example='oval.toml -o parts --screw "4 mm"')
 def export(options: argparse.Namespace) -> None:
     """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh; or finite-element input."""
@@ -54,7 +55,7 @@ def export(options: argparse.Namespace) -> None:
     if options.inp:
         print(_export_input(options, specimen, settings))
         return
-    for name in ("mass", "voltage"):
+    for name in ("mass", "voltage", "pressure"):
         if getattr(options, name) is not None:
             raise InputError("is for finite-element input: --inp must be given too",
                              key=f"--{name}", given=getattr(options, name))
@@ -72,6 +73,8 @@ def _export_input(options: argparse.Namespace, specimen: Specimen, settings: Set
 
     masses = parse_quantities(options.mass or "", "mass", "--mass")
     voltages = parse_quantities(options.voltage or "", "voltage", "--voltage")
+    pressure = parse_quantity(options.pressure or "0 Pa", "stress", "--pressure")
     for mass, voltage in product(masses or (0.0,), voltages or (0.0,)):
-        checked_load(mass, voltage)
-    return export_input(specimen, settings.mesh, options.output, masses, sorted(voltages))
+        checked_load(mass, voltage, pressure)
+    return export_input(specimen, settings.mesh, options.output, masses, sorted(voltages),
+                        pressure)
