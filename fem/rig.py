@@ -10,9 +10,9 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
+from tympan.fem.circuit import Circuit
 from tympan.fem.membrane.biases import BIASES, Bias, JoinedFilm, Spring
 from tympan.fem.membrane.loading import Guide, Loading
-from tympan.fem.transient.circuit import Circuit
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, fields_of, number, read, takes_units, write
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table

@@ -3,7 +3,7 @@
 A massless film is in equilibrium with the plate at every moment; its viscous branches flow
 (:mod:`tympan.fem.film.memory`), the plate moves by the trapezoidal rule
 (:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule
-(:mod:`tympan.fem.transient.circuit`). All are of second order. Every step is made once whole and
+(:mod:`tympan.fem.circuit`). All are of second order. Every step is made once whole and
 once in halves: how far these end apart is the error that the steps' length follows, and
 (4 halves − whole)/3 is where it goes on from (Hairer, Nørsett and Wanner, *Solving Ordinary
 Differential Equations I*, §II.4). By the trapezoidal rule what decays much faster than a step would
@@ -22,6 +22,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.circuit import Circuit, Signal
 from tympan.fem.equilibrium.constraints import (
     Constraint,
     difference,
@@ -47,7 +48,6 @@ from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
-from tympan.fem.transient.circuit import Circuit, Signal
 from tympan.fem.transient.dense_output import weights
 
 Array = NDArray[np.float64]

@@ -19,12 +19,12 @@ from scipy.optimize import newton
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
+from tympan.fem.circuit import Circuit
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
-from tympan.fem.transient.circuit import Circuit
 from tympan.fem.vibration.modes import System
 from tympan.geometry.system import silent
 

@@ -180,9 +180,8 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     if specimen.electrode.stiffness:
         raise InputError("cannot be exported: no solid here is free of stress when mounted",
                          key="electrode.stiffness", given=specimen.electrode.stiffness)
-    if specimen.plate is None and any(masses):
-        raise InputError("must be left out: the film has no plate to hang it on", key="--mass",
-                         given=f"{max(masses) * 1e3:g} g")
+    if any(masses):
+        specimen.needed_plate()
     planes = specimen.mirror_planes
     part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
     mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt
