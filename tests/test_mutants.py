@@ -292,6 +292,7 @@ def toy_mutant(old: str, new: str, after: str) -> Mutant:
     return mutant_of("toy/sums.py", source, Change("operator", after, start, old, new))
 
 
+@pytest.mark.study(seconds=7)
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_a_toy_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)

@@ -77,7 +77,8 @@ DRUM = specimen_toml("drum", ROUND, SOFT, 2.0).replace(
     ["alpha", "drum.toml"], ["lumped", "build", "drum.toml", "-o", "out"],
     ["force", "drum.toml", "--to", "1 mm"], ["sense", "drum.toml"],
     ["path", "drum.toml", "--along", "mass"], ["study", "study.toml", "-o", "out"],
-    ["export", "drum.toml", "--inp", "-o", "out"], ["diagnose", "data", "-o", "out"]])
+    ["export", "drum.toml", "--inp", "--mass", "1 g", "-o", "out"],
+    ["diagnose", "data", "-o", "out"]])
 def test_what_needs_a_plate_says_so(arguments: list[str], tmp_path: Path, monkeypatch,
                                     capsys) -> None:
     monkeypatch.chdir(tmp_path)

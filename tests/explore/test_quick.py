@@ -71,7 +71,7 @@ def quick(family: FilmFamily, monkeypatch: pytest.MonkeyPatch
     return by_family(films)
 
 
-@pytest.mark.study(seconds=4, only=("voltage-3500.0",))
+@pytest.mark.study(seconds=4, only=("voltage-3500.0", "mass-0.005"))
 @pytest.mark.parametrize(("key", "value"), [
     ("voltage", 3500.0), ("mass", 0.005), ("mass", 0.03), ("stiffness", 0.85),
     ("membrane.prestretch.0", 2.05), ("membrane.relative_permittivity", 5.2),

@@ -148,6 +148,7 @@ def again(study_folder: Path, report: Path, tmp_path_factory: pytest.TempPathFac
     return folder
 
 
+@pytest.mark.study(seconds=3)
 def test_figures_repeat_byte_by_byte(report: Path, again: Path) -> None:
     for name in ("curves.svg", "stress.pdf"):
         assert again.joinpath(name).read_bytes() == report.with_name(name).read_bytes()

@@ -76,6 +76,7 @@ def test_films_that_did_not_end_have_no_lumped_model_and_a_reason(name: str) -> 
         build(case.specimen, settings, chosen)
 
 
+@pytest.mark.study(seconds=4)
 def test_all_loads_that_circles_are_weighed_at_draw_on_one_budget(monkeypatch: pytest.MonkeyPatch
                                                                    ) -> None:
     """At each of thirty masses the film takes all the work of a search, 12 s, and has no answer."""

@@ -372,7 +372,7 @@ def softening(alpha: float, thickness: float, stretch: float) -> tuple[Specimen,
     return specimen, axisymmetric.Film(10e-3, 45e-3, thickness, stretch, law, 4.7)
 
 
-@pytest.mark.study(seconds=3, only=("1.3-0.0005-2.5-0.003-1.5",))
+@pytest.mark.study(seconds=4, only=("1.3-0.0005-2.5-0.003-1.5", "1.2-0.001-2.5-0.003-2.0"))
 @pytest.mark.parametrize(("alpha", "thickness", "stretch", "mass", "refine"), [
     (1.2, 1e-3, 2.5, 3e-3, 0.7), (1.1, 1e-3, 2.0, 3e-3, 0.7),
     dear(1.2, 1e-3, 2.5, 3e-3, 2.0, seconds=7),

@@ -279,7 +279,7 @@ def test_a_curve_jumps_and_goes_on() -> None:
 CREEPS = circular(NEO_HOOKE, branches=(ViscousBranch(10e3, 0.5),))
 
 
-@pytest.mark.study(seconds=4, only=("swinging",))
+@pytest.mark.study(seconds=4, only=("swinging", "damped"))
 @pytest.mark.parametrize(("film", "rig", "inertia"), [
     (FILM, STAYS, False), (CREEPS, STAYS, False),
     dear(FILM, Rig(biases=STAYS.biases, plate_damping=20.0), False, seconds=4, name="damped"),

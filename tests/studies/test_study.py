@@ -232,6 +232,7 @@ def test_study_files(tmp_path, old, new, words) -> None:
     assert words in str(error.value)
 
 
+@pytest.mark.study(seconds=5)
 def test_bands_of_films_that_scatter_are_stored_with_results_curves_and_forces(
         tmp_path: Path) -> None:
     plan = study.default_study()

@@ -10,6 +10,7 @@ import subprocess
 from collections import defaultdict
 from collections.abc import Iterator
 from hashlib import sha256
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,8 @@ ALLOWED = 10.0
 PRINTED = 10
 #: Share of the dear tests that every run of the suite has.
 SHARE = 0.1
-#: Dear tests from here on are never drawn: few of them would take as long as all others of a
-#: chapter.
-MOST = 25.0
+#: Dear tests above are never drawn: few of them would take as long as all others of a chapter.
+MOST = 15.0
 
 _SECONDS = "processor_s"
 
@@ -57,12 +57,6 @@ def dear(*values: Any, seconds: float, name: str | None = None) -> ParameterSet:
     return pytest.param(*values, marks=pytest.mark.study(seconds=seconds), id=name)
 
 
-def seconds_of(item: pytest.Item) -> float | None:
-    """Stated cost of a dear test, None where it has none."""
-    marker = item.get_closest_marker("study")
-    return None if marker is None else marker.kwargs.get("seconds")
-
-
 def draws(config: pytest.Config) -> bool:
     """Whether a run is that of the whole suite, without the dear tests."""
     return (config.args_source == pytest.Config.ArgsSource.TESTPATHS
@@ -87,13 +81,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Let the dear tests that are drawn run as all others do, and cheap values of dear tests."""
     seed = commits() if draws(config) else None
     for item in items:
-        marker = item.get_closest_marker("study")
-        if marker is None:
-            continue
-        seconds = marker.kwargs.get("seconds")
-        drawn = (seed is not None and seconds is not None and seconds <= MOST
+        every = list(item.iter_markers("study"))
+        markers = [marker for marker in every if is_of(item, marker)]
+        seconds = [marker.kwargs.get("seconds", inf) for marker in markers]
+        drawn = (seed is not None and max(seconds, default=0.0) <= MOST
                  and is_drawn(item.nodeid, seed))
-        if drawn or not is_of(item, marker):
+        if every and (drawn or not markers):
             item.own_markers[:] = [mark for mark in item.own_markers if mark.name != "study"]
 
 

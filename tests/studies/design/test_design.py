@@ -288,6 +288,7 @@ def test_a_bar_beyond_its_axis_has_its_number() -> None:
     assert axes.get_xlim() == (0, 3)
 
 
+@pytest.mark.study(seconds=4)
 def test_reduced_films_have_what_finite_elements_have() -> None:
     result, _ = scattered()
     for each in result.films[0].quantities:

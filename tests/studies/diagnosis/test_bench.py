@@ -55,6 +55,7 @@ def test_errors_that_remember_are_no_misfit(tmp_path: Path) -> None:
     assert not lines_off(judgement)
 
 
+@pytest.mark.study(seconds=9)
 def test_a_frequency_of_another_mode_is_told(tmp_path: Path) -> None:
     """And the other eleven keep the noise that is written beside them."""
     judgement = judged(tmp_path, "mode")

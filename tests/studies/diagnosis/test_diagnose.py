@@ -80,6 +80,7 @@ def test_windows_line_ends_and_marks_change_nothing(tmp_path: Path) -> None:
     assert third.table.voltage == pytest.approx(plain.table.voltage, rel=1e-12)
 
 
+@pytest.mark.study(seconds=8)
 def test_a_hundred_thousand_rows_are_averaged(tmp_path: Path) -> None:
     generator = np.random.default_rng(0)
     voltage = generator.uniform(0, 6, 100_000)

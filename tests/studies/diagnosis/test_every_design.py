@@ -41,7 +41,7 @@ def _prepared(drawn: RandomDesign, folder: Path) -> PreparedReadings:
     return prepared_readings(read_dataset(made))
 
 
-@pytest.mark.study(seconds=3, only=("106",))
+@pytest.mark.study(seconds=4, only=("106", "108"))
 @pytest.mark.parametrize("number", [*FEW, *(dear(number, seconds=6) for number in DOZEN
                                             if number not in FEW)])
 def test_any_film_is_calibrated_by_its_own_equilibria(number: int, tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_air_is_that_of_plate_and_film_together(refine: float, near: float) -> N
     dear(Hidden(electrode=0.12), "electrode_mass", 0.12, seconds=19),
     dear(Hidden(added=1e-3), "added_mass", 1e-3, seconds=12),
     pytest.param(Hidden(unaccounted=5e-4), "unaccounted_mass", 5e-4, marks=pytest.mark.study),
-    (Hidden(air=6.0), "air_mass", 6.0)])
+    dear(Hidden(air=6.0), "air_mass", 6.0, seconds=12)])
 def test_a_mass_is_named_by_frequencies(tmp_path: Path, hidden: Hidden, effect: str,
                                         size: float) -> None:
     """An unaccounted mass is named by taps in every run of the suite, in a trial of the study."""

@@ -108,6 +108,7 @@ def test_command_writes_the_film_and_both_doors_agree(tmp_path: Path, capsys) ->
     assert "mu_2 = " in capsys.readouterr().out
 
 
+@pytest.mark.study(seconds=3)
 def test_powers_that_short_runs_do_not_tell_are_named(tmp_path: Path) -> None:
     """To 3 mm the film hardly stretches: the second term may be there or not."""
     result = tympan.fit_material(measured(tmp_path / "short", 3, most=0.15), constants=["all"])

@@ -81,6 +81,7 @@ def test_the_gas_below_tilted_films_does_the_work_that_finite_elements_say() -> 
     assert films.volume.value(number, films.along(q[None]))[0] == pytest.approx(volume, rel=1e-5)
 
 
+@pytest.mark.study(seconds=4)
 @pytest.mark.parametrize("specimen", [
     pytest.param(disc(None), id="without plate"), dear(disc(Plate(Circle(INNER))), seconds=12)])
 def test_scattered_films_have_the_nominal_one_that_solve_has(specimen: Specimen) -> None:

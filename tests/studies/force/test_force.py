@@ -314,6 +314,7 @@ def test_the_area_of_a_loop_is_the_heat_of_its_branches(loops: ForceResult) -> N
         assert loop.stopped_s is None
 
 
+@pytest.mark.study(seconds=6)
 def test_a_loop_is_told_at_the_points_of_the_curve(loops: ForceResult) -> None:
     for loop, curve in zip(loops.loops, loops.curves, strict=True):
         assert np.allclose(loop.displacement_m[:11], curve.displacement_m)

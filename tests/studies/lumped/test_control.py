@@ -568,6 +568,7 @@ def test_settling() -> None:
     assert settled(way, 2.0, 0.02, 0.5) is None
 
 
+@pytest.mark.study(seconds=3)
 def test_capacitance_is_as_good_a_sensor_as_long_as_it_is_known() -> None:
     """The same run by either; then a capacitance that is a thousandth more than the model's."""
     signal = step(3e3, 4.5e3, 0.0, 2.0)

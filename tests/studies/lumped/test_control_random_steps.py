@@ -155,6 +155,7 @@ def assert_shown(shape: int, mass: float, signal: Pieces, folder: Path, method: 
     return three_times_as_soon(film, hold)
 
 
+@pytest.mark.study(seconds=6)
 def test_random_steps_settle_three_times_as_soon_where_the_supply_can() -> None:
     """Of membrane circles."""
     signal = random_steps(0.0, SUPPLY, 12.0, 6, 3)

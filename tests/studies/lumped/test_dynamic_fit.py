@@ -224,6 +224,7 @@ def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
     assert simplex["rmse_um"] >= 0.99e6 * squares.rmse
 
 
+@pytest.mark.study(seconds=6)
 def test_a_misfit_of_the_model_widens_the_limits_and_is_told() -> None:
     """The same readings with weights of 0.6 and 0.4 taken as exact."""
     wrong = identify_dynamic(problem(1, Exact(paper_cones(SPECIMENS, (0.6, 0.4)))), profiles=False)

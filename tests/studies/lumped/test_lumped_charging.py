@@ -65,7 +65,7 @@ def test_a_motion_is_scipys(slow: Actuator) -> None:
     for (begin, end), volts in zip(pairwise(STEPS.breaks), (1e3, 3.5e3, 0.0), strict=True):
         time = np.linspace(begin, end, 40, endpoint=False)
         done = solve_ivp(lambda _, at, volts=volts: slow.linear(at, volts)[0], (begin, end), state,
-                         "Radau", rtol=1e-9, atol=1e-13, t_eval=[*time, end])
+                         "DOP853", rtol=1e-10, atol=1e-14, t_eval=[*time, end])
         assert motion.deflection(time) == pytest.approx(done.y[0, :-1], abs=1e-9)
         state = done.y[:, -1]
 

@@ -66,6 +66,7 @@ def test_bands_of_a_sweep_are_those_of_each_film(file: Path) -> None:
     assert table["deflection_low_m"].attrs["units"] == "m"
 
 
+@pytest.mark.study(seconds=5)
 def test_a_file_may_ask_for_bands_and_others_keep_their_cases(file: Path) -> None:
     """A sweep without bands has the same cases; one of other tolerances is not mistaken."""
     text = SWEEP.replace('voltage = ["0 kV", "3 kV", "20 kV"]', 'voltage = "3 kV"')

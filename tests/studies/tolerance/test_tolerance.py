@@ -298,6 +298,7 @@ def compared(count: int) -> dict[str, np.ndarray]:
     return {key: np.array([each[key] for each in known]) for key in values}
 
 
+@pytest.mark.study(seconds=6)
 def test_some_films_are_those_of_finite_elements() -> None:
     compared(6)
 

@@ -27,6 +27,7 @@ def test_coupons_in_which_nothing_is_hidden_rarely_alarm() -> None:
     assert kstest(values, "uniform").pvalue > UNLIKELY
 
 
+@pytest.mark.study(seconds=6)
 def test_actuators_noise_is_no_better_known_for_coupons_beside_them(tmp_path: Path) -> None:
     """32 heaves tell their noise with 18 degrees of freedom, among them the 8 of the stated one; as
     well known as by 96 stresses more they alarmed, p = 0.003."""

@@ -60,6 +60,7 @@ def test_predictions_are_off_by_what_a_discrepancy_does_there_and_to_the_fit(
     assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.study(seconds=10)
 def test_the_size_of_a_discrepancy_is_found_beside_what_the_fit_took(
         three_shapes: Simulation) -> None:
     table = design(SIGMA, voltages=6)

@@ -131,6 +131,7 @@ def test_a_missing_quadrant_is_named_by_what_it_has_in_common_with_a_margin(
         f"The electrodes cover less of the film than stated: {size.range} less")
 
 
+@pytest.mark.study(seconds=4)
 def test_what_nothing_explains_is_not_extended_and_its_bands_count_the_misfit(
         three_shapes: Simulation, quadrants: ReadingTable) -> None:
     """The same without any effect that leaves film bare."""

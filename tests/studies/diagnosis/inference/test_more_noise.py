@@ -43,6 +43,7 @@ def said_and_judged(simulation: Simulation, seed: int) -> tuple[float, float] | 
     return said, float(posterior.probabilities[named].sum())
 
 
+@pytest.mark.study(seconds=12)
 @pytest.mark.parametrize("seeds", [(5, 8, 17), dear(range(100), seconds=300, name="hundred")])
 def test_what_is_said_of_a_larger_noise_is_what_a_verdict_with_it_says(
         three_shapes: Simulation, seeds: Sequence[int]) -> None:

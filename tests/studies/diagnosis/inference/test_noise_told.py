@@ -139,6 +139,7 @@ def test_the_probability_of_a_slip_grows_with_its_size() -> None:
     assert probability_off(size) == pytest.approx(0.01 * slip / (0.01 * slip + 0.99 * good))
 
 
+@pytest.mark.study(seconds=5)
 def test_effects_hardly_more_probable_than_errors_that_remember_are_not_preferred() -> None:
     """With 1/f noise one of many effects fits by chance; where an effect is, it is no noise."""
     effects = [SHARE**power * (ramp == RAMP) for ramp in range(6) for power in (0, 2, 6)]

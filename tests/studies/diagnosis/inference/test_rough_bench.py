@@ -14,7 +14,8 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 
 
-@pytest.mark.parametrize("large", [pytest.param("drift", marks=pytest.mark.study), "sensor_zero"])
+@pytest.mark.study(seconds=18)
+@pytest.mark.parametrize("large", ["drift", "sensor_zero"])
 def test_what_is_large_is_named_among_much_that_is_small(three_shapes: Simulation, large: str
                                                          ) -> None:
     """No two causes leave noise alone; but small errors of every kind beside that one do."""
