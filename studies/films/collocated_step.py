@@ -20,6 +20,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from tympan.fem.film.memory import Memory
 from tympan.fem.film.staged_memory import StagedFlow
+from tympan.fem.membrane.biases import acting
 from tympan.studies.films.driven_film import PHASES, DrivenFilm, ReducedMoment
 from tympan.studies.films.film import ITERATIONS, FilmLoads, NoBalance, require_stable
 from tympan.studies.films.sampling import by_voltages
@@ -76,15 +77,17 @@ class CollocatedStep:
         """
         motion, q, size, tangent = self.motion, guess, np.inf, None
         film, flow, (constant, slope) = motion.tabulated, self.flow, self._drive
+        every = np.arange(len(self.stages))
         for _ in range(ITERATIONS):
             fresh = tangent is None
             if tangent is None:
                 pull, stiffness, flow = film.staged_pull(q, self.squared, flow)
                 stiffness[..., :, 0, :, 0] += slope
+                stiffness[..., every, 0, every, 0] += self._acting(q)[1]
                 tangent = factorised(stiffness)
             else:
                 pull, flow = film.staged_forces(q, self.squared, flow)
-            pull[..., 0] += q[..., 0] @ slope.T - constant
+            pull[..., 0] += q[..., 0] @ slope.T - constant + self._acting(q)[0]
             change, before = tangent(pull), size
             size = float(np.maximum.reduce(np.abs(change), None)) / motion.gap
             if not size < 1:
@@ -98,6 +101,11 @@ class CollocatedStep:
             if size > _SLOW * before:
                 tangent = None
         raise NoBalance
+
+    def _acting(self, q: Array) -> tuple[Array, Array]:
+        """Force of mechanisms on the plate [N] and their stiffness [N/m], (…, stages)."""
+        _, force, stiffness = acting(self.motion.biases, q[..., 0])
+        return force, stiffness
 
     @cached_property
     def flow(self) -> StagedFlow:
@@ -123,21 +131,20 @@ class CollocatedStep:
 
     @cached_property
     def _drive(self) -> tuple[Array, Array]:
-        """c and K of the force K y - c [N] that spring, damper and inertia put against the heaves.
+        """c and K of the force K y - c [N] that damper and inertia put against the heaves.
 
         Shapes (..., stages) and (stages, stages).
         """
         motion, moment = self.motion, self.moment
         force = np.asarray(motion.force)[..., None]
-        spring = motion.spring * np.eye(len(self.stages))
         if not motion.leads:
-            return force, spring
+            return force, np.zeros((len(self.stages), len(self.stages)))
         rate = motion.rule.inverse / self.duration
         moving = motion.damper * rate + (motion.mass or 0.0) * rate @ rate
         flown = np.multiply.outer(moment.heave, np.ones(len(rate))) @ moving.T
         if motion.mass is not None:
             flown = flown + motion.mass * np.multiply.outer(moment.velocity, rate.sum(1))
-        return flown + force, moving + spring
+        return flown + force, moving
 
     def _error(self, q: Array) -> float:
         """Error of q at the stages, relative to the gap."""
@@ -175,7 +182,7 @@ class StepSolution:
             velocities = moved @ motion.rule.inverse.T / step.duration
         first = len(step.stages) - len(step.times)
         return [ReducedMoment(time, self.q[..., stage, :],
-                              FilmLoads(motion.force, step.squared[..., stage], motion.spring),
+                              FilmLoads(motion.force, step.squared[..., stage], motion.biases),
                               partial(self._memory, stage), velocities[..., stage])
                 for stage, time in enumerate(step.times.tolist(), first)]
 

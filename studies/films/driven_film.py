@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
+from tympan.fem.membrane.biases import Bias
 from tympan.fem.transient.collocation import CollocationRule, radau
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
@@ -68,15 +69,15 @@ class DrivenFilm:
     These have forces of shape (runs,), or signals :class:`~tympan.studies.signals.Together`; they
     share their steps.
 
-    ``spring`` on the plate [N/m]; its ``mass`` [kg], None for one that follows the film at once;
-    ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and frame;
-    ``budget``: work left to the motion, without one there is no limit.
+    ``biases``: mechanisms on the plate; its ``mass`` [kg], None for one that follows the film at
+    once; ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and
+    frame; ``budget``: work left to the motion, without one there is no limit.
     """
 
     film: ReducedFilm
     force: Any
     signal: Signal | Supplied | Together
-    spring: float = 0.0
+    biases: tuple[Bias, ...] = ()
     mass: float | None = None
     damper: float = 0.0
     error: float = ERROR
@@ -94,7 +95,7 @@ class DrivenFilm:
         film, time = self.tabulated, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:
             return self.flat
-        loads = FilmLoads(self.force, self.signal.first**2, self.spring)
+        loads = FilmLoads(self.force, self.signal.first**2, self.biases)
         q = film.at_rest(loads, self.last)
         memory = film.relaxed(q)
         return ReducedMoment(time, q, loads, lambda: memory)

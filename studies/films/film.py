@@ -33,6 +33,7 @@ from tympan.fem.film.memory import (
     plane_determinant,
 )
 from tympan.fem.film.staged_memory import StagedFlow
+from tympan.fem.membrane.biases import Bias, acting
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[np.float64]
@@ -59,14 +60,14 @@ class NoBalance(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class FilmLoads:
-    """The force on the plate [N], U² across the film [V²], a spring on the plate [N/m].
+    """The force on the plate [N], U² across the film [V²], mechanisms on the plate.
 
     Numbers, or arrays of several runs.
     """
 
     force: Any
     voltage_squared: Any
-    spring: float = 0.0
+    biases: tuple[Bias, ...] = ()
 
     def differ(self, other: FilmLoads) -> bool:
         """Whether a force or a voltage is another one."""
@@ -74,10 +75,10 @@ class FilmLoads:
                     or np.any(self.voltage_squared != other.voltage_squared))
 
     def towards(self, other: FilmLoads, share: float) -> FilmLoads:
-        """Loads a share of the way from these to others, with the others' spring."""
+        """Loads a share of the way from these to others, with the others' mechanisms."""
         return FilmLoads(self.force + share * (other.force - self.force),
                      self.voltage_squared + share * (other.voltage_squared - self.voltage_squared),
-                     other.spring)
+                     other.biases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,8 +311,9 @@ class ReducedFilm:
                 pull[..., 0], stiffness[..., 0, :], stiffness[..., :, 0] = 0.0, 0.0, 0.0
                 stiffness[..., 0, 0] = 1.0
             else:
-                pull[..., 0] += loads.spring * q[..., 0] - loads.force
-                stiffness[..., 0, 0] += loads.spring
+                _, push, bend = acting(loads.biases, q[..., 0])
+                pull[..., 0] += push - loads.force
+                stiffness[..., 0, 0] += bend
             step = _solved(stiffness, pull)
             size = float(np.abs(step).max()) / scale
             if not size < 1:

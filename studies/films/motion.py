@@ -69,7 +69,7 @@ class ReducedMotion(DrivenFilm):
         """
         moment, step, past = begin or self.begin, 0.0, None
         for piece, (start, end) in enumerate(pairwise(self.signal.breaks.tolist())):
-            loads = FilmLoads(self.force, self.signal.within(piece, start) ** 2, self.spring)
+            loads = FilmLoads(self.force, self.signal.within(piece, start) ** 2, self.biases)
             jump = loads if loads.differ(moment.loads) else None
             if jump and self.leads:
                 moment = self._after_jump(moment, jump)

@@ -86,12 +86,12 @@ class Snapshot:
     rates: tuple[Array, ...] = ()
 
 
-def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: float = 0.0,
+def reduced_film(model: Model, forces: Sequence[float], voltage: float,
                  path: PathSettings = PathSettings()) -> ReducedFilm:
     """The film of a model, for forces [N] up to a voltage across it [V], and how near it comes.
 
-    ``spring``: of the model's loading, if there is one on its plate [N/m]. Made under the first
-    force, and from states at rest under all; held against the model under the last.
+    Made under the first force, and from states at rest under all; held against the model under the
+    last.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float, spring: 
     """
     path = path.bounded(model, followed=True, loads=IN_TIME)
     film = film_of_runs(model, forces, voltage, path)
-    errors = {name: error_of(film, model, forces[-1], signal, spring, path)
+    errors = {name: error_of(film, model, forces[-1], signal, path)
               for name, signal in held_out(model, voltage).items()}
     astray = [name for name, error in errors.items() if not error < _ASTRAY]
     if astray:
@@ -191,7 +191,7 @@ def held_out(model: Model, voltage: float) -> dict[str, Signal]:
             "random": random_steps(low, voltage, middle / 2, _LEVELS, _SEED)}
 
 
-def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spring: float = 0.0,
+def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal,
              path: PathSettings = PathSettings()) -> float:
     """The largest error of the deflection under a force [N] and a signal, over the field's range.
 
@@ -199,7 +199,7 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal, spri
     the reduced one has no equilibrium there.
     """
     when = np.linspace(float(signal.breaks[0]), float(signal.breaks[-1]), _SAMPLES)
-    motion = ReducedMotion(film, force, signal, spring, budget=Budget(WORK))
+    motion = ReducedMotion(film, force, signal, model.loading.biases, budget=Budget(WORK))
     try:
         field = _field_motion(model, force, signal, path)
         moments = list(motion.moments())

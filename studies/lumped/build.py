@@ -288,7 +288,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
         # It is the film's own: mechanisms are left out, under the forces that they leave it.
         bare = replace(model, loading=replace(rig, biases=()).loading)
         forces = (pull + rig.spring * deflection).max(axis=1).tolist()
-        film, viscous = reduced_film(bare, forces, highest, rig.spring, path=settings.path), STILL
+        film, viscous = reduced_film(bare, forces, highest, settings.path), STILL
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
                         model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])

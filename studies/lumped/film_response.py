@@ -14,7 +14,7 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.studies.case import Case
+from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.films.driven_film import ERROR, ReducedMoment
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
@@ -82,15 +82,16 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         When the rig has what the reduced film does not know.
     """
     checked_load(mass, signal.peak)
-    if any((rig.biases, rig.gas_pressure, any(rig.weight_offset), rig.series_resistance)):
-        raise InputError("the reduced film has no bias, gas pressure, weight beside the centre, "
+    if any((rig.gas_pressure, any(rig.weight_offset), rig.series_resistance)):
+        raise InputError("the reduced film has no gas pressure, weight beside the centre, "
                          "resistance: take tympan transient", key="rig")
     moved = mass + rig.unaccounted_mass + rig.added_mass
     if inertia and moved <= 0:
         raise InputError("must be positive where the plate swings: the film has no inertia",
                          key="mass", given=f"{mass:g} kg")
+    biases = solved_loading(rig.loading, Settings()).biases
     plate = float(area(film.specimen.needed_plate().outline)) if rig.plate_pressure else 0.0
-    return ReducedMotion(film, float(rig.force(mass, plate)), Supplied(signal, rig), rig.spring,
+    return ReducedMotion(film, float(rig.force(mass, plate)), Supplied(signal, rig), biases,
                          moved if inertia else None, rig.plate_damping, error, budget)
 
 

@@ -78,7 +78,11 @@ def is_of(item: pytest.Item, marker: pytest.Mark) -> bool:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let the dear tests that are drawn run as all others do, and cheap values of dear tests."""
+    """Let the dear tests that are drawn run as all others do, and cheap values of dear tests.
+
+    The files on top, which are long, come first: one of them at the end would run alone.
+    """
+    items.sort(key=lambda item: item.path.parent.name != "tests")
     seed = commits() if draws(config) else None
     for item in items:
         every = list(item.iter_markers("study"))

@@ -24,6 +24,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.membrane.biases import Spring
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import Stopped
 from tympan.geometry.errors import InputError
@@ -225,6 +226,10 @@ class RememberingFilm:
         etas[1:] = (etas[1:] - etas[0]) / np.log1p(_CHANGE)
         return etas
 
+    @property
+    def _springs(self) -> tuple[Spring, ...]:
+        return (Spring(self.rig.spring),) if self.rig.spring else ()
+
     @cached_property
     def _squares(self) -> Array:
         """Mean U² across the film in each passage [V²]."""
@@ -239,7 +244,7 @@ class RememberingFilm:
         signals = [Supplied(history.whole, rig) for rig in (self.rig, self.rig, stronger)
                    for history in histories]
         return ReducedMotion(film, np.concatenate([force, (1 + _CHANGE) * force, force]),
-                             Together(signals), self.rig.spring)
+                             Together(signals), self._springs)
 
     @cached_property
     def _tangents(self) -> tuple[Array, Array] | None:
@@ -250,7 +255,7 @@ class RememberingFilm:
         force = np.array([float(self.rig.force(self.runs[run][0])) for run in self.asked.tolist()])
         film, probe = self._relaxed, self._with((ViscousBranch(self.branch, 1.0),), None)
         try:
-            q = film.at_rest(FilmLoads(force, self._squares, self.rig.spring))
+            q = film.at_rest(FilmLoads(force, self._squares, self._springs))
         except NoBalance:
             return None
         relaxed = film.pull(q, self._squares)[1]

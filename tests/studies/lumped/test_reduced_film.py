@@ -15,6 +15,7 @@ import pytest
 from scipy.constants import epsilon_0
 
 from tests.oracles.creep import CreepingFilm
+from tests.support.biases import DECLARED
 from tests.support.specimens import circular, elliptical
 from tympan.cli import main
 from tympan.fem.film.density import FilmDensity
@@ -110,6 +111,22 @@ def test_a_damper_holds_the_plate_at_a_jump(inertia: bool) -> None:
     behind = 1e-3 if inertia else 2e-4
     assert moved(of(NEO), signal, late, inertia=inertia, rig=rig) == pytest.approx(creep,
                                                                                    rel=behind)
+
+
+@pytest.mark.parametrize(("law", "inertia"), [
+    ("spring", True), *((law, False) for law in DECLARED)])
+def test_mechanisms_on_the_plate_are_those_of_finite_elements(law: str, inertia: bool) -> None:
+    """A film made without them creeps, and swings, with each as the whole film in time does."""
+    rig, film = Rig(biases=(DECLARED[law],), plate_damping=0.3 * inertia), of(NEO)
+    end = 0.2 if inertia else 30.0
+    signal, times = stepped(0.0, 4e3, end), np.linspace(0.0, end, 20)
+    case = TransientCase(NEO, signal, mass=MASS, rig=rig, inertia=inertia)
+    done = history(case, Settings())
+    field = done.at(done.deflection, times)
+    near = moved(film, signal, times, rig=rig, inertia=inertia)
+    assert np.abs(near - field).max() < 3e-4 * np.abs(field).max()
+    plain = moved(film, signal, times, inertia=inertia)
+    assert np.abs(near - plain).max() > 2e-2 * np.abs(field).max()  # it does something
 
 
 @pytest.mark.parametrize("specimen", [NEO, BAND], ids=["circle", "band"])
