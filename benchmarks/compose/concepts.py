@@ -22,7 +22,7 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import toml
-from tympan.geometry.cad.membrane import membrane_part, write_step
+from tympan.geometry.cad.membrane import electrode_part, membrane_part, write_step
 from tympan.geometry.cad.parts import write_dxf
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Registry, fields_of
@@ -205,7 +205,7 @@ def drawn(every: Sequence[Concept], count: int, seed: int, folder: Path
             continue
         made = Combination(tuple(chosen))
         try:
-            made.write(folder)
+            electrode_part(made.write(folder).specimen)
         except InputError:
             refused += 1
         else:
