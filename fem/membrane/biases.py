@@ -59,7 +59,11 @@ Interval = tuple[float, float]
 
 
 class Bias(Protocol):
-    """A mechanism between plate and ground; its energy depends on the deflection alone."""
+    """A mechanism between plate and ground; its energy depends on the deflection alone.
+
+    Its stiffness does not jump. Where the slope of the stiffness does, at deflections [m] that a
+    property ``kinks`` lists, curves of it begin anew.
+    """
 
     law: ClassVar[str]
 

@@ -9,16 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.support.biases import DECLARED
 from tests.support.costs import dear
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import PowerStrength
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.biases import (
-    Bistable,
     BuckledBeam,
-    Constant,
-    ForceTable,
-    Magnet,
     Spring,
 )
 from tympan.fem.rig import Rig
@@ -274,11 +271,7 @@ _NEAR = 5e-5
                  id="beam"),
     pytest.param(Rig(weight_offset=(2e-3, 1e-3)), id="lopsided"),
     pytest.param(Rig(gas_pressure=40.0, weight_offset=(2e-3, 1e-3)), id="gas"),
-    dear(Rig(biases=(Constant(0.1),)), seconds=3, name="constant"),
-    dear(Rig(biases=(Magnet(0.3, 1e-2, 3e-3),)), seconds=3, name="magnet"),
-    dear(Rig(biases=(Bistable(0.05, 6e-3),)), seconds=4, name="bistable"),
-    dear(Rig(biases=(ForceTable((-5e-3, 0.0, 5e-3, 1e-2), (-0.05, 0.0, 0.04, 0.1)),)), seconds=3,
-         name="table")])
+    *(pytest.param(Rig(biases=(bias,)), id=law) for law, bias in DECLARED.items())])
 def test_what_acts_on_the_plate_is_that_of_finite_elements(rig: Rig) -> None:
     of_finite_elements(OVAL, rig)
 
