@@ -89,6 +89,7 @@ class ReducedFilm:
     of the heave's shape and the others [1/m], shape (shapes, points, 3, 2). ``errors``: the largest
     of its deflection over the range of the field model's, by runs it was not made from. ``table``:
     of this specimen's law and charge, if there is one; where it ends the law itself is asked.
+    ``gas_area`` [m²]: that on which a gas below film and plate lifts the plate, where it is known.
     """
 
     specimen: Specimen
@@ -97,6 +98,7 @@ class ReducedFilm:
     gradients: Array
     errors: Mapping[str, float] = field(default_factory=dict)
     table: EnergyTable | None = None
+    gas_area: float | None = None
 
     @property
     def count(self) -> int:

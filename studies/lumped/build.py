@@ -293,8 +293,9 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
                         model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     stiffness, permittivity = _factors(plain, samples)
-    lumped = replace(plain, stiffness=stiffness, permittivity=permittivity,
-                     gas_area=gas_area(model, samples, rig, settings))
+    lifted = gas_area(model, samples, rig, settings)
+    lumped = replace(plain, stiffness=stiffness, permittivity=permittivity, gas_area=lifted,
+                     film=film and replace(film, gas_area=lifted))
     progress(f"{specimen.name}: vibrations")
     actuator = lumped.actuator(chosen.masses[0], rig)
     low, high = (_frequencies(actuator, voltage, settings)

@@ -82,16 +82,20 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         When the rig has what the reduced film does not know.
     """
     checked_load(mass, signal.peak)
-    if any((rig.gas_pressure, any(rig.weight_offset), rig.series_resistance)):
-        raise InputError("the reduced film has no gas pressure, weight beside the centre, "
-                         "resistance: take tympan transient", key="rig")
+    if any(rig.weight_offset) or rig.series_resistance:
+        raise InputError("the reduced film has no weight beside the centre and no resistance: take "
+                         "tympan transient", key="rig")
+    if rig.gas_pressure and film.gas_area is None:
+        raise InputError("the model's file has no gas_area_m2: build it again",
+                         key="rig.gas_pressure", given=f"{rig.gas_pressure:g} Pa")
     moved = mass + rig.unaccounted_mass + rig.added_mass
     if inertia and moved <= 0:
         raise InputError("must be positive where the plate swings: the film has no inertia",
                          key="mass", given=f"{mass:g} kg")
     biases = solved_loading(rig.loading, Settings()).biases
     plate = float(area(film.specimen.needed_plate().outline)) if rig.plate_pressure else 0.0
-    return ReducedMotion(film, float(rig.force(mass, plate)), Supplied(signal, rig), biases,
+    force = float(rig.force(mass, plate)) - rig.gas_pressure * (film.gas_area or 0.0)
+    return ReducedMotion(film, force, Supplied(signal, rig), biases,
                          moved if inertia else None, rig.plate_damping, error, budget)
 
 

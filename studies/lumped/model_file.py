@@ -113,13 +113,16 @@ def read_model(file: Path | str) -> LumpedModel:
     if min(radii) <= inside:
         raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m",
                           min(radii))
-    film = _film(table.table("film"), specimen) if specimen.membrane.branches else None
+    film = gas_area = None
+    if "gas_area_m2" in table.data:
+        gas_area = table.number("gas_area_m2", rule=NON_NEGATIVE)
+    if specimen.membrane.branches:
+        film = replace(_film(table.table("film"), specimen), gas_area=gas_area)
     model = LumpedModel(
         specimen, radii, weights, table.number("flat_capacitance_F", rule=NON_NEGATIVE),
         table.number("highest_voltage_V", rule=POSITIVE), table.number("stiffness", rule=POSITIVE),
         table.number("permittivity", rule=NON_NEGATIVE),
-        STILL if film else _viscous(table.table("viscous")), film,
-        table.number("gas_area_m2", rule=NON_NEGATIVE) if "gas_area_m2" in table.data else None)
+        STILL if film else _viscous(table.table("viscous")), film, gas_area)
     for part in (*circles, table):
         part.done()
     if abs(sum(weights) - 1) > 1e-9:

@@ -129,6 +129,21 @@ def test_mechanisms_on_the_plate_are_those_of_finite_elements(law: str, inertia:
     assert np.abs(near - plain).max() > 2e-2 * np.abs(field).max()  # it does something
 
 
+@pytest.mark.parametrize("pressure", [30.0, -30.0])
+def test_gas_lifts_the_plate_in_time_as_finite_elements_have_it(pressure: float) -> None:
+    """To the bulge of the film, which counts with the square of the pressure."""
+    built = build(NEO, Settings(), BuildSettings((MASS,), (0.0, 2e3, 4e3))).model
+    assert built.film is not None
+    rig, times = Rig(gas_pressure=pressure), np.linspace(0.0, 30.0, 20)
+    signal = stepped(0.0, 4e3, 30.0)
+    done = history(TransientCase(NEO, signal, mass=MASS, rig=rig), Settings())
+    field = done.at(done.deflection, times)
+    near = moved(built.film, signal, times, rig=rig)
+    assert np.abs(near - field).max() < 3e-3 * np.abs(field).max()
+    with pytest.raises(InputError, match="no gas_area_m2: build it again"):
+        film_motion(of(NEO), signal, MASS, rig)
+
+
 @pytest.mark.parametrize("specimen", [NEO, BAND], ids=["circle", "band"])
 def test_at_rest_it_is_the_field_model(specimen: Specimen) -> None:
     """At loads that it was not made from, its capacitance too; no more volume than the film has."""
