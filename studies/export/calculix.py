@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
@@ -182,6 +183,8 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
                          key="electrode.stiffness", given=specimen.electrode.stiffness)
     if any(masses):
         specimen.needed_plate()
+    for mass, voltage in product(masses or (0.0,), voltages or (0.0,)):
+        checked_load(mass, voltage, pressure)
     planes = specimen.mirror_planes
     part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
     mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt

@@ -80,14 +80,15 @@ class CollocatedStep:
         every = np.arange(len(self.stages))
         for _ in range(ITERATIONS):
             fresh = tangent is None
+            _, push, bend = acting(motion.biases, q[..., 0])
             if tangent is None:
                 pull, stiffness, flow = film.staged_pull(q, self.squared, flow)
                 stiffness[..., :, 0, :, 0] += slope
-                stiffness[..., every, 0, every, 0] += self._acting(q)[1]
+                stiffness[..., every, 0, every, 0] += bend
                 tangent = factorised(stiffness)
             else:
                 pull, flow = film.staged_forces(q, self.squared, flow)
-            pull[..., 0] += q[..., 0] @ slope.T - constant + self._acting(q)[0]
+            pull[..., 0] += q[..., 0] @ slope.T - constant + push
             change, before = tangent(pull), size
             size = float(np.maximum.reduce(np.abs(change), None)) / motion.gap
             if not size < 1:
@@ -101,11 +102,6 @@ class CollocatedStep:
             if size > _SLOW * before:
                 tangent = None
         raise NoBalance
-
-    def _acting(self, q: Array) -> tuple[Array, Array]:
-        """Force of mechanisms on the plate [N] and their stiffness [N/m], (…, stages)."""
-        _, force, stiffness = acting(self.motion.biases, q[..., 0])
-        return force, stiffness
 
     @cached_property
     def flow(self) -> StagedFlow:

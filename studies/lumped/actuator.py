@@ -135,6 +135,10 @@ class Actuator:
         """Whether the film charges through a resistance so late that it shows."""
         return bool(np.max(self.rig.circuit.time(self.capacitance(0.0))) > _AT_ONCE)
 
+    @cached_property
+    def _source(self) -> Rig:
+        return self.rig.source
+
     @property
     def size(self) -> int:
         """Numbers of a state."""
@@ -288,7 +292,7 @@ class Actuator:
         slopes = np.zeros((*np.shape(force), self.size, self.size), force.dtype)
         if self.charges:
             circuit, capacitance = self.rig.circuit, self.capacitance(y)
-            source = self.rig.source.film_voltage(voltage)
+            source = self._source.film_voltage(voltage)
             drawn = self.electric(y)[1]
             by_charge = 1 / capacitance  # of U = Q/C
             of_y = -film_voltage * self._capacitance_slope(y) / capacitance
@@ -317,7 +321,7 @@ class Actuator:
         """Derivative of the rates by the voltage [1/V], or by its square, (…, size)."""
         result = np.zeros(np.shape(state))
         if self.charges:
-            slope = _by_voltage(self.rig.source.film_voltage, voltage, squared)
+            slope = _by_voltage(self._source.film_voltage, voltage, squared)
             result[..., -1] = slope / self.rig.series_resistance
         else:
             result[..., 1] = self.by_rest_voltage(state[..., 0], voltage, squared) / self.moved

@@ -98,6 +98,8 @@ def test_what_has_no_equilibrium_or_no_card_is_refused(tmp_path: Path) -> None:
     stiff = Specimen("film", film.frame, film.plate, film.membrane, Electrode(stiffness=1e3))
     with pytest.raises(InputError, match=r"electrode\.stiffness"):
         export_input(stiff, coarse, tmp_path)
+    with pytest.raises(InputError, match="must be from -100 to 100 MPa"):
+        export_input(film, coarse, tmp_path, pressure=1e12)
     assert not list(tmp_path.glob("*.inp"))
 
 

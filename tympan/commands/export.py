@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,13 +67,10 @@ def export(options: argparse.Namespace) -> None:
 
 
 def _export_input(options: argparse.Namespace, specimen: Specimen, settings: Settings) -> Path:
-    from tympan.fem.rig import checked_load
     from tympan.studies.export import export_input
 
     masses = parse_quantities(options.mass or "", "mass", "--mass")
     voltages = parse_quantities(options.voltage or "", "voltage", "--voltage")
     pressure = parse_quantity(options.pressure or "0 Pa", "stress", "--pressure")
-    for mass, voltage in product(masses or (0.0,), voltages or (0.0,)):
-        checked_load(mass, voltage, pressure)
     return export_input(specimen, settings.mesh, options.output, masses, sorted(voltages),
                         pressure)
