@@ -1,6 +1,7 @@
 """Numbers in the sentences of a diagnosis, held against the truth, by kind of sentence.
 
-    python -m benchmarks.trials.told_numbers [--sets 200] [--keep FILE] [-o docs/told-numbers.md]
+    python -m benchmarks.trials.told_numbers [--sets 200] [--workers 2] [--keep FILE]
+        [-o docs/told-numbers.md]
 
 Each set has the paper's three films under two masses, read by finite elements, from files to the
 result. Films are softer or stiffer than stated, and their permittivity is another. Something is
@@ -15,8 +16,11 @@ import argparse
 import json
 import re
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from math import inf
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -187,7 +191,7 @@ def _of_cause(number: int, design: Design, truth: Truth, cause: FoundCause) -> I
                 parameter.name)
             # A number that says how another acts, such as a direction, has no two ends.
             if size is not None and not parameter.spread:
-                yield Told(number, "size of a cause", str(effect), _end(size.low, -inf),
+                yield Told(number, "size of a cause", effect.name, _end(size.low, -inf),
                            _end(size.high, inf), true)
     for label, low, high in re.findall(r"that of ([\d.]+) g has ([\d.]+) to ([\d.]+) g",
                                        cause.headline):
@@ -222,27 +226,46 @@ def table_of(told: list[Told]) -> str:
     return "\n".join(lines)
 
 
+def study(count: int, workers: int, keep: Path | None = None) -> list[Told]:
+    """The numbers told of the first ``count`` sets; what ``keep`` has is not made again."""
+    sets = ([json.loads(line) for line in keep.read_text("utf-8").splitlines()]
+            if keep is not None and keep.exists() else [])
+    told = [Told(**row) for one in sets for row in one["told"] if one["set"] < count]
+    missing = sorted(set(range(count)) - {one["set"] for one in sets})
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(_run, number) for number in missing]):
+            number, rows = future.result()
+            told += rows
+            for row in rows:
+                print("" if row.right else "MISSED", row, flush=True)
+            if keep is not None:
+                with keep.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"set": number, "told": list(map(asdict, rows))}) + "\n")
+    return told
+
+
+@cache
+def _lab() -> Lab:
+    """The films of all sets, which each process makes once."""
+    return Lab(SEED)
+
+
+def _run(number: int) -> tuple[int, list[Told]]:
+    return number, trial(_lab(), number)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sets", type=int, default=200)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, default=None)
     parser.add_argument("-o", "--output", type=Path, default=None)
     asked = parser.parse_args()
-    sets = ([json.loads(line) for line in asked.keep.read_text("utf-8").splitlines()]
-            if asked.keep is not None and asked.keep.exists() else [])
-    told, lab = [Told(**row) for rows in sets for row in rows], Lab(SEED)
-    for number in range(len(sets), asked.sets):
-        rows = trial(lab, number)
-        told += rows
-        for row in rows:
-            print("" if row.right else "MISSED", row, flush=True)
-        if asked.keep is not None:
-            with asked.keep.open("a", encoding="utf-8") as file:
-                file.write(json.dumps([asdict(row) for row in rows]) + "\n")
-    print(table_of(told))
+    table = table_of(study(asked.sets, asked.workers, asked.keep))
+    print(table)
     if asked.output is not None:
-        asked.output.write_text(PAGE.format(count=asked.sets, sigma=1e6 * SIGMA,
-                                            table=table_of(told)), encoding="utf-8")
+        asked.output.write_text(PAGE.format(count=asked.sets, sigma=1e6 * SIGMA, table=table),
+                                encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -438,6 +438,7 @@ def _mess(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     finished = replace(finished, words=kind, rows=(hit, len(at_fault), len(told) - hit))
     if not truth.hypothesis:
         return [finished]
+    finished = gained(finished, design, truth, verdict)
     clean = replace(_blank(record), population="mess, without")
     records = [finished, judged(clean, design, simulation,
                                 measured(design, values, generator, number), truth)[0]]

@@ -215,7 +215,6 @@ def _of_strangers(kinds: Kinds) -> list[Rate]:
 def _of_gains(kinds: Kinds) -> list[Rate]:
     sure = [record for record in kinds.get("gain", []) if record.identifiable]
     every = [record for name in ("gain", "strangers") for record in kinds.get(name, [])]
-    held = [(record.held, record.limits) for record in every if record.held is not None]
     gained = [record.ratio for record in sure if record.ratio is not None]
     return [
         Rate("one identifiable effect: error beyond noise on readings held out, after over before, "
@@ -224,8 +223,16 @@ def _of_gains(kinds: Kinds) -> list[Rate]:
         *(_within(f"all of these and of the strangers, verdict {verdict}", [
             record for record in every if record.verdict == verdict])
           for verdict in ("nothing", "named", "ambiguous", "unexplained") if every),
-        Rate("one effect: the gain's 95 % limits hold the ratio at states held back",
-             sum(low <= ratio <= high for ratio, (low, high) in held), len(held), 0.9, 0.98)]
+        _held("one effect", every),
+        _within("mess, one effect", kinds.get("mess", [])),
+        _held("mess, one effect", kinds.get("mess", []))]
+
+
+def _held(what: str, records: Sequence[Record]) -> Rate:
+    """Ratios at states held back that are within the limits told of them."""
+    held = [(record.held, record.limits) for record in records if record.held is not None]
+    return Rate(f"{what}: the gain's 95 % limits hold the ratio at states held back",
+                sum(low <= ratio <= high for ratio, (low, high) in held), len(held), 0.9, 0.98)
 
 
 def _within(what: str, records: Sequence[Record]) -> Rate:
