@@ -16,7 +16,7 @@ from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
-from tympan.studies.diagnosis.gain import SplitGain, gain_of
+from tympan.studies.diagnosis.gain import GainReport, SplitGain, gain_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
@@ -148,16 +148,23 @@ def gained(record: Record, design: Design, truth: Truth, judgement: Judgement | 
     if exact is None:
         return record
     table = between.table.with_values(exact)
-    missed = [_missed(simulation, split, judgement.table, table)
-              for split in report.splits if not split.note]
+    return replace(record, held=ratio_of(
+        simulation, report, lambda split: _like(split, judgement.table, table)))
+
+
+def ratio_of(simulation: Simulation, report: GainReport,
+             exact: Callable[[SplitGain], ReadingTable]) -> float | None:
+    """What extended models miss of exact readings, over what nominal ones do, of those of a split.
+
+    None where no split has any.
+    """
+    missed = [_missed(simulation, split, exact(split)) for split in report.splits if not split.note]
     before, after = np.hstack(missed) if missed else np.empty((2, 0))
-    return replace(record, held=float(
-        np.linalg.norm(after) / np.linalg.norm(before))) if len(before) else record
+    return float(np.linalg.norm(after) / np.linalg.norm(before)) if len(before) else None
 
 
-def _missed(simulation: Simulation, split: SplitGain, read: ReadingTable, between: ReadingTable
-            ) -> NDArray[np.float64]:
-    """What a split's nominal and extended models miss of states like those it holds out, (2, n).
+def _like(split: SplitGain, read: ReadingTable, between: ReadingTable) -> ReadingTable:
+    """States like those that a split holds out.
 
     A specimen held out is so under the other mass, and a voltage above all others; for a mass held
     out the mass between stands.
@@ -167,7 +174,11 @@ def _missed(simulation: Simulation, split: SplitGain, read: ReadingTable, betwee
         there = np.isin(between.specimen, read.specimen[split.rows])
     elif split.kind == "voltage":
         there = np.abs(between.voltage) >= np.abs(read.voltage[split.rows]).min()
-    table = between[there].compact()
+    return between[there].compact()
+
+
+def _missed(simulation: Simulation, split: SplitGain, table: ReadingTable) -> NDArray[np.float64]:
+    """What a split's nominal and extended models miss of exact readings, (2, n)."""
     errors = np.array([table.value - simulation.predict(model.hypothesis, model.unknowns, table)
                        for model in split.models])
     return errors[:, np.isfinite(errors).all(axis=0)]

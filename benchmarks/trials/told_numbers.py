@@ -27,10 +27,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.trials.judging import fitted_to, gained
+from benchmarks.trials.judging import fitted_to, ratio_of
 from benchmarks.trials.mess import slips
 from benchmarks.trials.random_designs import write_readings
-from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import (
     ALIASES,
     NOBODY,
@@ -163,11 +162,14 @@ def _told(number: int, design: Design, truth: Truth, values: Array, off: list[in
         if cause.named or result.verdict == "ambiguous":
             yield from _of_cause(number, design, truth, cause)
     if result.gain is not None and result.gain.low is not None and truth.hypothesis:
-        blank = Record("gain", number, "elements", tuple(map(str, truth.hypothesis)), 0, 0.0, 0.0)
-        record = gained(blank, design, truth, conclusions.judgement)
-        if record.held is not None and result.gain.high is not None:
+        judgement = conclusions.judgement
+        assert len(judgement.table) == len(values), "one reading a line, in their order"
+        exact = judgement.table.with_values(values)
+        ratio = ratio_of(judgement.simulation, conclusions.gain,
+                         lambda split: exact[split.rows].compact())
+        if ratio is not None and result.gain.high is not None:
             yield Told(number, "ratio of the gain", "beside slips" if off else "", result.gain.low,
-                       result.gain.high, record.held)
+                       result.gain.high, ratio)
 
 
 def _of_cause(number: int, design: Design, truth: Truth, cause: FoundCause) -> Iterator[Told]:
