@@ -356,10 +356,10 @@ def _readings(design: Design, truth: Truth) -> Array | None:
 def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) -> Array | None:
     """Readings of one specimen under one mass, under loads, from voltage to voltage."""
     states = design.table.states
-    rig, _, solved = ramp_states(design, truth, law, ramp)
+    rig, model, solved = ramp_states(design, truth, law, ramp)
     if solved is None:
         return None
-    heaves = [state.plate.deflection for state in solved]
+    heaves = [model.deflection(state) for state in solved]
     pairs = zip(heaves, states.elapsed[ramp].tolist(), strict=True)
     return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
 
@@ -385,7 +385,7 @@ def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.in
                 zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
     if rig.friction:
         return rig, model, _rubbing(model, force, rig.friction, voltages)
-    outcomes = list(voltage_path(model, force, voltages))
+    outcomes = list(voltage_path(model, force, voltages, rig.gas_pressure))
     if any(outcome.status != "equilibrium" for outcome in outcomes):
         return rig, model, None
     return rig, model, [outcome.state for outcome in outcomes]

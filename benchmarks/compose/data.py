@@ -1,0 +1,318 @@
+"""Diagnose readings of every film on every rig: nothing hidden in them, and one effect.
+
+    python -m benchmarks.compose.data FOLDER [--only WORD] [--seed S] [--workers 2] [--again]
+        [-o docs/composition.md]
+
+The readings are of each concept of :mod:`benchmarks.compose.concepts` alone. They come from finite
+elements of another order, on a finer mesh than the diagnosis has, under loads; films whose law the
+paper has follow another law's code there. Films are softer or stiffer than stated, and their
+permittivity is another. The effect is drawn from those that the film and its rig may have, in sizes
+that are usual, until it shows. Half of the tables have headings of their own, which the dataset
+maps. Judgements are kept in FOLDER; a run goes on from them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.compose.concepts import (
+    PLAIN,
+    Asked,
+    Combination,
+    alone,
+    concepts,
+    write_drawings,
+)
+from benchmarks.trials.judging import stands_out
+from benchmarks.trials.synthetic_trials import (
+    Design,
+    Truth,
+    design_of,
+    draw,
+    readings,
+)
+from benchmarks.trials.unknown_noise import rate
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Content
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.diagnose import conclude
+from tympan.studies.diagnosis.hypothesis import Hypothesis
+from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.reading_table import States
+from tympan.studies.effects.effect import EFFECTS, Setup
+
+Array = NDArray[np.float64]
+#: Masses over that which questions have, and voltages over that which they have: twice it is 6 kV
+#: of the plain film, of some 9.7 kV at which it loses its pull when flat.
+MASSES, VOLTAGES = (1.0, 1.25), np.linspace(0.0, 2.0, 9)
+#: Part of the voltages that is left where a film has no equilibrium at the highest.
+_LESS = 0.8
+#: Noise over the largest change of a reading, and its limits [m].
+NOISE, LEAST_NOISE, MOST_NOISE = 4e-3, 1e-6, 20e-6
+#: Times the noise by which an effect moves a reading from what stiffness and permittivity leave.
+SHOWS = 4.0
+#: Effects drawn before a film is said to have none that shows.
+_DRAWS = 40
+#: Change of stiffness and of permittivity by which readings are linear, as a share.
+_STEP = 1e-3
+#: Headings of tables, and those that a dataset maps.
+HEADINGS = ("mass_g", "voltage_kV", "displacement_mm")
+MAPPED = {"specimen": "Probe", "mass_g": "Gewicht am Teller [g]", "voltage_kV": "U soll [kV]",
+          "displacement_mm": "Weg [mm]"}
+#: Verdict of what ended in an error that no input should end in, and of what was refused.
+RAISED, REFUSED = "raised", "refused"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A dataset: its film and rig, what is hidden, and what was said.
+
+    ``shows``: the largest change of a reading over its noise, beside what stiffness and
+    permittivity take up; ``seen``, ``apart``: χ² of the effect, and from the best other one;
+    ``said``: why nothing was said.
+    """
+
+    case: str
+    hidden: str
+    mapped: bool
+    shows: float
+    verdict: str
+    named: tuple[str, ...]
+    listed: tuple[str, ...]
+    seen: float
+    apart: float
+    seconds: float
+    said: str = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether there is a verdict."""
+        return self.verdict not in (RAISED, REFUSED)
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the readings tell the effect from every other one."""
+        return self.seen >= SEEN and self.apart >= TOLD
+
+    @property
+    def wrong(self) -> bool:
+        """Whether an effect is named that is not there, nor one of its family."""
+        return not all(_alike(name, self.hidden) for name in self.named)
+
+    @property
+    def right(self) -> bool:
+        """Whether its effect or the family of that is named, and no other."""
+        return bool(self.named) and not self.wrong
+
+
+def _alike(name: str, other: str) -> bool:
+    one, two = (EFFECTS.get(which.partition(" ")[0]) for which in (name, other))
+    return one is not None and two is not None and (
+        one is two or (one.family is not None and one.family is two.family))
+
+
+@dataclass(frozen=True)
+class Read:
+    """Readings of a design without noise [m], and the noise of one [m]."""
+
+    design: Design
+    truth: Truth
+    values: Array
+    noise: float
+    shows: float = 0.0
+
+
+def design_for(asked: Asked, share: float) -> Design:
+    """States of a film on its rig: each mass, and voltages up to a share of the usual highest."""
+    rig = Rig() if asked.rig is None else Rig.read(asked.rig)
+    masses = np.array([0.0] if asked.mass is None else [share * asked.mass for share in MASSES])
+    mass, voltage = (axis.ravel() for axis in np.meshgrid(
+        np.round(masses, 6), np.round(share * asked.voltage * VOLTAGES, -1), indexing="ij"))
+    # A plate that rubs, and a lag, are read on the way up.
+    direction = 1.0 if rig.friction or rig.lag_voltage else 0.0
+    states = States.of([0] * len(mass), mass, voltage, 0.0, direction)
+    return design_of(asked.combination.stem, Setup((asked.specimen,), rig), states)
+
+
+def nothing_hidden(asked: Asked, generator: np.random.Generator) -> Read:
+    """Readings without an effect, at the highest voltages that the film has."""
+    law = asked.combination.content("film")["membrane"]["material"]
+    means = "another law" if law == PLAIN["membrane"]["material"] else "elements"
+    truth, share = draw(generator, (), means), 1.0
+    while True:
+        design = design_for(asked, share)
+        values = readings(design, truth)
+        if values is not None:
+            noise = float(np.clip(NOISE * np.ptp(values), LEAST_NOISE, MOST_NOISE))
+            return Read(design, truth, values, float(f"{noise:.2g}"))
+        share *= _LESS
+
+
+def one_hidden(nothing: Read, generator: np.random.Generator) -> Read | None:
+    """The same with an effect of a usual size that shows; None where none did."""
+    design = nothing.design
+    moved = []
+    for name in ("stiffness", "permittivity"):
+        changed = readings(design, replace(
+            nothing.truth, **{name: (1 + _STEP) * getattr(nothing.truth, name)}))
+        if changed is None:
+            return None
+        moved.append((changed - nothing.values) / _STEP)
+    taken, _ = np.linalg.qr(np.transpose(moved))
+    # Amplifier gain is permittivity; what needs time does not show at rest.
+    causes = [cause for cause in design.causes if cause.name != "amplifier_gain"]
+    for _ in range(_DRAWS):
+        cause = causes[int(generator.integers(len(causes)))]
+        size = draw(generator, (cause,), nothing.truth.means).sizes
+        truth = replace(nothing.truth, hypothesis=(cause,), sizes=size)
+        values = readings(design, truth)
+        if values is None:
+            continue
+        change = values - nothing.values
+        shows = float(np.abs(change - taken @ (taken.T @ change)).max() / nothing.noise)
+        if shows >= SHOWS:
+            return Read(design, truth, values, nothing.noise, shows)
+    return None
+
+
+def write(asked: Asked, read: Read, folder: Path, mapped: bool,
+          generator: np.random.Generator) -> None:
+    """A dataset's folder with these readings, and with the files that its film and rig name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in asked.film.parent.iterdir():
+        if file.suffix != ".toml" or file.stem == PLAIN["name"]:
+            shutil.copy(file, folder)
+    rig, states = asked.combination.content("rig"), read.design.table.states
+    heading = MAPPED if mapped else {name: name for name in MAPPED}
+    loaded, directed = asked.mass is not None, bool(states.direction.any())
+    content: Content = {"name": asked.combination.stem, "noise": f"{1e6 * read.noise:.3g} um",
+                        "specimen": [asked.combination.content("film")],
+                        **({"rig": rig} if rig else {})}
+    if mapped:
+        content["columns"] = {"static": {
+            name: own for name, own in MAPPED.items() if loaded or name != "mass_g"}}
+    (folder / "dataset.toml").write_text(toml(content), encoding="utf-8")
+    names = [name for name in HEADINGS if loaded or name != "mass_g"]
+    columns = {"mass_g": 1e3 * states.mass, "voltage_kV": 1e-3 * states.voltage,
+               "displacement_mm": 1e3 * (read.values + read.noise * generator.standard_normal(
+                   len(states)))}
+    lines = [",".join([heading["specimen"], *(heading[name] for name in names),
+                       *(["direction"] if directed else [])])]
+    for row in np.transpose([columns[name] for name in names]).tolist():
+        lines.append(",".join([asked.specimen.name, *(f"{value:.7g}" for value in row),
+                               *(["up"] if directed else [])]))
+    (folder / "static.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def judged(case: str, read: Read, folder: Path, mapped: bool, seed: int) -> Judged:
+    """What a diagnosis says of a dataset."""
+    began = time.process_time()
+    blank = Judged(case, " and ".join(map(str, read.truth.hypothesis)), mapped, read.shows, RAISED,
+                   (), (), 0.0, 0.0, 0.0)
+    try:
+        conclusions = conclude(read_dataset(folder), seed=seed)
+    except InputError as refused:
+        return replace(blank, verdict=REFUSED, said=str(refused))
+    except Exception:  # whatever it raises is what is looked for
+        return replace(blank, said=traceback.format_exc())
+    judgement = conclusions.judgement
+    seen, apart = _identifiable(judgement, read)
+    return replace(blank, verdict=judgement.verdict, named=tuple(map(str, judgement.named)),
+                   listed=tuple(map(str, judgement.suspects)), seen=seen, apart=apart,
+                   seconds=time.process_time() - began)
+
+
+def _identifiable(judgement: Judgement, read: Read) -> tuple[float, float]:
+    """χ² of what is hidden, and from the best other effect, by readings without noise."""
+    truth: Hypothesis = read.truth.hypothesis
+    if not truth or len(judgement.table) != len(read.values):
+        return 0.0, 0.0
+    return stands_out(judgement.simulation, read.truth, judgement.table.with_values(read.values),
+                      read.design.causes, judgement)
+
+
+def of_combination(combination: Combination, number: int, folder: Path, seed: int) -> list[Judged]:
+    """Both datasets of a film on a rig; none where its film has no equilibrium."""
+    generator, asked = np.random.default_rng([seed, number]), combination.write(folder / "in")
+    nothing = nothing_hidden(asked, generator)
+    hidden = one_hidden(nothing, generator)
+    found = []
+    for place, read in enumerate((nothing, hidden)):
+        if read is None:
+            continue
+        mapped, own = bool((number + place) % 2), folder / "sets" / f"{combination.stem}-{place}"
+        write(asked, read, own, mapped, generator)
+        found.append(judged(combination.name, read, own, mapped, number))
+    return found
+
+
+def table_of(rows: list[Judged]) -> Iterator[str]:
+    """Counts of the page."""
+    yield "| readings | sets | raised | refused | a wrong name | named | the same, identifiable |"
+    yield "|---|---|---|---|---|---|---|"
+    for words, mapped in (("headings as tympan has them", False), ("mapped headings", True)):
+        for what, hidden in (("nothing hidden", False), ("one effect", True)):
+            own = [row for row in rows if row.mapped == mapped and bool(row.hidden) == hidden]
+            ended = [row for row in own if row.ended]
+            clear = [row for row in ended if row.identifiable]
+            raised, refused = (sum(row.verdict == how for row in own) for how in (RAISED, REFUSED))
+            yield (f"| {words}, {what} | {len(own)} | {raised} | {refused} | "
+                   f"{sum(row.wrong for row in ended)} | {sum(row.right for row in ended)} | "
+                   f"{rate(sum(row.right for row in clear), len(clear)) if hidden else ''} |")
+
+
+def main() -> int:
+    """Print what ended otherwise, and counts; 1 where a set raised or was named wrongly."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.compose.data",
+                                     description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", default="", metavar="WORD", help="combinations with this word")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--again", action="store_true",
+                        help="ask again what raised, was refused or named wrongly")
+    asked = parser.parse_args()
+    folder = asked.folder.resolve()
+    (folder / "in").mkdir(parents=True, exist_ok=True)
+    write_drawings(folder / "in")
+    log = folder / "judged.jsonl"
+    rows = [Judged(**{**row, "named": tuple(row["named"]), "listed": tuple(row["listed"])})
+            for row in map(json.loads, log.read_text("utf-8").splitlines() if log.exists() else [])]
+    kept = {(row.case, bool(row.hidden)): row for row in rows}
+    bad = {row.case for row in kept.values() if not row.ended or row.wrong}
+    known = {row.case for row in rows} - (bad if asked.again else set())
+    with ProcessPoolExecutor(asked.workers, get_context("spawn")) as pool:
+        for future in as_completed([
+                pool.submit(of_combination, combination, number, folder, asked.seed)
+                for number, combination in enumerate(alone(concepts()))
+                if asked.only in combination.name and combination.name not in known]):
+            for row in future.result():
+                kept[row.case, bool(row.hidden)] = row
+                with log.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(row)) + "\n")
+                print(f"{row.case}: {row.hidden or 'nothing'}: {row.verdict} "
+                      f"{', '.join(row.named or row.listed)} (χ² {row.seen:.0f}, apart "
+                      f"{row.apart:.0f}) {row.seconds:.0f} s {row.said}"
+                      f"{' WRONG' if row.ended and row.wrong else ''}", flush=True)
+    print("\n".join(table_of(list(kept.values()))))
+    return int(any(row.verdict == RAISED or (row.ended and row.wrong) for row in kept.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
