@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test study-tests benchmarks scaling verification compose robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean drafts
+.PHONY: study check test study-tests benchmarks scaling verification compose compose-data robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean drafts
 
 # Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
 # that they import again.
@@ -48,6 +48,10 @@ verification: .venv/dev
 # Every question of every film and rig, or of PAIRS drawn ones by a SEED; goes on from OUT/compose.
 compose: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.compose "$(OUT)/compose" $(if $(PAIRS),--pairs $(PAIRS)) $(if $(SEED),--seed $(SEED))
+
+# What a diagnosis says of readings of every film and rig, with nothing hidden and with an effect; half an hour.
+compose-data: .venv/dev
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.compose.data "$(OUT)/compose-data" -o docs/data-matrix.md
 
 robustness: .venv/dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.robustness --workers 2 -o docs/robustness.md
