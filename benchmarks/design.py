@@ -21,11 +21,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import default_rng
-from numpy.typing import NDArray
 from scipy.stats import binomtest, qmc
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.process.threads import one_thread
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.design import design
@@ -36,8 +36,6 @@ from tympan.studies.design.search import Search
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.wanted import QUANTITIES
-
-Array = NDArray[np.float64]
 
 #: Copies of a random design by reduced films: a share of 95 % is known within some 3 %.
 _COPIES = 256

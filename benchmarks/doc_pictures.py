@@ -26,13 +26,12 @@ from PIL import Image
 import tympan
 from benchmarks.explore.__main__ import OVAL
 from benchmarks.explore.browser import browsing, chromium, exploring
+from tympan.geometry.arrays import Array
 from tympan.reports import look
 from tympan.reports.scales import round_scale
 from tympan.reports.scene import View, downsampled, film_rims, placed_surface
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
-
-Array = NDArray[np.float64]
 
 #: Width and height of the hero [pixels]: as wide as a page shows it.
 HERO = (640, 396)

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.dynamic import (
@@ -38,7 +38,6 @@ from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import step
 
-Array = NDArray[np.float64]
 NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 15), (0.5, 0.5)
 VISCOUS = Viscous(15e6, 100e6, 100e3)
 

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.damped_rule import end_weight
-
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 
 class Signal(Protocol):

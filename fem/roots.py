@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: Evaluations after which a search has failed; it needs some ten.
 _EVALUATIONS = 200

@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray, Numbers
 from tympan.geometry.column import Column as Column
 from tympan.geometry.errors import InputError
 from tympan.geometry.formats import Row, TwoMarks, read_rows, unfolded, unread
@@ -45,8 +44,8 @@ class Sheet:
 
     file: Path
     sha256: str
-    line: NDArray[np.int64]
-    values: dict[str, NDArray[Any]]
+    line: Numbers
+    values: dict[str, AnyArray]
     titles: tuple[str, ...]
     sources: dict[str, Source]
     rows: Callable[[], Iterable[Row]]
@@ -56,11 +55,11 @@ class Sheet:
     def __len__(self) -> int:
         return len(self.line)
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> AnyArray:
         return self.values[name]
 
-    def __getattr__(self, name: str) -> NDArray[Any]:
-        values: dict[str, NDArray[Any]] = self.__dict__.get("values", {})
+    def __getattr__(self, name: str) -> AnyArray:
+        values: dict[str, AnyArray] = self.__dict__.get("values", {})
         if name not in values:
             raise AttributeError(name)
         return values[name]
@@ -144,7 +143,7 @@ def sheet_of(reader: Reader, raw: bytes, rows: Callable[[], Iterable[Row]], wide
     sources = {source.column.name: source for source in header.sources}
     sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.zeros(0, np.int64), {}, titles,
                   sources, rows, wide, remarks)
-    lines, parts = [sheet.line], {source.column.name: list[NDArray[Any]]()
+    lines, parts = [sheet.line], {source.column.name: list[AnyArray]()
                                   for source in header.sources}
     while batch := list(islice(below, TOGETHER)):
         for line, cells in batch:
@@ -163,7 +162,7 @@ def sheet_of(reader: Reader, raw: bytes, rows: Callable[[], Iterable[Row]], wide
     return replace(sheet, line=stood, values=values)
 
 
-def _values(sheet: Sheet, rows: Sequence[Row], source: Source, reader: Reader) -> NDArray[Any]:
+def _values(sheet: Sheet, rows: Sequence[Row], source: Source, reader: Reader) -> AnyArray:
     """A column's values in some rows."""
     column, values = source.column, []
     if source.place is None:

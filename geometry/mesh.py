@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from skfem.assembly import Dofs
+
+from tympan.geometry.arrays import Array, Mask, Numbers
 
 if TYPE_CHECKING:
     import meshio
 
-Ints = NDArray[np.int64]
 
 ELEMENTS: dict[int, type[skfem.Element]] = {
     1: skfem.ElementTriP1, 2: skfem.ElementTriP2, 3: skfem.ElementTriP3, 4: skfem.ElementTriP4}
@@ -32,8 +32,8 @@ class CurvedTriangles(skfem.MeshTri2):  # type: ignore[misc]  # scikit-fem has n
         return int(self.elem.maxdeg)
 
 
-def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int,
-                nodes: NDArray[np.float64]) -> CurvedTriangles:
+def curved_mesh(vertices: Array, triangles: Numbers, order: int,
+                nodes: Array) -> CurvedTriangles:
     """A scikit-fem mesh from element-wise node positions.
 
     ``vertices`` have shape (2, n), ``triangles``, of vertex numbers that ascend in each column, (3,
@@ -97,7 +97,7 @@ def from_bytes(content: bytes) -> CurvedTriangles:
     return tagged
 
 
-def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
+def facets_of(mesh: CurvedTriangles, edges: Numbers) -> Numbers:
     """Numbers of the facets with the given end vertices, shape (edges, 2)."""
     key = mesh.facets[0].astype(np.int64) * mesh.nvertices + mesh.facets[1]
     order = np.argsort(key)
@@ -106,7 +106,7 @@ def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
 
 
 def unfold(mesh: CurvedTriangles,
-           planes: frozenset[str]) -> tuple[CurvedTriangles, Ints, NDArray[np.float64]]:
+           planes: frozenset[str]) -> tuple[CurvedTriangles, Numbers, Array]:
     """Mirror a part that was meshed for symmetry into the whole film.
 
     Besides the whole, of each of its nodes the one in the part, and signs of shape (2, nodes): a
@@ -122,7 +122,7 @@ def unfold(mesh: CurvedTriangles,
     return mesh, origin, signs
 
 
-def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Ints, NDArray[np.bool_]]:
+def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Numbers, Mask]:
     """Part and image; of each node the one in the part, and whether it is in the image alone."""
     count, half = mesh.nvertices, mesh.t.shape[1]
     corner_points = mesh.doflocs[:, :count]
@@ -157,13 +157,13 @@ def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Ints, ND
     return whole.with_boundaries(boundaries).with_subdomains(subdomains), source, mirrored
 
 
-def _barycentric(order: int) -> Ints:
+def _barycentric(order: int) -> Numbers:
     """Integer barycentric coordinates of scikit-fem's local nodes, shape (local, 3)."""
     xy = np.rint(ELEMENTS[order].doflocs * order).astype(np.int64)
     return np.column_stack([order - xy.sum(axis=1), xy])
 
 
-def _gmsh_barycentric(order: int) -> Ints:
+def _gmsh_barycentric(order: int) -> Numbers:
     """Barycentric nodes in gmsh's order: vertices, edges 01, 12, 20, then the inner triangle."""
     if order == 0:
         return np.zeros((1, 3), dtype=np.int64)
@@ -174,7 +174,7 @@ def _gmsh_barycentric(order: int) -> Ints:
     return np.vstack([corners, *edges, inner])
 
 
-def _local_numbers(source: Ints, order: int) -> Ints:
+def _local_numbers(source: Numbers, order: int) -> Numbers:
     """table[rank] for the six vertex orders: where scikit-fem's local nodes are in ``source``."""
     number = {tuple(point): position for position, point in enumerate(source)}
     target = _barycentric(order)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array, Mask
 
 #: Places on a ray between which the edge of an outline is looked for. What is thinner than the
 #: distance between two of them may be missed. Set by trial.
@@ -38,7 +37,7 @@ def exits(inside: Bounded, centre: Array, way: Array, far: float) -> Array:
     return np.asarray((low + high) / 2)
 
 
-def outside(inside: Bounded, centre: Array, way: Array, far: float) -> NDArray[np.bool_]:
+def outside(inside: Bounded, centre: Array, way: Array, far: float) -> Mask:
     """Whether places on rays up to ``far`` are outside, from the centre on, shape (places, n)."""
     radius = np.linspace(0, far, _SOUGHT)[:, None]
     return np.asarray(inside.level(*(centre[:, None] + way[:, None] * radius)) > 0)

@@ -7,9 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.pieces import Array, Line, Piece, subdivided
+from tympan.geometry.outlines.pieces import Line, Piece, subdivided
 from tympan.geometry.specimen import Pair, Specimen
 
 #: Pieces in order around a part of the film.
@@ -160,7 +161,7 @@ def _split(piece: Piece, centre: Pair, close: float) -> list[Piece]:
         ends.tolist())]
 
 
-def _crossings(piece: Piece, axis: int, level: float, low: Array, high: Array) -> Array:
+def _crossings(piece: Piece, axis: int, level: float, low: AnyArray, high: AnyArray) -> AnyArray:
     """Parameters where a coordinate has a level, once between each pair: Newton's method."""
     t = (low + high) / 2
     for _ in range(30):

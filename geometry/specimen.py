@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray, Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, area, check_outline
@@ -22,7 +23,7 @@ from tympan.geometry.rays import exits
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.geometry.units import place_text, quantities_text
 
-Stretch = NDArray[np.float64] | NDArray[np.complex128]
+Stretch = Array | NDArray[np.complex128]
 Pair = tuple[float, float]
 
 _NAME: Rule = (lambda text: re.fullmatch(r"\w[\w .+-]{0,99}", text) is not None,
@@ -138,11 +139,11 @@ class Region:
         return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, "
                 f"centred at {x:.4g}, {y:.4g} mm")
 
-    def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
         """Negative inside the outline, zero on it [m]."""
         return self.outline.level(x - self.offset[0], y - self.offset[1])
 
-    def points(self, count: int) -> NDArray[np.float64]:
+    def points(self, count: int) -> Array:
         """Points on the outline, shape (2, count) [m]."""
         return np.asarray(self.outline.points(count) + np.array(self.offset)[:, None])
 
@@ -449,7 +450,7 @@ class Specimen:
         return self.plate
 
     @property
-    def sharp_corners(self) -> NDArray[np.float64]:
+    def sharp_corners(self) -> Array:
         """Corners of plate and frame that point into the film, shape (n, 2) [m]."""
         corners = [self.frame.curve.sharp_corners(outwards=False)]
         if self.plate is not None:

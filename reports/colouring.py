@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.reports import look
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.studies.film_surface import FilmSurface
-
-Array = NDArray[Any]
 
 #: Margins above it have one colour.
 MOST_MARGIN = 10.0

@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.reports.scales import AxisScale
 from tympan.studies.case import Band
 from tympan.studies.files import write_atomically
@@ -188,15 +189,15 @@ def colour_of(number: int, count: int = 1) -> str:
     return to_hex(colormaps[COLOURS](0.92 * number / (count - 1)))  # its yellow is pale on white
 
 
-def edges(places: NDArray[np.float64], bands: Sequence[Band | None], factor: float
-          ) -> NDArray[np.float64]:
+def edges(places: Array, bands: Sequence[Band | None], factor: float
+          ) -> Array:
     """Places with 5 and 95 % of films, (3, places), times a factor; NaN where no band is told."""
     values = [(np.nan, np.nan) if band is None else (factor * band.low, factor * band.high)
               for band in bands]
     return np.array([places, *np.array(values).reshape(-1, 2).T])
 
 
-def band(axes: Axes, edge: NDArray[np.float64], colour: str) -> None:
+def band(axes: Axes, edge: Array, colour: str) -> None:
     """The band of films that scatter, of places with low and high edge, (3, places)."""
     if not np.isfinite(edge[1:]).any():
         return

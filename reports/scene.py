@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.system import MissingLibrary
 from tympan.reports import look
 from tympan.reports.look import Picture
 from tympan.reports.scales import AxisScale
 from tympan.studies.film_surface import FilmSurface
-
-Array = NDArray[np.float64]
 
 _MOUNTED = ("across", "back")
 _LOOSE = ("wrinkled", "slack")

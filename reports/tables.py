@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.units import unit_of
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
@@ -47,13 +47,13 @@ _LETTERS = 60
 _DIGITS = "{:.6g}".format
 
 
-def labelled(values: Mapping[str, NDArray[np.float64]], along: str,
-             **places: NDArray[np.float64]) -> xr.Dataset:
+def labelled(values: Mapping[str, Array], along: str,
+             **places: Array) -> xr.Dataset:
     """Fields of a film as an xarray dataset along one dimension, with their units.
 
     ``places``: where in the flat film they are [m], by coordinate.
     """
-    def variable(name: str, value: NDArray[np.float64]) -> xr.Variable:
+    def variable(name: str, value: Array) -> xr.Variable:
         dims = (along, "component")[:value.ndim]
         return xr.Variable(dims, value, {"units": FIELD_UNITS.get(name, "1")})
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
@@ -46,6 +45,7 @@ from tympan.fem.results.limit_states import (
     LimitState,
 )
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks, checks_types
 from tympan.geometry.mesh import unfold
@@ -57,8 +57,6 @@ from tympan.studies.files import from_json, read_json, remove, stored_file, to_j
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
-
-Array = NDArray[np.float64]
 
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.columns import TOGETHER, sheet_of
 from tympan.geometry.columns import Column as Column
 from tympan.geometry.columns import Sheet as Sheet
@@ -40,7 +40,7 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
     write_csv(file, [column.title for column in columns], rows())
 
 
-def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[Any]]:
+def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, Array]:
     """SI values by column name of a file that :func:`write_sheet` wrote; it may have no rows."""
     if not read_text(file, _OWN).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)

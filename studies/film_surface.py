@@ -10,16 +10,14 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Unfolding, cell_fields, whole
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.studies.files import remove, write_atomically, write_text
-
-Array = NDArray[np.float64]
 
 #: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack;
 #: ``breakdown_share`` is field over strength, 0 where the strength is unknown.
@@ -56,7 +54,7 @@ class FilmSurface:
     """
 
     points: Array
-    triangles: NDArray[np.int64]
+    triangles: Numbers
     values: Mapping[str, Array]
 
     @property
@@ -172,7 +170,7 @@ def film_surface(model: Model, state: State, parts: int = 6, unfolding: Unfoldin
     return FilmSurface(fields.position + fields.displacement, triangles, values)
 
 
-def cut_triangles(model: Model, parts: int) -> tuple[Array, NDArray[np.int64]]:
+def cut_triangles(model: Model, parts: int) -> tuple[Array, Numbers]:
     """Reference points of a cut element, shape (2, k), and triangles of all, element-major."""
     points, triangles = lattice(parts)
     offsets = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None]
@@ -185,7 +183,7 @@ def interpolated(model: Model, nodal: Array, points: Array) -> Array:
     return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
 
 
-def lattice(parts: int) -> tuple[Array, NDArray[np.int64]]:
+def lattice(parts: int) -> tuple[Array, Numbers]:
     """Reference points of a triangle cut into ``parts``² equal ones, (2, n); these, (parts², 3).
 
     Examples

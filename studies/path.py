@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Literal, Self, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved, newton
@@ -32,6 +31,7 @@ from tympan.fem.results.limit_states import (
     Sign,
 )
 from tympan.fem.rig import MOST_VOLTAGE
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.geometry.outlines import area
@@ -50,8 +50,6 @@ from tympan.studies.case import (
 )
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
-
-Array = NDArray[np.float64]
 
 #: Longest step along a branch, relative to the frame's half extent, so that its points are a smooth
 #: curve.
@@ -495,7 +493,7 @@ class Stop:
         mesh, fields = self.model.discretisation, self.fields
         # At an electrode's edge the film itself jumps.
         sides = 2 * mesh.connectivity + (mesh.covered > 0)
-        nodes: NDArray[np.int64] = np.unique(sides, return_inverse=True)[1].reshape(sides.shape)
+        nodes: Numbers = np.unique(sides, return_inverse=True)[1].reshape(sides.shape)
         if not sign.local:
             stresses = (fields.stress_1, fields.stress_2)
             return float(max((_jumps(nodes, stress)**2).mean() / max(np.var(stress), 1e-300)
@@ -523,7 +521,7 @@ class Stop:
         return replace(self, model=model, point=replace(self.point, solution=solution))
 
 
-def _jumps(nodes: NDArray[np.int64], values: Array) -> Array:
+def _jumps(nodes: Numbers, values: Array) -> Array:
     """Largest less smallest value at each node, of the elements that meet there.
 
     ``nodes`` of the elements, shape (elements, local); ``values`` element-major, those that are ∞

@@ -9,10 +9,10 @@ from math import pi
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.fem.vibration.modes import vibrations
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.studies.case import (
@@ -130,7 +130,7 @@ def _check_flows(case: Case) -> None:
                              given=f"flow {branch.flow.flow}")
 
 
-def _listed(values: NDArray[np.float64]) -> tuple[float, ...]:
+def _listed(values: Array) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.columns import LEAST_STEP
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks
@@ -24,7 +24,6 @@ from tympan.geometry.meanings import TIMES, VOLTAGES
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, read_sheet
 
-Array = NDArray[np.float64]
 _HIGHEST = 1e6
 _DURATION: Rule = (lambda x: LEAST_STEP <= x < np.inf, "must be positive, 1 ns at least")
 _STRAIGHT = 1e-9  # of the largest change of voltage in time: what is no change of it
@@ -67,7 +66,7 @@ class Pieces:
         return float(self.voltage[0])
 
     @cached_property
-    def _begins(self) -> NDArray[np.int64]:
+    def _begins(self) -> Numbers:
         return np.flatnonzero(np.diff(self.time) > 0)
 
     def within(self, piece: Any, time: Any) -> Any:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import platform
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.geometry.arrays import Array, Columns
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import read
 from tympan.geometry.read_file import file_text
@@ -41,7 +41,6 @@ Progress = Callable[[str], None]
 Banded = TypeVar("Banded", CaseResult, CurveResult, ForceResult | None)
 
 #: SI values by column name, shape (rows,) each.
-TableOfColumns = Mapping[str, NDArray[Any]]
 
 #: Boundaries of the mesh along the lines x and y through the plate's centre, and around the plate.
 _BOUNDARIES = {"x": "axis_x", "y": "axis_y", "plate": "plate"}
@@ -133,7 +132,7 @@ class SpecimenResult:
     semi_axes_m: tuple[float, ...]
     result: CaseResult
     curves: CurveResult
-    lines: TableOfColumns = field(default_factory=dict, compare=False)
+    lines: Columns = field(default_factory=dict, compare=False)
     force: ForceResult | None = field(default=None, compare=False)
 
     def save(self, folder: Path) -> None:
@@ -300,7 +299,7 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
         from_films, tuple(specimens), tuple(alphas))
 
 
-def line_profile(model: Model, state: State, line: str) -> tuple[NDArray[np.float64], Fields]:
+def line_profile(model: Model, state: State, line: str) -> tuple[Array, Fields]:
     """Distances [m], shape (n,), and fields along a line of lines/NAME.csv.
 
     "x" and "y" run through the plate's centre from end to end; "plate" around it, by angle.
@@ -359,7 +358,7 @@ def _force(study: Study, specimen: Specimen, curves: CurveResult) -> ForceResult
         return None
 
 
-def _lines(model: Model, state: State) -> TableOfColumns:
+def _lines(model: Model, state: State) -> Columns:
     parts = []
     for line in _BOUNDARIES:
         distance, fields = line_profile(model, state, line)

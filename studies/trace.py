@@ -11,11 +11,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.fem.transient.dense_output import spline
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, write
 from tympan.geometry.specimen import Specimen
@@ -24,8 +24,6 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.film_surface import FilmSurface, save_series
 from tympan.studies.signals import Signal, nominal
-
-Array = NDArray[np.float64]
 
 #: A loop that drifts by less than this share of its range counts as closed: less cannot be seen in
 #: a figure.

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -26,6 +25,7 @@ from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen, require_different_names
@@ -47,8 +47,6 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.modes import carried
 from tympan.studies.signals import Pieces, Signal, Supplied, Wave, lagging, nominal, ramp
 from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
-
-Array = NDArray[np.float64]
 
 #: Where a loop turns, as a share of the first limit, so that the film stays before it.
 _NEAR_LIMIT = 0.95

@@ -12,18 +12,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table, one_of
 from tympan.geometry.units import DIMENSIONS, quantity_text
-
-Array = NDArray[Any]
 
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from benchmarks.external.case import Case, draw, table, words
@@ -23,8 +22,6 @@ from tympan.reports import look
 from tympan.studies.case import Case as FilmCase
 from tympan.studies.case import Settings
 from tympan.studies.modes import modes
-
-Array = NDArray[np.float64]
 
 #: Side of the frame and virgin thickness [m]; the published law.
 SIDE, THICKNESS = 25.4e-3, 100e-6

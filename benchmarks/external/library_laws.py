@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.external.rubber import foretold, load
 from tympan.fem.film.laws import Yeoh
+from tympan.geometry.arrays import Array
 from tympan.studies.data.coupon import MODES
 from tympan.studies.material.families import FAMILIES
-
-Array = NDArray[np.float64]
 
 #: Largest stretch of Treloar's readings that is fitted: beyond it his rubber crystallises.
 CRYSTALLISES = 5.0

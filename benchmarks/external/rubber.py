@@ -11,18 +11,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
+from tympan.geometry.arrays import Array
 from tympan.reports import look
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.estimation.least_squares import minima, seeded_starts
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 from tympan.studies.material.fit import compare, coupon_problem, judged, material_lines
-
-Array = NDArray[np.float64]
 
 #: Source of each set, by the name of its files.
 SETS = {"treloar_1944": "Treloar 1944, vulcanised rubber",

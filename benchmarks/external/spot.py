@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
 from benchmarks.external.case import Case, draw, table, words
@@ -22,8 +21,6 @@ from tympan.reports import look
 from tympan.studies.case import Case as FilmCase
 from tympan.studies.case import Settings, solve
 from tympan.studies.limits import limits
-
-Array = NDArray[np.float64]
 
 #: Facts of DE06_AXI_preStretch_membrane.ipynb: mounted radii and virgin thickness [m], prestretch,
 #: the law at rest, ε_r.

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from benchmarks.external.case import Case, draw, table, words
 from benchmarks.external.table2_ranges import (
@@ -22,6 +21,7 @@ from benchmarks.external.table2_ranges import (
     marginal,
     median,
 )
+from tympan.geometry.arrays import Array
 from tympan.reports import look
 from tympan.studies import paper
 from tympan.studies.data.dataset import read_dataset
@@ -92,7 +92,7 @@ def section(folder: Path) -> str:
 
 
 def _expectations(diagnosis: Conclusions, seeds: Sequence[Conclusions],
-                  by_others: tuple[NDArray[np.float64], Predictive]) -> dict[str, Any]:
+                  by_others: tuple[Array, Predictive]) -> dict[str, Any]:
     """The table of the six ranges, and what is missed of those held out."""
     read, (nominal, others) = diagnosis.judgement.table, by_others
     names = [specimen.name for specimen in diagnosis.simulation.setup.specimens]

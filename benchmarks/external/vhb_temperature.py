@@ -9,15 +9,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
+from tympan.geometry.arrays import Array
 from tympan.reports import look
 from tympan.studies.data.coupon import Coupons, read_coupons
-
-Array = NDArray[np.float64]
 
 FOLDER = DATA / "vhb4905"
 #: The run without which nothing is said: its temperature [°C] and rate [1/s].

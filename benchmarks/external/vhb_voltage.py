@@ -15,17 +15,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 from scipy.optimize import least_squares
 
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
+from tympan.geometry.arrays import Array, Mask
 from tympan.reports import look
 from tympan.studies.data.coupon import Coupons, read_coupons
 from tympan.studies.estimation.correlation import Spread
-
-Array = NDArray[np.float64]
 
 FOLDER = DATA / "vhb4905"
 COUPONS = Path(__file__).parents[1] / "vhb" / "vhb-4905.csv"
@@ -49,7 +47,7 @@ class Strip:
     stretch: Array
     drop: Array
     stress: Array
-    loading: NDArray[np.bool_]
+    loading: Mask
     permittivity: float
 
     def ideal(self, permittivity: float) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper_in_time.fit import (
     Constants,
@@ -18,6 +17,7 @@ from benchmarks.paper_in_time.fit import (
 )
 from benchmarks.paper_in_time.step_responses import StepResponses, step_responses
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import error_of
@@ -26,8 +26,6 @@ from tympan.studies.paper import published
 from tympan.studies.replica.figures import Choices, Criterion
 from tympan.studies.replica.missing_parameters import MissingParameters, fit_levels
 from tympan.studies.signals import Pieces, Sine
-
-Array = NDArray[np.float64]
 
 #: Seeds whose levels come near to both of the paper's voltages; the first one is drawn.
 SEEDS = (6, 7, 17, 20, 25, 34)

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from importlib import resources
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
@@ -28,8 +28,6 @@ from tympan.studies.paper import published
 from tympan.studies.replica.figures import Criterion, Decay, settling_times
 from tympan.studies.signals import Pieces, Signal, step
 from tympan.studies.trace import Trace
-
-Array = NDArray[np.float64]
 
 _RIG = Rig()
 #: What is searched: moduli [Pa], permittivity, times [s].

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper_in_time.compare import PERIOD, SEEDS, Comparison
 from benchmarks.paper_in_time.fit import Constants, Fit
 from benchmarks.paper_in_time.step_responses import LONG, ZOOM
+from tympan.geometry.arrays import Array
 from tympan.studies.paper import published
-
-Array = NDArray[np.float64]
 
 _TEXT = (Path(__file__).parent / "page.txt").read_text(encoding="utf-8")
 

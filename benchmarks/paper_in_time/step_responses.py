@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.paper_in_time.fit import Fit, swing, with_constants
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.studies.case import Settings
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.lumped.simulate import simulate
@@ -18,8 +18,6 @@ from tympan.studies.replica.figures import Decay
 from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.signals import step
 from tympan.studies.transient import TransientCase, history
-
-Array = NDArray[np.float64]
 
 #: How long figures 9 and 11 last, and their zooms, 10 and 12 [s]: their time axes are lost.
 LONG, ZOOM = 30.0, 3.0

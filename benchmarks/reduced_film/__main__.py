@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.reports import look
 from tympan.studies.case import Settings, build_model
@@ -33,7 +33,6 @@ from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
 from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
 
-Array = NDArray[np.float64]
 _NAMES = ("circular", "elliptical-small", "elliptical-large")
 _BRANCHES = (ViscousBranch(200e3, 10.0), ViscousBranch(1e6, 30.0))
 #: Room for the words and numbers left of the first panel [mm].

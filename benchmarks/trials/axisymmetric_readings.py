@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.oracles import annulus_modes
 from tests.oracles.axisymmetric import (
@@ -20,6 +19,7 @@ from tests.oracles.axisymmetric import (
     RitzExpansion,
     _State,
 )
+from tympan.geometry.arrays import Numbers
 
 if TYPE_CHECKING:
     from benchmarks.trials.synthetic_trials import Design, Truth
@@ -33,7 +33,7 @@ class RoundRamp:
     """A circular film's equilibria on a ramp: ``rows`` of the design, stiffness of film and spring
     [N/m], what swings with the plate under the ramp's mass [kg], and the grease's weight [Pa]."""
 
-    rows: NDArray[np.int64]
+    rows: Numbers
     ritz: RitzExpansion
     states: list[_State]
     stiffness: FloatArray

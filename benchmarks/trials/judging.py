@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import Design, Truth, readings
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.fits.evidence import interval
@@ -177,7 +177,7 @@ def _like(split: SplitGain, read: ReadingTable, between: ReadingTable) -> Readin
     return between[there].compact()
 
 
-def _missed(simulation: Simulation, split: SplitGain, table: ReadingTable) -> NDArray[np.float64]:
+def _missed(simulation: Simulation, split: SplitGain, table: ReadingTable) -> Array:
     """What a split's nominal and extended models miss of exact readings, (2, n)."""
     errors = np.array([table.value - simulation.predict(model.hypothesis, model.unknowns, table)
                        for model in split.models])

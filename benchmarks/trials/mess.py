@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
+
 #: Errors of so many readings of a standard deviation [m], and the numbers of those at fault.
 Drawn = tuple[Array, list[int]]
 

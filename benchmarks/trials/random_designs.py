@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator, default_rng
-from numpy.typing import NDArray
 
 from benchmarks.trials.random_specimens import slack_voltage
 from benchmarks.trials.synthetic_trials import (
@@ -30,6 +29,7 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
+from tympan.geometry.arrays import Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import (
     Circle,
@@ -45,8 +45,6 @@ from tympan.studies.diagnosis.evidence.kind import CHANNEL
 from tympan.studies.diagnosis.evidence.rest import TILT
 from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.effects import Setup
-
-Array = NDArray[np.float64]
 
 #: Factors on the films' stiffness and permittivity, and noise [m].
 STIFFNESS, PERMITTIVITY, NOISE = (0.4, 2.5), (0.7, 1.4), (3e-6, 60e-6)
@@ -191,7 +189,7 @@ def written(drawn: RandomDesign, folder: Path, noisy: bool = True) -> Path | Non
     return folder
 
 
-def write_readings(design: Design, folder: Path, columns: Mapping[str, NDArray[np.float64]],
+def write_readings(design: Design, folder: Path, columns: Mapping[str, Array],
                    noise: float) -> None:
     """A dataset's folder with readings by their columns' headings, of a noise [m] of lengths."""
     states, lines = design.table.states, []

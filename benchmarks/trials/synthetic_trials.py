@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from benchmarks.trials import axisymmetric_readings as hidden_equations
@@ -28,6 +27,7 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
@@ -43,7 +43,6 @@ from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
 from tympan.studies.effects.effect import Family, Quantity
 
-Array = NDArray[np.float64]
 #: The least and the most.
 Span = tuple[float, float]
 #: What is read of a truth.
@@ -87,7 +86,7 @@ class Design:
     table: ReadingTable
     causes: tuple[Cause, ...]
 
-    def ramps(self) -> Iterator[NDArray[np.int64]]:
+    def ramps(self) -> Iterator[Numbers]:
         """Rows of each ramp, in order."""
         states = self.table.states
         for key in dict.fromkeys(zip(states.specimen.tolist(), states.mass.tolist(), strict=True)):
@@ -98,7 +97,7 @@ class Design:
         grids = [Grid(HEAVE, TOP**2, odd=True)] * len(self.setup.specimens)
         return with_masses(Simulation(self.setup, force_laws(self.setup, grids, workers)))
 
-    def only(self, keep: NDArray[np.bool_]) -> Design:
+    def only(self, keep: Mask) -> Design:
         """Some of the states."""
         states = self.table.states[keep]
         return replace(self, table=replace(_read(states), order=self.table.order[keep]))
@@ -353,7 +352,7 @@ def _readings(design: Design, truth: Truth) -> Array | None:
     return truth.stranger.shown(shown, design.table.states)
 
 
-def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) -> Array | None:
+def _ramp(design: Design, truth: Truth, law: Material, ramp: Numbers) -> Array | None:
     """Readings of one specimen under one mass, under loads, from voltage to voltage."""
     states = design.table.states
     rig, model, solved = ramp_states(design, truth, law, ramp)
@@ -364,7 +363,7 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
     return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
 
 
-def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]
+def ramp_states(design: Design, truth: Truth, law: Material, ramp: Numbers
                 ) -> tuple[Rig, Model, list[State] | None]:
     """The rig and the film that are there, and the film's states on a ramp where all exist."""
     states = design.table.states

@@ -25,7 +25,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.trials.judging import fitted_to, ratio_of
 from benchmarks.trials.mess import slips
@@ -42,6 +41,7 @@ from benchmarks.trials.synthetic_trials import (
 from benchmarks.trials.trial import Lab
 from benchmarks.trials.unknown_noise import rate
 from benchmarks.trials.unmodelled_faults import FURTHER, STRANGERS
+from tympan.geometry.arrays import Array
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.diagnose import conclude
@@ -50,8 +50,6 @@ from tympan.studies.diagnosis.hypothesis import uses_of
 from tympan.studies.diagnosis.result import Diagnosis, FoundCause
 from tympan.studies.effects.effect import EFFECTS, Family, extended
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 SEED = 5906
 #: What is hidden, in turns.

@@ -18,23 +18,20 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta
 
 from benchmarks.trials.judging import fitted_to
 from benchmarks.trials.synthetic_trials import Truth, draw, drawn_until, readings
 from benchmarks.trials.trial import Lab
+from tympan.geometry.arrays import AnyArray
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.estimation.noise import SCATTER, Noise
-
-Array = NDArray[Any]
 
 SEED = 59
 #: Kinds of errors, in turns.
@@ -99,7 +96,7 @@ class Judged:
         return not self.wrong and self.effect in self.named.split(" and ")
 
 
-def errors(kind: str, table: ReadingTable, generator: np.random.Generator) -> Array:
+def errors(kind: str, table: ReadingTable, generator: np.random.Generator) -> AnyArray:
     """Errors of a kind in the rows' order [m], whose neighbours differ by the same."""
     fresh = generator.standard_normal(len(table))
     if kind == "independent":

@@ -12,16 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.vhb.published import AT_REST, KUMAR, README_FIT, Published
+from tympan.geometry.arrays import Array, Mask
 from tympan.reports.figures.coupon import draw_fit
 from tympan.studies.data.coupon import Coupons, read_coupons
 from tympan.studies.material.branches import BranchFit, compare_in_time, held_out_groups
 from tympan.studies.material.fit import Limits
 from tympan.studies.material.result import fit_coupons
 
-Array = NDArray[np.float64]
 HERE = Path(__file__).parent
 DOCS = HERE.parent.parent / "docs"
 #: The law of the library's entries; the page says why none that foretells uniaxial tests better.
@@ -121,7 +120,7 @@ def rest(tape: str, coupons: Coupons, fit: BranchFit) -> Iterator[str]:
         yield f"| at rest, {name} | " + " | ".join(f"{error / 1e3:.2f}" for error in errors) + " |"
 
 
-def _without(coupons: Coupons, at_rest: NDArray[np.bool_], fit: BranchFit) -> dict[str, Array]:
+def _without(coupons: Coupons, at_rest: Mask, fit: BranchFit) -> dict[str, Array]:
     """What a fit to the readings in time says of those at rest."""
     if not at_rest.any():
         return {}

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from tympan.geometry.arrays import Array
 from tympan.studies.data.coupon import Coupons
 
-Array = NDArray[np.float64]
 #: Rate of the internal stretch's logarithm, and nominal stress, at an internal and a whole stretch.
 Branch = tuple[Callable[[float, float], float], Callable[[Array, Array], Array]]
 

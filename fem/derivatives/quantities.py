@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.complex_step import STEP, complex_step
 from tympan.fem.discretisation.assembly import element_forces
@@ -21,9 +20,8 @@ from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import EdgeSpot, Source, Spot
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ def largest(field: Field) -> Quantity:
     From the quadrature points; below the true maximum, which it nears as p grows, and which has no
     derivative where two places share it.
     """
-    def norm(h: Any, weights: Array) -> Any:
+    def norm(h: Any, weights: AnyArray) -> Any:
         scale = np.abs(np.real(h)).max()
         if scale == 0:
             raise InputError("has no derivative where it is zero all over", key="quantity",
@@ -136,7 +134,7 @@ def firmness_at(spot: Spot | EdgeSpot) -> Quantity:
                    for source in sources]
         return spot.value(model, state.voltage_squared, strains)
 
-    def deformed(source: Source, model: Model, state: State) -> Array:
+    def deformed(source: Source, model: Model, state: State) -> AnyArray:
         nodes = model.discretisation.connectivity[source.elements]
         return deformation(source.gradients, state.positions[nodes])
 
@@ -201,6 +199,6 @@ def _of_plate(model: Model, values: dict[int, float]) -> Parts:
     return np.zeros(model.discretisation.free_count), plate
 
 
-def _of_nodes(model: Model, state: State, forces: Array) -> Parts:
+def _of_nodes(model: Model, state: State, forces: AnyArray) -> Parts:
     """Assemble derivatives by this mesh's nodes; the nodes of the plate's edge follow the plate."""
     return model.on_freedoms(forces * model.discretisation.mirrored, state.plate)

@@ -17,15 +17,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.assembly import first_piola, gathered
 from tympan.fem.film.density import Part, plane_stress, virtual_work
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
-
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,17 +39,17 @@ class Stiffness:
         inner, plate = model.on_freedoms(self.nodal(self.spread(motion)), state.plate)
         return inner, plate + self._turning @ motion[1]
 
-    def nodal(self, motion: Array) -> Array:
+    def nodal(self, motion: AnyArray) -> AnyArray:
         """Change of the nodal forces of film and gas with a motion, both (nodes, 3) [N]."""
         return self.collected(motion, self.stressed(self.model.discretisation.deformation(motion)))
 
-    def stressed(self, change: Array) -> Array:
+    def stressed(self, change: AnyArray) -> AnyArray:
         """Change of the first Piola–Kirchhoff stress, shaped like ``piola``, when F changes."""
         stress, tangent = self.weighted
         by_stress = np.einsum("...ij,...j->...i", tangent, self.strains(change))
         return first_piola(change, stress) + first_piola(self.deformation, by_stress)
 
-    def collected(self, motion: Array, piola: Array) -> Array:
+    def collected(self, motion: AnyArray, piola: AnyArray) -> AnyArray:
         """Change of the nodal forces with a motion that changes the stress so, (nodes, 3) [N]."""
         mesh, pressure = self.model.discretisation, self.state.pressure
         elements = gathered(mesh.gradients, piola)
@@ -60,7 +58,7 @@ class Stiffness:
             elements -= pressure * np.matmul(self.volume[1], local).reshape(elements.shape)
         return mesh.scatter(elements)
 
-    def spread(self, motion: Parts) -> Array:
+    def spread(self, motion: Parts) -> AnyArray:
         """The motion of all nodes, shape (nodes, 3)."""
         mesh = self.model.discretisation
         nodal = np.zeros(self.state.positions.shape)
@@ -68,23 +66,23 @@ class Stiffness:
         nodal[mesh.plate_nodes] = self._following @ motion[1]
         return nodal
 
-    def strains(self, change: Array) -> Array:
+    def strains(self, change: AnyArray) -> AnyArray:
         """Strains on which S₁₁, S₂₂ and S₁₂ work when F changes."""
         (a, b), (by_a, by_b) = ((f[..., 0], f[..., 1]) for f in (self.deformation, change))
         return np.stack([_dot(a, by_a), _dot(b, by_b), _dot(a, by_b) + _dot(b, by_a)], axis=-1)
 
     @cached_property
-    def _following(self) -> Array:
+    def _following(self) -> AnyArray:
         """Derivative of plate nodes by the plate's freedoms, (plate nodes, 3, freedoms)."""
         return self.state.plate.gradient(self.model.arms)[:, :, self.model.plate_freedoms]
 
     @cached_property
-    def deformation(self) -> Array:
+    def deformation(self) -> AnyArray:
         """F at the quadrature points, shape (elements, points, 3, 2)."""
         return self.model.discretisation.deformation(self.state.positions)
 
     @cached_property
-    def c(self) -> tuple[Array, Array, Array]:
+    def c(self) -> tuple[AnyArray, AnyArray, AnyArray]:
         """C at the quadrature points."""
         return cauchy_green(self.deformation)
 
@@ -94,19 +92,19 @@ class Stiffness:
         return self.model.in_tension(self.state)
 
     @cached_property
-    def weighted(self) -> tuple[Array, Array]:
+    def weighted(self) -> tuple[AnyArray, AnyArray]:
         """Stress and its tangent by strains, times virgin volumes."""
         density = self.model.density(self.state.voltage_squared)(self.c)
         volumes = self.model.volumes[..., None]
         return density.stress * volumes, density.tangent * volumes[..., None]
 
     @cached_property
-    def piola(self) -> Array:
+    def piola(self) -> AnyArray:
         """First Piola–Kirchhoff stress times virgin volumes, (2, elements, points, 3)."""
         return first_piola(self.deformation, self.weighted[0])
 
     @cached_property
-    def forces(self) -> Array:
+    def forces(self) -> AnyArray:
         """Nodal forces of film, gas and own weight, without what acts on the plate [N]."""
         mesh = self.model.discretisation
         elements = gathered(mesh.gradients, self.piola)
@@ -115,13 +113,13 @@ class Stiffness:
         return mesh.scatter(elements) - self.model.weight
 
     @cached_property
-    def volume(self) -> tuple[Array, Any]:
+    def volume(self) -> tuple[AnyArray, Any]:
         """Derivatives of the film's volume, the second only under pressure."""
         return film_volume(self.model.discretisation, self.state.positions,
                            second=self.state.pressure != 0)[1:]
 
     @cached_property
-    def _turning(self) -> Array:
+    def _turning(self) -> AnyArray:
         """Stiffness that the turning of the plate adds to its own: that of the forces on it."""
         return self.model.plate_curvature(self.forces, self.state)
 
@@ -134,7 +132,7 @@ class ResidualDerivative:
         self._nodal = np.stack([at.spread(motion) for motion in motions])
         self._plate = np.stack([motion[1] for motion in motions])
 
-    def by(self, model: Model, state: State) -> Array:
+    def by(self, model: Model, state: State) -> AnyArray:
         """Imaginary part of the virtual work for an imaginary step, shape (motions,).
 
         In J per unit of motion. What the step does not touch is left out.
@@ -160,7 +158,7 @@ class ResidualDerivative:
             result = result + self._by_shape(model, state)
         return result
 
-    def _by_film(self, model: Model, state: State) -> Array:
+    def _by_film(self, model: Model, state: State) -> AnyArray:
         """Derivative by materials other than those at the start, and by the virgin thickness."""
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
         thickness = film.volume_per_area
@@ -194,7 +192,7 @@ class ResidualDerivative:
         weights = (self.at.model.discretisation.weights * relative)[..., None]
         return np.tensordot(self._strains, stress * weights, axes=3)
 
-    def _by_shape(self, model: Model, state: State) -> Array:
+    def _by_shape(self, model: Model, state: State) -> AnyArray:
         """Derivative by nodes that move in the mounted film's plane, their displacements kept."""
         mine, plate = self.at.model, self.at.state.plate
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
@@ -207,7 +205,7 @@ class ResidualDerivative:
         return np.asarray(moved + slid + follows)
 
     @cached_property
-    def _nodal_changes(self) -> tuple[Array, Array]:
+    def _nodal_changes(self) -> tuple[AnyArray, AnyArray]:
         """The tangent times the motions at all nodes [N], and the configurational forces.
 
         Of shape (motions, nodes, 3) and (motions, nodes, 2). The latter are the change of the work
@@ -238,7 +236,7 @@ class ResidualDerivative:
         return replace(density, wrinkles=model.wrinkles and not self.at.taut).parts
 
     @cached_property
-    def _strains(self) -> Array:
+    def _strains(self) -> AnyArray:
         """Strains on which the stress works, shape (motions, elements, points, 3)."""
         deformation = self.at.model.discretisation.deformation
         return np.stack([self.at.strains(deformation(row)) for row in self._nodal])
@@ -254,10 +252,10 @@ class ResidualDerivative:
                             model.discretisation.weights * relative)
 
 
-def _dot(a: Array, b: Array) -> Array:
+def _dot(a: AnyArray, b: AnyArray) -> AnyArray:
     return np.asarray(np.einsum("...i,...i", a, b))
 
 
-def _pulled_back(f: Array, piola: Array) -> Array:
+def _pulled_back(f: AnyArray, piola: AnyArray) -> AnyArray:
     """Fᵀ P by its columns, (2, elements, points, 2)."""
     return np.asarray(np.einsum("epia,bepi->bepa", f, piola))

@@ -16,19 +16,17 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.curve import Foot
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[Any]
 
 #: Pairs of a node and one on an edge that are weighed at once.
 _AT_ONCE = 1 << 17
@@ -37,7 +35,8 @@ _AT_ONCE = 1 << 17
 _ON_PLANE = 1e-9
 
 
-def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> tuple[Model, State]:
+def moved_by(model: Model, state: State, specimen: Specimen, motion: AnyArray) -> tuple[Model,
+             State]:
     """The same elements with their nodes elsewhere, and the state of the same displacements.
 
     ``specimen`` has that shape; ``motion`` of the nodes in the plane, shape (nodes, 2) [m], is real
@@ -49,7 +48,7 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> t
 
 
 @lru_cache(maxsize=32)
-def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str, ...]) -> Array:
+def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str, ...]) -> AnyArray:
     """Motion of the nodes in the plane per unit of the length at a path, shape (nodes, 2).
 
     InputError where an edge of the electrode runs into another edge, so that nodes would have to
@@ -69,7 +68,7 @@ def lengthened(specimen: Specimen, path: tuple[str, ...], change: complex) -> Sp
     return changed
 
 
-def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> Array:
+def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> AnyArray:
     """Motion of the nodes to a specimen with the same edges of other lengths, (nodes, 2) [m].
 
     Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
@@ -81,14 +80,14 @@ def motion_between(discretisation: Discretisation, specimen: Specimen, other: Sp
         edge_nodes(discretisation, specimen))
 
 
-def with_plate(discretisation: Discretisation, motion: Array) -> Array:
+def with_plate(discretisation: Discretisation, motion: AnyArray) -> AnyArray:
     """Motion of all nodes from that of the plate's edge, (·, 2) [m]; the frame's edge rests."""
     nodes = {"plate": discretisation.plate_nodes, "frame": discretisation.boundary_nodes("frame")}
     return _extended(discretisation, {"plate": motion}, nodes)
 
 
-def _extended(discretisation: Discretisation, motions: Mapping[str, Array],
-              nodes: Mapping[str, Array]) -> Array:
+def _extended(discretisation: Discretisation, motions: Mapping[str, AnyArray],
+              nodes: Mapping[str, AnyArray]) -> AnyArray:
     """The motion of all nodes from those of nodes on some edges; the other edges rest."""
     result = np.zeros((len(discretisation.reference), 2))
     for name, motion in motions.items():
@@ -106,13 +105,13 @@ def _extended(discretisation: Discretisation, motions: Mapping[str, Array],
     return result
 
 
-def _images(planes: frozenset[str]) -> Array:
+def _images(planes: frozenset[str]) -> AnyArray:
     """Signs of x and y in the mirrored parts of the whole, shape (parts, 1, 2)."""
     sides = [(1, -1) if axis in planes else (1,) for axis in "xy"]
     return np.array(list(product(*sides)))[:, None]
 
 
-def _interpolated(places: Array, sources: Array, values: Array) -> Array:
+def _interpolated(places: AnyArray, sources: AnyArray, values: AnyArray) -> AnyArray:
     """Values at sources interpolated at places, all of shape (·, 2): exact if they are affine.
 
     What the best affine function leaves is averaged by inverse squared distance. Squares of
@@ -135,17 +134,17 @@ def _interpolated(places: Array, sources: Array, values: Array) -> Array:
 _SQUARE = np.array([[-2, 0, 0, 0], [0, -2, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]], dtype=float)
 
 
-def _lifted(places: Array) -> Array:
+def _lifted(places: AnyArray) -> AnyArray:
     """x, y, 1, x² + y² of each place."""
     return np.column_stack([places, np.ones(len(places)), (places * places).sum(axis=1)])
 
 
 @lru_cache(maxsize=8)
-def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, Array]:
+def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, AnyArray]:
     """Nodes on each edge; raises what :func:`velocity` does."""
     _refuse_notches(specimen)
     edges, places = _edges(specimen), discretisation.reference[:, :2]
-    nodes: dict[str, Array] = {name: discretisation.boundary_nodes(name)
+    nodes: dict[str, AnyArray] = {name: discretisation.boundary_nodes(name)
                                for name in ("frame", "plate") if name in edges}
     inner = discretisation.electrode_edge.every
     if len(inner):
@@ -177,11 +176,11 @@ class Edge:
     centre: tuple[Any, Any]
     distance: Any = 0.0
 
-    def foot(self, places: Array) -> Foot:
+    def foot(self, places: AnyArray) -> Foot:
         """Nearest points on the outline."""
         return self.outline.curve.foot(places - np.array(self.centre))
 
-    def at(self, foot: Foot) -> Array:
+    def at(self, foot: Foot) -> AnyArray:
         """Points of the curve, shape (n, 2) [m]."""
         value, slope = self.outline.curve.at(foot)
         length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray, Mask
 
 #: Bytes of the largest temporary of one chunk, about what a core's second-level cache holds.
 _CHUNK = 2**20
@@ -18,7 +16,7 @@ _CHUNK = 2**20
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
-def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
+def element_forces(gradients: AnyArray, f: AnyArray, stress: AnyArray) -> AnyArray:
     """Forces on the elements' nodes, shape (elements, local, 3).
 
     From ∂φ/∂X (elements, points, local, 2), F (elements, points, 3, 2) and the second
@@ -27,20 +25,20 @@ def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
     return gathered(gradients, first_piola(f, stress))
 
 
-def first_piola(f: Array, stress: Array) -> Array:
+def first_piola(f: AnyArray, stress: AnyArray) -> AnyArray:
     """F S by its two columns, shape (2, elements, points, 3)."""
     a, b, s = f[..., 0], f[..., 1], stress[..., None]
     return np.stack([a * s[..., 0, :] + b * s[..., 2, :], a * s[..., 2, :] + b * s[..., 1, :]])
 
 
-def gathered(gradients: Array, piola: Array) -> Array:
+def gathered(gradients: AnyArray, piola: AnyArray) -> AnyArray:
     """Nodal forces of stresses at the points, shape (elements, local, 3)."""
     return np.asarray(np.matmul(gradients[..., 0].transpose(0, 2, 1), piola[0])
                       + np.matmul(gradients[..., 1].transpose(0, 2, 1), piola[1]))
 
 
-def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
-                     volumes: Array) -> Array:
+def element_tangents(gradients: AnyArray, f: AnyArray, stress: AnyArray, tangent: AnyArray,
+                     volumes: AnyArray) -> AnyArray:
     """Tangents of the elements, shape (elements, 3 local, 3 local), node-major.
 
     Temporaries do not grow with the mesh. With A = ∂²ψ/∂F∂F an element's block for components i, j
@@ -62,7 +60,7 @@ def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
     return result
 
 
-def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
+def _moduli(f: AnyArray, stress: AnyArray, tangent: AnyArray, volumes: AnyArray) -> AnyArray:
     """∂²ψ/∂F_iα∂F_jβ times volume, (elements, points, 12, 2): rows (α, pair ij), columns β."""
     a, b = np.ascontiguousarray(f.transpose(3, 2, 0, 1))
     d, s = tangent.transpose(2, 3, 0, 1) * volumes, stress.transpose(2, 0, 1) * volumes
@@ -78,7 +76,7 @@ def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
     return result.transpose(3, 4, 0, 1, 2).reshape(*volumes.shape, 12, 2)
 
 
-def _place(blocks: Array, result: Array) -> None:
+def _place(blocks: AnyArray, result: AnyArray) -> None:
     for pair, (i, j) in enumerate(_PAIRS):
         result[:, :, i, :, j] = blocks[:, :, pair]
         if i != j:
@@ -97,12 +95,12 @@ class SparsityPattern:
     """
 
     gather: csr_matrix
-    kept: NDArray[np.bool_] | None
-    indices: Array
-    indptr: Array
+    kept: Mask | None
+    indices: AnyArray
+    indptr: AnyArray
 
     @classmethod
-    def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> SparsityPattern:
+    def of(cls, connectivity: AnyArray, free: Mask) -> SparsityPattern:
         """Build from nodes of the elements (elements, local) and the free components (nodes, 3)."""
         row, first, places = _node_pairs(connectivity, free)
         local = connectivity.shape[1]
@@ -122,7 +120,7 @@ class SparsityPattern:
         return cls(gather, None if kept.all() else kept, indices[kept],
                    _ends(kept)[3 * _ends(degree)])
 
-    def assemble(self, elements: Array) -> csc_matrix:
+    def assemble(self, elements: AnyArray) -> csc_matrix:
         """The sparse tangent of free components, from symmetric (elements, 3 local, 3 local)."""
         data = (self.gather @ elements.reshape(-1, 3)).ravel()
         size = len(self.indptr) - 1
@@ -130,7 +128,7 @@ class SparsityPattern:
                            self.indptr), (size, size))
 
 
-def _node_pairs(connectivity: Array, free: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+def _node_pairs(connectivity: AnyArray, free: Mask) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Pairs of nodes with unknowns that share an element, ordered by column, then row.
 
     The row of each pair, and the start of each pair's run in the list of the places (element,
@@ -146,7 +144,7 @@ def _node_pairs(connectivity: Array, free: NDArray[np.bool_]) -> tuple[Array, Ar
     return key[first] % nodes, first, both[order]
 
 
-def _of_columns(column: Array, chosen: Array) -> tuple[Array, Array]:
+def _of_columns(column: AnyArray, chosen: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Places of the chosen columns in an ascending list, one after another; how many each has."""
     start = np.searchsorted(column, np.arange(int(chosen.max(initial=-1)) + 2))
     length = np.diff(start)[chosen]
@@ -154,6 +152,6 @@ def _of_columns(column: Array, chosen: Array) -> tuple[Array, Array]:
     return np.arange(length.sum()) + np.repeat(start[chosen] - before, length), length
 
 
-def _ends(lengths: Array) -> Array:
+def _ends(lengths: AnyArray) -> AnyArray:
     """First and last indices of runs of given lengths."""
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)

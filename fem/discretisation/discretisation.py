@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
 from tympan.fem.discretisation.assembly import SparsityPattern
@@ -23,10 +22,9 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.discretisation.recovery import Recovery
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
+from tympan.geometry.arrays import AnyArray, Mask
 from tympan.geometry.fields import FieldsAlone
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +35,12 @@ class Unknowns(FieldsAlone):
     places alone share them.
     """
 
-    connectivity: Array  #: nodes of the elements, shape (elements, local)
-    points: Array  #: places of the nodes, by which elements are parted, shape (nodes, 2) [m]
-    movable: NDArray[np.bool_]  #: which components they are, shape (nodes, 3)
+    connectivity: AnyArray  #: nodes of the elements, shape (elements, local)
+    points: AnyArray  #: places of the nodes, by which elements are parted, shape (nodes, 2) [m]
+    movable: Mask  #: which components they are, shape (nodes, 3)
 
     @cached_property
-    def free(self) -> tuple[Array, Array]:
+    def free(self) -> tuple[AnyArray, AnyArray]:
         """Node and component of each: as an index, they take the unknowns from (nodes, 3)."""
         position, component = np.nonzero(self.movable[self.order])
         return self.order[position], component
@@ -58,12 +56,12 @@ class Unknowns(FieldsAlone):
         return analyse(self.pattern.indices, self.pattern.indptr, ordered=True)
 
     @cached_property
-    def order(self) -> Array:
+    def order(self) -> AnyArray:
         """The nodes as they are eliminated."""
         return elimination_order(self.connectivity, self.points)
 
     @cached_property
-    def ranked(self) -> Array:
+    def ranked(self) -> AnyArray:
         """The elements' nodes by their place in that order, shape (elements, local)."""
         rank = np.empty(len(self.movable), dtype=np.int64)
         rank[self.order] = np.arange(len(self.order))
@@ -80,9 +78,9 @@ class Discretisation(FieldsAlone):
     mesh: CurvedTriangles
     planes: frozenset[str]  #: coordinates about whose zero the mesh is half of a mirrored whole
     odd: frozenset[str]  #: planes about which motions are odd instead of even
-    boundaries: Mapping[str, Array]  #: nodes on each named boundary
-    reference: Array  #: node positions of the flat mounted film [m], shape (nodes, 3)
-    shapes: Array  #: φ at the quadrature points, shape (points, local)
+    boundaries: Mapping[str, AnyArray]  #: nodes on each named boundary
+    reference: AnyArray  #: node positions of the flat mounted film [m], shape (nodes, 3)
+    shapes: AnyArray  #: φ at the quadrature points, shape (points, local)
     unknowns: Unknowns
 
     @classmethod
@@ -103,7 +101,7 @@ class Discretisation(FieldsAlone):
                    tabulated(mesh.order, quadrature(mesh.order)[0])[0].T,
                    Unknowns(np.ascontiguousarray(dofs.element_dofs.T), flat, movable))
 
-    def moved(self, motion: Array) -> Discretisation:
+    def moved(self, motion: AnyArray) -> Discretisation:
         """The same elements after a motion of their nodes in the plane, shape (nodes, 2) [m].
 
         It may be imaginary.
@@ -124,7 +122,7 @@ class Discretisation(FieldsAlone):
             other.with_boundaries(mesh.boundaries or {}).with_subdomains(mesh.subdomains or {}),
             self.planes, self.odd)
 
-    def interpolated(self, coarse: Discretisation, values: Array) -> Array:
+    def interpolated(self, coarse: Discretisation, values: AnyArray) -> AnyArray:
         """A nodal field of other elements on the same triangles at these nodes, (nodes, …) each."""
         shapes = tabulated(coarse.mesh.order, ELEMENTS[self.mesh.order].doflocs.T)[0].T
         nodal = np.empty((len(self.reference), *values.shape[1:]))
@@ -138,7 +136,7 @@ class Discretisation(FieldsAlone):
         return skfem.CellBasis(self.mesh, self.mesh.elem(), quadrature=quadrature(self.mesh.order))
 
     @cached_property
-    def fitted(self) -> Array:
+    def fitted(self) -> AnyArray:
         """Nodal values from values at an element's quadrature points, shape (points, local).
 
         By the polynomial of the elements' order nearest to them.
@@ -146,17 +144,17 @@ class Discretisation(FieldsAlone):
         return np.asarray(np.linalg.pinv(self.shapes).T)
 
     @property
-    def gradients(self) -> Array:
+    def gradients(self) -> AnyArray:
         """∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]."""
         return self._geometry[0]
 
     @property
-    def weights(self) -> Array:
+    def weights(self) -> AnyArray:
         """Mounted area of every quadrature point [m²], shape (elements, points)."""
         return self._geometry[1]
 
     @cached_property
-    def _geometry(self) -> tuple[Array, Array]:
+    def _geometry(self) -> tuple[AnyArray, AnyArray]:
         """Gradients and weights."""
         points, weights = quadrature(self.mesh.order)
         gradients, areas = isoparametric(self.mesh.order, points,
@@ -164,7 +162,7 @@ class Discretisation(FieldsAlone):
         return gradients, areas * weights
 
     @cached_property
-    def nodal_gradients(self) -> Array:
+    def nodal_gradients(self) -> AnyArray:
         """∂φ/∂X at the nodes of every element [1/m], shape (elements, local, local, 2)."""
         return isoparametric(self.mesh.order, ELEMENTS[self.mesh.order].doflocs.T,
                              self.reference[self.connectivity, :2])[0]
@@ -175,28 +173,28 @@ class Discretisation(FieldsAlone):
         return 1 << len(self.planes)
 
     @cached_property
-    def covered(self) -> Array:
+    def covered(self) -> AnyArray:
         """1 in elements under the electrode, 0 outside, shape (elements, 1)."""
         covered = np.ones((self.mesh.nelements, 1))
         covered[(self.mesh.subdomains or {}).get("bare", [])] = 0
         return covered
 
-    def boundary_nodes(self, name: str) -> Array:
+    def boundary_nodes(self, name: str) -> AnyArray:
         """Nodes on a named boundary, empty if the mesh has none of that name."""
         return self.boundaries.get(name, np.array([], dtype=int))
 
     @property
-    def plate_nodes(self) -> Array:
+    def plate_nodes(self) -> AnyArray:
         """Nodes on the plate's edge."""
         return self.boundary_nodes("plate")
 
     @property
-    def connectivity(self) -> Array:
+    def connectivity(self) -> AnyArray:
         """Nodes of the elements, shape (elements, local)."""
         return self.unknowns.connectivity
 
     @property
-    def free(self) -> tuple[Array, Array]:
+    def free(self) -> tuple[AnyArray, AnyArray]:
         """Index of the unknowns among nodal components, as :attr:`Unknowns.free`."""
         return self.unknowns.free
 
@@ -205,14 +203,14 @@ class Discretisation(FieldsAlone):
         """Number of nodal components that are unknowns."""
         return len(self.free[0])
 
-    def deformation(self, positions: Array) -> Array:
+    def deformation(self, positions: AnyArray) -> AnyArray:
         """F at the quadrature points, shape (elements, points, 3, 2), of node positions (nodes, 3).
 
         Of several states' positions, shape (states, nodes, 3), with the states first.
         """
         return deformation(self.gradients, positions[..., self.connectivity, :])
 
-    def scatter(self, elements: Array, nodes: Array | None = None) -> Array:
+    def scatter(self, elements: AnyArray, nodes: AnyArray | None = None) -> AnyArray:
         """Sums at the nodes, (nodes, components), of vectors (elements, local, components).
 
         ``nodes`` of the elements, by default all of the mesh.
@@ -225,7 +223,7 @@ class Discretisation(FieldsAlone):
             result[:, axis] = np.bincount(nodes.ravel(), elements[..., axis].ravel(), len(result))
         return result
 
-    def plate_coupling(self, elements: Array, gradient: Array) -> tuple[Array, Array]:
+    def plate_coupling(self, elements: AnyArray, gradient: AnyArray) -> tuple[AnyArray, AnyArray]:
         """The tangent's columns for motions of the plate: free components' rows, and the corner.
 
         Of element tangents (elements, 3 local, 3 local), node-major, and the plate's nodes' motion
@@ -242,7 +240,7 @@ class Discretisation(FieldsAlone):
         return border.reshape(*self.reference.shape, freedoms)[self.free], corner
 
     @cached_property
-    def _plate_elements(self) -> tuple[Array, Array]:
+    def _plate_elements(self) -> tuple[AnyArray, AnyArray]:
         """Elements with plate nodes; their nodes' rows in ``plate_nodes``, or its length."""
         row = np.full(len(self.reference), len(self.plate_nodes))
         row[self.plate_nodes] = np.arange(len(self.plate_nodes))
@@ -263,7 +261,7 @@ class Discretisation(FieldsAlone):
         return Recovery(self.connectivity, self.covered[:, 0] > 0, self.reference[:, :2], places,
                         self.mesh.order)
 
-    def nodal_matrix(self, elements: Array) -> Any:
+    def nodal_matrix(self, elements: AnyArray) -> Any:
         """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""
         nodes = self.connectivity
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])

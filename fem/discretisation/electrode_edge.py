@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.mesh import ELEMENTS
-
-Array = NDArray[Any]
 
 #: Corners of a triangle: the first of its nodes.
 CORNERS = 3
@@ -30,14 +27,14 @@ class ElectrodeEdge:
     the line's unit direction at the nodes, (n, 2), complex where the mesh is.
     """
 
-    nodes: Array
-    every: Array
-    places: tuple[Array, Array]
-    rows: tuple[Array, Array]
-    along: Array
+    nodes: AnyArray
+    every: AnyArray
+    places: tuple[AnyArray, AnyArray]
+    rows: tuple[AnyArray, AnyArray]
+    along: AnyArray
 
     @classmethod
-    def of(cls, connectivity: Array, covered: Array, nodal_gradients: Array, order: int
+    def of(cls, connectivity: AnyArray, covered: AnyArray, nodal_gradients: AnyArray, order: int
            ) -> ElectrodeEdge:
         """Edge on a mesh; without nodes where the mesh is covered or bare altogether.
 
@@ -62,7 +59,7 @@ class ElectrodeEdge:
             nodes, connectivity[line[:, :1], line[:, 1:]]), order)
         return cls(nodes, every, (covers, bares), (rows, others), along)
 
-    def averaged(self, values: Array) -> tuple[Array, Array]:
+    def averaged(self, values: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Means over the elements on the covered and on the bare side, each (k, n).
 
         Of values at the nodes of elements, (k, elements, local).
@@ -72,18 +69,18 @@ class ElectrodeEdge:
                          for places, rows in zip(self.places, self.rows, strict=True))
         return covered, bare
 
-    def _mean(self, values: Array, rows: Array) -> Array:
+    def _mean(self, values: AnyArray, rows: AnyArray) -> AnyArray:
         return np.bincount(rows, values, len(self.nodes)) / np.bincount(rows)
 
     @cached_property
-    def firsts(self) -> tuple[Array, Array]:
+    def firsts(self) -> tuple[AnyArray, AnyArray]:
         """One of the places on each side of every node, (n, 2)."""
         covered, bare = (places[np.unique(rows, return_index=True)[1]]
                          for places, rows in zip(self.places, self.rows, strict=True))
         return covered, bare
 
 
-def _directions(slopes: Array, line: Array, rows: Array, order: int) -> Array:
+def _directions(slopes: AnyArray, line: AnyArray, rows: AnyArray, order: int) -> AnyArray:
     """Unit directions at nodes from the sides of elements that meet there.
 
     ``slopes``: ∂φ/∂X at the sides' ends (sides, 2, local, 2); ``line``: element and both corners of

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import skfem.quadrature
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
-
-Array = NDArray[Any]
 
 
 @lru_cache
-def quadrature(order: int) -> tuple[Array, Array]:
+def quadrature(order: int) -> tuple[AnyArray, AnyArray]:
     """Points (2, points) and weights (points,) exact for squares of the shape functions."""
     points, weights = skfem.quadrature.get_quadrature(ELEMENTS[order].refdom, max(2, 2 * order))
     return points, weights
 
 
-def tabulated(order: int, points: Array) -> tuple[Array, Array]:
+def tabulated(order: int, points: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Shape functions (local, points), slopes (points, local, 2) at given points (2, points)."""
     return _tabulated(order, np.ascontiguousarray(points, dtype=float).tobytes())
 
 
-def isoparametric(order: int, points: Array, nodes: Array) -> tuple[Array, Array]:
+def isoparametric(order: int, points: AnyArray, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Shape functions' gradients (elements, points, local, 2) [1/m] and |det ∂X/∂ξ| at points.
 
     ``points`` of the reference triangle, shape (2, points); ``nodes`` of the elements, (elements,
@@ -48,13 +45,13 @@ def folded(mesh: CurvedTriangles) -> int:
     return int(np.count_nonzero(determinant.min(axis=1) * determinant.max(axis=1) <= 0))
 
 
-def _jacobian(order: int, points: Array, nodes: Array) -> tuple[Array, Array]:
+def _jacobian(order: int, points: AnyArray, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Slopes by ξ and by η, (2, points, local), and by these the place's components, (2, 2, …)."""
     by = np.moveaxis(tabulated(order, points)[1], -1, 0)
     return by, np.moveaxis(np.matmul(by[:, None], nodes), -1, 1)
 
 
-def deformation(gradients: Array, nodes: Array) -> Array:
+def deformation(gradients: AnyArray, nodes: AnyArray) -> AnyArray:
     """F, (..., elements, points, 3, 2), of the nodes' positions, (..., elements, local, 3) [m].
 
     ``gradients`` as :func:`isoparametric` gives them.
@@ -65,7 +62,7 @@ def deformation(gradients: Array, nodes: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _tabulated(order: int, points: bytes) -> tuple[Array, Array]:
+def _tabulated(order: int, points: bytes) -> tuple[AnyArray, AnyArray]:
     at = np.frombuffer(points).reshape(2, -1)
     element = ELEMENTS[order]()
     values = [element.lbasis(at, number) for number in range(element.doflocs.shape[0])]
@@ -76,7 +73,7 @@ def _tabulated(order: int, points: bytes) -> tuple[Array, Array]:
 
 
 @lru_cache
-def middles(parts: int) -> Array:
+def middles(parts: int) -> AnyArray:
     """Middles of ``parts``² equal triangles in the reference triangle, shape (2, parts²)."""
     return np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
                      for i in range(parts) for j in range(parts + 1 - t - i)]).T

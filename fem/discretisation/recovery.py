@@ -9,14 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.electrode_edge import CORNERS
-
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,20 +25,21 @@ class Recovery:
     ``order`` of the elements.
     """
 
-    connectivity: Array
-    covered: NDArray[np.bool_]
-    nodes: Array
-    places: Array
+    connectivity: AnyArray
+    covered: Mask
+    nodes: AnyArray
+    places: AnyArray
     order: int
-    _known: dict[int, tuple[Array, Array]] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[int, tuple[AnyArray, AnyArray]] = field(default_factory=dict, init=False,
+    repr=False)
 
-    def recovered(self, values: Array, elements: Array) -> Array:
+    def recovered(self, values: AnyArray, elements: AnyArray) -> AnyArray:
         """Values at the corners of some elements from those at the quadrature points around.
 
         ``values`` (k, elements, points), the result (k, elements, 3).
         """
         result = np.empty((len(values), len(elements), CORNERS))
-        done: dict[int, Array] = {}
+        done: dict[int, AnyArray] = {}
         for row, element in enumerate(elements.tolist()):
             for corner in range(CORNERS):
                 side = int(self._sides[element, corner])
@@ -51,7 +49,7 @@ class Recovery:
                 result[:, row, corner] = done[side]
         return result
 
-    def at(self, element: int, corner: int) -> tuple[Array, Array]:
+    def at(self, element: int, corner: int) -> tuple[AnyArray, AnyArray]:
         """Elements around a corner of one, and the weights of their points, (elements, points).
 
         The value recovered there is the sum of weights times values. It has derivatives by complex
@@ -63,11 +61,11 @@ class Recovery:
         return self._known[side]
 
     @cached_property
-    def _sides(self) -> Array:
+    def _sides(self) -> AnyArray:
         """A number for each corner of each element, the same on one side of an electrode's edge."""
         return np.asarray(2 * self.connectivity[:, :CORNERS] + self.covered[:, None])
 
-    def _fitted(self, side: int, node: int) -> tuple[Array, Array]:
+    def _fitted(self, side: int, node: int) -> tuple[AnyArray, AnyArray]:
         around = np.flatnonzero((self._sides == side).any(axis=1))
         places = self.places[around]
         away = places - self.nodes[node]
@@ -82,7 +80,7 @@ class Recovery:
         return around, weights.reshape(places.shape[:2])
 
 
-def _powers(places: Array, degree: int) -> Array:
+def _powers(places: AnyArray, degree: int) -> AnyArray:
     """All products of powers of x and y up to a degree, (n, products); the first is 1."""
     x, y = places.T
     return np.column_stack([x**a * y**(total - a) for total in range(degree + 1)

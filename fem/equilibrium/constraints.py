@@ -6,12 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State, turned
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

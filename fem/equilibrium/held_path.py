@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.held import held
@@ -16,8 +15,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import UNNOTICED
 from tympan.fem.equilibrium.span import GivenDeflection, Span
 from tympan.fem.membrane.model import Model
-
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
 _LONGEST = 12

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import skfem
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from skfem.models.poisson import laplace
 
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.state import PlateMotion
-
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell
 #: two motions apart.

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
 from tympan.fem.equilibrium.constraints import Equation
@@ -16,8 +15,7 @@ from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.state import Load, State
-
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: Unknowns from which on factors that a path has left behind are dropped; below, they take less
 #: than some 100 MB.

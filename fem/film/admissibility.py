@@ -6,13 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Material
 from tympan.geometry.units import place_text
 
-Array = NDArray[np.float64]
 Margin = Callable[[Material, Any, Any], Array]
 
 #: Ranges are written with four digits, and their ends are met by the tests: stretches beyond by
@@ -185,7 +184,7 @@ def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
     return result + beyond_range(film, position, l1, l2)
 
 
-def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> NDArray[np.bool_]:
+def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> Mask:
     """Mask of stretches at which a film's law fails no criterion and is within its range.
 
     ``film`` may have arrays in place of numbers; ``derivatives`` are those of its law there.

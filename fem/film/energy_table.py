@@ -14,13 +14,11 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.density import FilmDensity, maxwell
 from tympan.fem.film.memory import add_across, cofactor
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[np.float64]
 
 #: Largest error of an energy's slopes over the largest of them across the box, far below that of a
 #: reduced film.

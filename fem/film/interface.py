@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 #: Directions over half a turn at which the integrand is taken. What that misses falls
 #: exponentially with their number: 1e-12 with 32 of an isotropic film, 1e-6 of one that is 20 times
@@ -36,11 +35,11 @@ class Side(NamedTuple):
     """
 
     c: tuple[Any, Any, Any]
-    stress: Array
-    tangent: Array
+    stress: AnyArray
+    tangent: AnyArray
 
 
-def interface_margin(sides: Sequence[Side], along: Array) -> Array:
+def interface_margin(sides: Sequence[Side], along: AnyArray) -> AnyArray:
     """Least stiffness of the line between two films against its short waves, (n,) [Pa].
 
     The smaller eigenvalue of the sum of both impedances, positive where the line is held; NaN where
@@ -54,7 +53,7 @@ def interface_margin(sides: Sequence[Side], along: Array) -> Array:
     return np.asarray(mean - np.sqrt(half**2 + real[..., 0, 1] ** 2 + imaginary**2))
 
 
-def impedance(stiffness: Array) -> tuple[Array, Array]:
+def impedance(stiffness: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Surface impedance of half a plane: its real part (n, 2, 2), and the imaginary one's entry.
 
     That is antisymmetric; its entry (1, 2) has shape (n,). ``stiffness``: ∂²ψ/∂F∂F (n, 2, 2, 2, 2)
@@ -71,13 +70,13 @@ def impedance(stiffness: Array) -> tuple[Array, Array]:
     return real, -(real[..., 0, 0] * turned[..., 0, 1] + real[..., 0, 1] * turned[..., 1, 1])
 
 
-def _along(stiffness: Array, first: Array, second: Array) -> Array:
+def _along(stiffness: AnyArray, first: AnyArray, second: AnyArray) -> AnyArray:
     """Moduli in pairs of directions (directions, 2), shape (n, 2, 2, directions)."""
     pairs = np.einsum("aJ,aL->JLa", first, second)
     return np.tensordot(np.swapaxes(stiffness, -3, -2), pairs, axes=2)
 
 
-def _inverse(matrices: Array) -> Array:
+def _inverse(matrices: AnyArray) -> AnyArray:
     """Inverses of matrices (n, 2, 2, …)."""
     a, b = matrices[:, 0, 0], matrices[:, 0, 1]
     c, d = matrices[:, 1, 0], matrices[:, 1, 1]
@@ -85,7 +84,7 @@ def _inverse(matrices: Array) -> Array:
     return np.asarray(np.stack(rows, axis=1) / (a * d - b * c)[:, None, None])
 
 
-def moduli(side: Side, along: Array) -> Array:
+def moduli(side: Side, along: AnyArray) -> AnyArray:
     """∂²ψ/∂F∂F (n, 2, 2, 2, 2) of a film that is turned so that a line keeps one direction.
 
     Both sides of the line then have it in common.

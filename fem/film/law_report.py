@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.admissibility import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
 from tympan.fem.film.library import EXAMINED, MATERIALS, READERS, examine_material
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import read
 from tympan.geometry.specimen import Film, Material, Specimen
 from tympan.geometry.toml_reader import Table
 
-Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 

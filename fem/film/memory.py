@@ -24,11 +24,9 @@ from math import factorial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import ConstantFlow, Film, FlowLaw, ViscousBranch
-
-Array = NDArray[Any]
 
 #: Rates below which the weights of a step are their series, and its terms.
 _SLOW = 0.5
@@ -52,9 +50,9 @@ class Memory:
     ``flows`` of the branches where any has another viscosity than a constant one, else none.
     """
 
-    moduli: Array
-    times: Array
-    viscous: Array
+    moduli: AnyArray
+    times: AnyArray
+    viscous: AnyArray
     flows: tuple[FlowLaw, ...] = ()
 
     @classmethod
@@ -101,12 +99,12 @@ class Memory:
         kept = np.exp(-rate) * self.viscous + share * first * before
         return Flow(self, kept, share * last)
 
-    def energy(self, c: Any) -> Array:
+    def energy(self, c: Any) -> AnyArray:
         """Energy that the branches store at C [J/m³], shape (*points)."""
         stretch = inner(inverse(self.viscous), incompressible(c)[:, None]) - 3
         return np.asarray((self.each(self.moduli) / 2 * stretch).sum(0))
 
-    def dissipation(self, c: Any) -> Array:
+    def dissipation(self, c: Any) -> AnyArray:
         """Power that the branches turn into heat at C [W/m³], shape (*points).
 
         With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
@@ -124,7 +122,7 @@ class Memory:
         return np.stack([1 / (flow.relative_viscosity(*invariants) + np.zeros_like(stretch[0]))
                          for flow, *invariants in pairs])
 
-    def _driving(self, c: Any) -> Array:
+    def _driving(self, c: Any) -> AnyArray:
         """(tr X² − (tr X)²/3)/2, X = C C_v⁻¹, shape (branches, *points)."""
         full, back = incompressible(c)[:, None], inverse(self.viscous)
         trace = inner(back, full)
@@ -136,7 +134,7 @@ class Memory:
         # Rounding may leave less than nothing where the branch is relaxed.
         return np.where(np.real(driving) > 0, driving, 0.0)
 
-    def each(self, values: Array) -> Array:
+    def each(self, values: AnyArray) -> AnyArray:
         """Values of the branches, broadcast over all of their points."""
         return values.reshape(-1, *(1,) * (self.viscous.ndim - 2))
 
@@ -146,15 +144,15 @@ class Flow:
     """A step under way: H, shape (4, branches, *points), and w of every branch."""
 
     memory: Memory
-    kept: Array
-    weight: Array
+    kept: AnyArray
+    weight: AnyArray
 
     def after(self, c: Any) -> Memory:
         """The memory at the step's end, at C."""
         grown = self.kept + self.weight * incompressible(c)[:, None]
         return replace(self.memory, viscous=grown / cube_root(determinant(grown)))
 
-    def at(self, interpolate: Callable[[Array], Array], shear: Any = 1.0) -> Flow:
+    def at(self, interpolate: Callable[[AnyArray], AnyArray], shear: Any = 1.0) -> Flow:
         """The same step at other points, to which values are interpolated, shape (..., *points).
 
         ``shear`` multiplies the component 12 there: -1 in a mirror image.
@@ -164,7 +162,8 @@ class Flow:
         kept[2] *= shear
         return Flow(replace(self.memory, viscous=viscous), kept, interpolate(self.weight))
 
-    def density(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array, Array | None]:
+    def density(self, c: Any, *, tangent: bool = True) -> tuple[AnyArray, AnyArray,
+                AnyArray | None]:
         """The step's potential at C [J/m³], S = 2∂/∂C and ∂S/∂E in Voigt form [Pa].
 
         Shapes (*points), (3, *points), (3, 3, *points), those of several films first. The potential
@@ -176,7 +175,7 @@ class Flow:
         return ((1.5 * moduli * excess).sum(0),
                 *self._stress(full, weight, grown, growth, tangent))
 
-    def stress(self, c: Any) -> tuple[Array, Array | None]:
+    def stress(self, c: Any) -> tuple[AnyArray, AnyArray | None]:
         """S and ∂S/∂E of :meth:`density` alone."""
         if self.at_once is None:
             return self._stress(*self._grown(c), tangent=True)
@@ -185,7 +184,7 @@ class Flow:
         return _aligned(plane, 1, stress.ndim) + stress, bend
 
     @cached_property
-    def at_once(self) -> tuple[Array, Array] | None:
+    def at_once(self) -> tuple[AnyArray, AnyArray] | None:
         """Σ μ C_v⁻¹ in the plane, (3, *points), and Σ μ/C_v,33 [Pa], where nothing flows.
 
         The branches then store ½ (the one : C + the other/det C).
@@ -195,7 +194,7 @@ class Flow:
         moduli, back = self._moduli(self.kept.ndim), inverse(self.kept)
         return (moduli * back[:3]).sum(1), (moduli * back[3]).sum(0)
 
-    def _grown(self, c: Any) -> tuple[Array, Array, Array, Array]:
+    def _grown(self, c: Any) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
         """C, w, H + w C and det(H + w C)^⅓, of det H = 1."""
         full = incompressible(c)[:, None]
         kept, weight = self._unit
@@ -203,8 +202,9 @@ class Flow:
         grown = _aligned(kept, 2, full.ndim) + weight * full
         return full, weight, grown, cube_root(determinant(grown))
 
-    def _stress(self, full: Array, weight: Array, grown: Array, growth: Array, tangent: bool
-                ) -> tuple[Array, Array | None]:
+    def _stress(self, full: AnyArray, weight: AnyArray, grown: AnyArray, growth: AnyArray,
+                tangent: bool
+                ) -> tuple[AnyArray, AnyArray | None]:
         by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
         pull, strength = (by_grown - ratio * by_full)[:3], self._moduli(full.ndim) * growth
         stress = (strength * pull).sum(1)
@@ -224,18 +224,18 @@ class Flow:
                 bend[i, j] = bend[j, i] = part.sum(0)
         return stress, bend
 
-    def _moduli(self, axes: int) -> Array:
+    def _moduli(self, axes: int) -> AnyArray:
         """Moduli of the branches, for tensors of so many axes."""
         return self.memory.moduli.reshape(-1, *(1,) * (axes - 2))
 
     @cached_property
-    def _unit(self) -> tuple[Array, Array]:
+    def _unit(self) -> tuple[AnyArray, AnyArray]:
         # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
         unit = cube_root(determinant(self.kept))
         return self.kept / unit, self.weight / unit
 
 
-def _constants(film: Film) -> tuple[Array, Array, tuple[FlowLaw, ...]]:
+def _constants(film: Film) -> tuple[AnyArray, AnyArray, tuple[FlowLaw, ...]]:
     """Moduli [Pa] and times [s] of a film's branches; their flows where any is not constant."""
     flows = tuple(branch.flow for branch in film.branches)
     constant = all(flow == ConstantFlow() for flow in flows)
@@ -243,18 +243,18 @@ def _constants(film: Film) -> tuple[Array, Array, tuple[FlowLaw, ...]]:
             np.array([branch.time for branch in film.branches]), () if constant else flows)
 
 
-def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
+def _grown(flat: AnyArray, age: float, branch: ViscousBranch) -> float:
     """The s of M = 1 + s C after C was held for an age [s]; ds/dt = det(M)^⅓ φ/τ, φ = η₀/η."""
     from scipy.integrate import solve_ivp  # few films have an age, and it takes long to load
 
     constants = np.array([branch.modulus]), np.array([branch.time])
     flows = () if branch.flow == ConstantFlow() else (branch.flow,)
 
-    def fluidity(viscous: Array) -> Any:
+    def fluidity(viscous: AnyArray) -> Any:
         return Memory(*constants, viscous[:, None], flows).fluidity(flat[:3])
 
     # By the logarithm of 1 + s, since s grows exponentially.
-    def rate(_: float, log: Array) -> Array:
+    def rate(_: float, log: AnyArray) -> AnyArray:
         grown = _UNIT + np.expm1(log) * flat
         size = np.cbrt(determinant(grown))
         return np.asarray(size * np.exp(-log) * fluidity(grown / size))
@@ -265,7 +265,7 @@ def _grown(flat: Array, age: float, branch: ViscousBranch) -> float:
     return float(np.expm1(done.y[0, -1]))
 
 
-def incompressible(c: Any) -> Array:
+def incompressible(c: Any) -> AnyArray:
     """C of (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
     c11, c22, c12 = c
     across = np.asarray(1 / (c11 * c22 - c12 * c12))
@@ -274,12 +274,12 @@ def incompressible(c: Any) -> Array:
     return full
 
 
-def determinant(a: Array) -> Array:
+def determinant(a: AnyArray) -> AnyArray:
     """Determinants of symmetric tensors, shape (...)."""
     return np.asarray((a[0] * a[1] - a[2] * a[2]) * a[3])
 
 
-def inverse(a: Array) -> Array:
+def inverse(a: AnyArray) -> AnyArray:
     """Inverses of symmetric tensors, in their shape."""
     first, last, shear, thick = a
     plane = first * last - shear * shear
@@ -289,14 +289,14 @@ def inverse(a: Array) -> Array:
     return result
 
 
-def inner(a: Array, b: Array) -> Array:
+def inner(a: AnyArray, b: AnyArray) -> AnyArray:
     """a : b of symmetric tensors, shape (...)."""
     sums = a * b
     sums[2] *= 2
     return np.asarray(np.add.reduce(sums, 0))
 
 
-def _weights(rate: Array) -> tuple[Array, Array]:
+def _weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Integrals over s in (0, 1) of e^(κ(s−1)) times 1 − s and s."""
     slow = rate < _SLOW
     if slow.all():
@@ -310,7 +310,7 @@ def _weights(rate: Array) -> tuple[Array, Array]:
     return first, last
 
 
-def _slow_weights(rate: Array) -> tuple[Array, Array]:
+def _slow_weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
     """The same of small rates: of s by its series Σ (−κ)ⁿ/(n + 2)!, of 1 − s what is left."""
     last = np.full_like(rate, _SERIES[-1])
     for term in _SERIES[-2::-1]:
@@ -318,19 +318,20 @@ def _slow_weights(rate: Array) -> tuple[Array, Array]:
     return 1 - last * (1 + rate), last
 
 
-def _excess(kept: Array, weight: Array, full: Array) -> Array:
+def _excess(kept: AnyArray, weight: AnyArray, full: AnyArray) -> AnyArray:
     """(det(H + w C) − 1)/w of det H = det C = 1."""
     return np.asarray(inner(inverse(kept), full)
                       + weight * (inner(inverse(full), kept) + weight))
 
 
-def plane_determinant(a: Array) -> Array:
+def plane_determinant(a: AnyArray) -> AnyArray:
     """Determinants in the plane of symmetric tensors, shape (...)."""
     first, last, shear = a[:3]
     return np.asarray(first * last - shear * shear)
 
 
-def of_thickness(c: Array, thick: Any, *, tangent: bool = True) -> tuple[Array, Array | None]:
+def of_thickness(c: AnyArray, thick: Any, *, tangent: bool = True) -> tuple[AnyArray,
+                 AnyArray | None]:
     """S = 2∂/∂C and ∂S/∂E in Voigt form of ½ thick/det C, C in the plane, shape (3, ...)."""
     across, thin = cofactor(c), 1 / plane_determinant(c)
     push = thick * thin**2
@@ -341,7 +342,7 @@ def of_thickness(c: Array, thick: Any, *, tangent: bool = True) -> tuple[Array, 
     return -push * across, bend
 
 
-def cofactor(a: Array) -> Array:
+def cofactor(a: AnyArray) -> AnyArray:
     """Cofactors in the plane of symmetric tensors, shape (3, ...)."""
     result = np.empty((3, *a.shape[1:]), a.dtype)
     result[0], result[1] = a[1], a[0]
@@ -349,7 +350,7 @@ def cofactor(a: Array) -> Array:
     return result
 
 
-def add_across(slopes: Array, value: Array) -> None:
+def add_across(slopes: AnyArray, value: AnyArray) -> None:
     """Add :data:`ACROSS` times a value to slopes, shape (3, 3, ...)."""
     double = 2 * value
     slopes[0, 1] -= double
@@ -357,12 +358,12 @@ def add_across(slopes: Array, value: Array) -> None:
     slopes[2, 2] += value
 
 
-def _aligned(values: Array, first: int, axes: int) -> Array:
+def _aligned(values: AnyArray, first: int, axes: int) -> AnyArray:
     """Values with so many axes in all, new ones after the first."""
     new = (1,) * (axes - values.ndim)
     return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 
-def cube_root(value: Array) -> Array:
+def cube_root(value: AnyArray) -> AnyArray:
     """Cube root of any numbers, complex ones too."""
     return np.asarray(value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value))

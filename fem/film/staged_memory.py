@@ -17,7 +17,6 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from tympan.fem.film.memory import (
-    Array,
     Memory,
     add_across,
     cofactor,
@@ -28,6 +27,7 @@ from tympan.fem.film.memory import (
     inverse,
     plane_determinant,
 )
+from tympan.geometry.arrays import AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +40,14 @@ class StagedFlow:
     """
 
     memory: Memory
-    weights: Array
-    rates: Array
-    kept: Array
+    weights: AnyArray
+    rates: AnyArray
+    kept: AnyArray
     fluidity: Any
-    lag: Array
+    lag: AnyArray
 
     @classmethod
-    def of(cls, memory: Memory, c: Any, duration: float, matrix: Array) -> StagedFlow:
+    def of(cls, memory: Memory, c: Any, duration: float, matrix: AnyArray) -> StagedFlow:
         """A step of a duration [s] from C of the virgin film, (3, ..., points), by a rule's A."""
         start = Memory(memory.moduli, memory.times, memory.viscous[..., None, :], memory.flows)
         full = incompressible(np.asarray(c)[..., None, :])[:, None]
@@ -62,7 +62,7 @@ class StagedFlow:
         return flow._at(full, start.viscous, inner(inverse(start.viscous), full))
 
     def stress(self, c: Any, *, slopes: bool = True
-               ) -> tuple[Array, Array, Array | None, StagedFlow]:
+               ) -> tuple[AnyArray, AnyArray, AnyArray | None, StagedFlow]:
         """P and t [Pa] of branches that pull as if they stored ½ (P : C + t/det C), and slopes.
 
         At C of the stages, (3, ..., stages, points), P has that shape and t (..., stages, points).
@@ -96,13 +96,14 @@ class StagedFlow:
         return [Memory(memory.moduli, memory.times, viscous[..., stage, :], memory.flows)
                 for stage in range(viscous.shape[-2])]
 
-    def _grown(self, full: Array) -> Array:
+    def _grown(self, full: AnyArray) -> AnyArray:
         """C_v at the stages but for its size, shape (4, branches, ..., stages, points)."""
         weights = self.weights.reshape(-1, *(1,) * (full.ndim - 4), *self.weights.shape[1:])
         moved = full if isinstance(self.fluidity, float) else full * self.fluidity
         return np.asarray(self.kept + weights @ (moved - self.lag))
 
-    def _at(self, full: Array, grown: Array, stretch: Array, size: Any = 1.0) -> StagedFlow:
+    def _at(self, full: AnyArray, grown: AnyArray, stretch: AnyArray, size: Any = 1.0
+            ) -> StagedFlow:
         """Flowing as it does at C and at a C_v but for its size, whose C : C_v⁻¹ is known."""
         memory, fluidity = self.memory, self.fluidity
         if memory.flows:

@@ -8,9 +8,8 @@ from operator import add
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray, Mask, Numbers
 
 _HALVINGS = 60
 #: A step of Newton's, relative, after which the next one is nothing.
@@ -31,7 +30,7 @@ class Tension(IntEnum):
     SLACK = 2  #: in none
 
 
-def tension_state(stress_1: Array, stress_2: Array, tense: Array) -> NDArray[np.int64]:
+def tension_state(stress_1: AnyArray, stress_2: AnyArray, tense: AnyArray) -> Numbers:
     """Values of :class:`Tension` by the larger and smaller principal true stress [Pa], shape (n,).
 
     ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
@@ -91,7 +90,7 @@ class TensionField:
             value[loose] = relaxed[wrinkled.sound]
         return tuple(value[()] for value in values)
 
-    def stretches(self, l1: Any, l2: Any) -> tuple[Any, Any, NDArray[np.int64]]:
+    def stretches(self, l1: Any, l2: Any) -> tuple[Any, Any, Numbers]:
         """Those of the material itself, wrinkles included, λ₁* ≥ λ₁ and λ₂* ≥ λ₂.
 
         And in how many directions the film is tense, by its own tension, not by the residual one:
@@ -127,20 +126,21 @@ class TensionField:
         # Where the law has no stress the film is strained too far, not thin.
         return np.where(np.isnan(margin), np.inf, margin)
 
-    def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
+    def _loose(self, plain: tuple[Any, ...], l2: Any) -> Mask:
         # A law may have no value so far pressed together.
         least = np.real(self.residual) * np.real(l2)
         return np.asarray(~(np.real(plain[2]) >= least) & np.isfinite(least))
 
-    def _at(self, l1: Any, l2: Any, points: NDArray[np.bool_]
-            ) -> tuple[tuple[Any, ...], Array, Array]:
+    def _at(self, l1: Any, l2: Any, points: Mask
+            ) -> tuple[tuple[Any, ...], AnyArray, AnyArray]:
         """Materials and stretches at some points; arrays of a material are fields over all."""
-        def chosen(value: Any) -> Array:
+        def chosen(value: Any) -> AnyArray:
             return np.asarray(np.broadcast_to(value, points.shape)[points])
 
         return _at_points(self.materials, points), chosen(l1), chosen(l2)
 
-    def _taken(self, materials: tuple[Any, ...], a: Array, b: Array) -> tuple[Array, Array]:
+    def _taken(self, materials: tuple[Any, ...], a: AnyArray, b: AnyArray) -> tuple[AnyArray,
+               AnyArray]:
         """Natural stretches of loose points, nan where the film has none."""
         k = self.residual
 
@@ -157,7 +157,7 @@ class TensionField:
         first[slack] = second[slack] = apart
         return first, second
 
-    def _apart(self, materials: tuple[Any, ...], a: Array) -> Array:
+    def _apart(self, materials: tuple[Any, ...], a: AnyArray) -> AnyArray:
         """Natural stretch of points that are slack both ways, nan where the film has none."""
         k = self.residual
 
@@ -171,7 +171,7 @@ class TensionField:
         nearest = np.argmax(tense, axis=0)
         return _root(both, a, outer[nearest, np.arange(len(a))], tense.any(axis=0))
 
-    def _wrinkled(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> _Wrinkled:
+    def _wrinkled(self, l1: Any, l2: Any, loose: Mask) -> _Wrinkled:
         materials, a, b = self._at(l1, l2, loose)
         natural = self._taken(materials, a, b)
         with np.errstate(all="ignore"):
@@ -191,15 +191,15 @@ class _Wrinkled:
     not negative, but for a little, so that the film has a state.
     """
 
-    seen: tuple[Array, Array]
-    natural: tuple[Array, Array]
-    sound: NDArray[np.bool_]
-    slack: NDArray[np.bool_]
-    energy: Array
-    tension: Array
-    stiffness: Array
+    seen: tuple[AnyArray, AnyArray]
+    natural: tuple[AnyArray, AnyArray]
+    sound: Mask
+    slack: Mask
+    energy: AnyArray
+    tension: AnyArray
+    stiffness: AnyArray
 
-    def relaxed(self, k: Any) -> tuple[Array, ...]:
+    def relaxed(self, k: Any) -> tuple[AnyArray, ...]:
         """W and its derivatives with a residual tension k [Pa]."""
         (a, b), (first, second) = self.seen, self.natural
         energy = self.energy + k / 2 * (a * a + b * b - first * first - second * second)
@@ -208,7 +208,7 @@ class _Wrinkled:
         return energy, w1, k * b, w11, 0 * a, k + 0 * a
 
 
-def _at_points(materials: tuple[Any, ...], points: NDArray[np.bool_]) -> tuple[Any, ...]:
+def _at_points(materials: tuple[Any, ...], points: Mask) -> tuple[Any, ...]:
     """Materials at some points; their arrays are fields over all."""
     fields = [{name: np.broadcast_to(value, points.shape)[points] for name, value
                in vars(material).items() if isinstance(value, np.ndarray)}
@@ -225,7 +225,7 @@ def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
     return tuple(first)
 
 
-def _root(function: Any, low: Array, high: Array, exists: NDArray[np.bool_]) -> Array:
+def _root(function: Any, low: AnyArray, high: AnyArray, exists: Mask) -> AnyArray:
     """Root of a function that is negative at ``low`` and positive at ``high``.
 
     Nan where there ``exists`` none.

@@ -13,14 +13,12 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.system import silent
-
-Array = NDArray[Any]
 
 #: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
 PARDISO_PAYS = 20_000
@@ -59,7 +57,7 @@ class SuperLUFactors:
     factors: Any
     matrix: csc_matrix
 
-    def solve(self, right: Array) -> Array:
+    def solve(self, right: AnyArray) -> AnyArray:
         """Solution for right-hand sides of shape (n,) or (n, k)."""
         return np.asarray(self.factors.solve(right))
 
@@ -79,7 +77,7 @@ class SuperLUFactors:
         return _negative_eigenvalues(self.matrix, position[doubtful])
 
 
-def _negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
+def _negative_eigenvalues(matrix: csc_matrix, last: AnyArray) -> int:
     """Those of the unknowns but the ``last``, and of their Schur complement (Haynsworth)."""
     count = matrix.shape[0]
     if count <= _DENSE or len(last) == count:
@@ -97,7 +95,7 @@ Analysis = SuperLU | Pardiso
 Factorisation = SuperLUFactors | PardisoFactors
 
 
-def analyse(indices: Array, indptr: Array, ordered: bool = False) -> Analysis:
+def analyse(indices: AnyArray, indptr: AnyArray, ordered: bool = False) -> Analysis:
     """Analysis for the fastest solver installed.
 
     ``indices`` and ``indptr``: sparsity in compressed columns, rows ascending, both triangles, the

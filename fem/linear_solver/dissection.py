@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 #: Directions tried for each cut; four leave 5 % more fill than eight, and more than eight gain
 #: nothing.
 _DIRECTIONS = 8
 
 
-def elimination_order(connectivity: Array, points: Array) -> Array:
+def elimination_order(connectivity: AnyArray, points: AnyArray) -> AnyArray:
     """Nodes in an order whose elimination fills in O(n log n) entries, n nodes in a plane.
 
     The elements, shape (elements, local) with the three corners first, are halved again and again;
@@ -42,7 +40,7 @@ def elimination_order(connectivity: Array, points: Array) -> Array:
     return np.unique(connectivity)[np.lexsort((levels, ends))]
 
 
-def _bisected(connectivity: Array, points: Array) -> Array:
+def _bisected(connectivity: AnyArray, points: AnyArray) -> AnyArray:
     """Code of each element: the sides it fell on, cut after cut, as binary digits."""
     angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
     along = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ points[connectivity].mean(axis=1).T
@@ -56,7 +54,7 @@ def _bisected(connectivity: Array, points: Array) -> Array:
     return codes
 
 
-def _halved(codes: Array, ranks: Array) -> Array:
+def _halved(codes: AnyArray, ranks: AnyArray) -> AnyArray:
     """The codes with one more digit, 1 in the half of each part that ranks higher.
 
     For ranks along each direction, shape (directions, elements).
@@ -70,7 +68,7 @@ def _halved(codes: Array, ranks: Array) -> Array:
     return result
 
 
-def _cuts(low: Array, high: Array, parts: int) -> Array:
+def _cuts(low: AnyArray, high: AnyArray, parts: int) -> AnyArray:
     """Number of nodes within each part that the last digit divides, (directions, parts).
 
     From the ends of the nodes in each direction, (directions, nodes).
@@ -84,16 +82,16 @@ def _cuts(low: Array, high: Array, parts: int) -> Array:
 class _Sharing:
     """The elements of each node that has any, one node after the other."""
 
-    elements: Array
-    starts: Array
+    elements: AnyArray
+    starts: AnyArray
 
     @classmethod
-    def of(cls, connectivity: Array) -> _Sharing:
+    def of(cls, connectivity: AnyArray) -> _Sharing:
         order = np.argsort(connectivity, axis=None, kind="stable")
         nodes = connectivity.ravel()[order]
         return cls(order // connectivity.shape[1], np.flatnonzero(np.diff(nodes, prepend=-1)))
 
-    def ends(self, codes: Array) -> tuple[Array, Array]:
+    def ends(self, codes: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Smallest and largest code among the elements of each node, along the last axis."""
         spread = codes[..., self.elements]
         return (np.minimum.reduceat(spread, self.starts, axis=-1),

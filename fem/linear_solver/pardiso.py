@@ -10,10 +10,9 @@ import weakref
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 _SYMMETRIC_INDEFINITE = -2
 
@@ -42,7 +41,7 @@ class Pardiso:
     are as many as tangents alive at once.
     """
 
-    def __init__(self, indices: Array, indptr: Array) -> None:
+    def __init__(self, indices: AnyArray, indptr: AnyArray) -> None:
         column = np.repeat(np.arange(len(indptr) - 1, dtype=np.int32), np.diff(indptr))
         # The lower triangle by columns is the upper one by rows, which is what PARDISO reads.
         self._lower = indices >= column
@@ -68,7 +67,7 @@ class PardisoFactors:
     def __init__(self, solver: Any, upper: csr_matrix) -> None:
         self._solver, self._upper = solver, upper
 
-    def solve(self, right: Array) -> Array:
+    def solve(self, right: AnyArray) -> AnyArray:
         """Solution for right-hand sides of shape (n,) or (n, k)."""
         columns = np.array(right, dtype=float, order="F")
         return _call(self._solver, _SOLVE, self._upper, columns) if columns.size else columns
@@ -98,7 +97,7 @@ def _analysed(upper: csr_matrix) -> Any:
     return solver
 
 
-def _call(solver: Any, phase: int, upper: csr_matrix, right: Array | None = None) -> Array:
+def _call(solver: Any, phase: int, upper: csr_matrix, right: AnyArray | None = None) -> AnyArray:
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     solver.set_phase(phase)

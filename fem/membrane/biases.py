@@ -15,19 +15,17 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.quintics import ForceCurve
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.columns import LEAST_STEP, Column, Sheet, read_sheet
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Key, Registry, read
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.geometry.units import quantities_text, unit_factor
-
-Array = NDArray[Any]
 
 _POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 _COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
@@ -81,7 +79,7 @@ class Bias(Protocol):
         """
 
 
-def acting(biases: Sequence[Bias], deflections: Array) -> Array:
+def acting(biases: Sequence[Bias], deflections: AnyArray) -> AnyArray:
     """Energy [J] of mechanisms, its derivative [N] and its second derivative [N/m], (3, …).
 
     At many deflections [m] of any shape; nan where one of them cannot be.
@@ -455,7 +453,7 @@ class ForceTable:
         return tuple(np.real(self.displacement).tolist())
 
     @cached_property
-    def _cubics(self) -> tuple[Array, Array, Array]:
+    def _cubics(self) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Breaks, coefficients of the force (4, pieces) and the energy up to each break."""
         from scipy.interpolate import PchipInterpolator
 
@@ -535,7 +533,7 @@ def _column(title: str, usual: Column) -> Column:
     return Column(name, unit)
 
 
-def _check_sign(sheet: Sheet, where: Array, force: Array) -> None:
+def _check_sign(sheet: Sheet, where: AnyArray, force: AnyArray) -> None:
     """Refuse a force that drives the plate off to both ends, and most there.
 
     A spring of the wrong sign does so; what snaps over does not, where it is measured beyond its

@@ -14,15 +14,13 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.biases import BIASES as BIASES
 from tympan.fem.membrane.biases import Bias, Interval
 from tympan.fem.membrane.rigid_plate import Swing
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
-
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 #: How the plate may move: freely; without tilting; up and down only; not at all.
 Guide = Literal["free", "level", "vertical", "fixed"]
@@ -83,12 +81,13 @@ class Loading:
         return min((max(low - deflection, deflection - high, 0.0) + _PART * (high - low)
                     for low, high in self.softening), default=np.inf)
 
-    def lift(self, plate: PlateMotion) -> Array:
+    def lift(self, plate: PlateMotion) -> AnyArray:
         """Derivative of the height of the weight by the plate's six freedoms."""
         x, y, _ = plate.rotation @ [*self.arm, 0.0]
         return np.array([0.0, 0.0, 1.0, y, -x, 0.0])
 
-    def on_plate(self, state: State, centre: Array, area: float) -> tuple[Any, Array, Array]:
+    def on_plate(self, state: State, centre: AnyArray, area: float) -> tuple[Any, AnyArray,
+                 AnyArray]:
         """Potential of what acts on the plate [J], and its derivatives by the six freedoms.
 
         Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²], which lifts it.
@@ -113,8 +112,8 @@ class Loading:
         return energy, first, second
 
 
-def film_volume(mesh: Discretisation, positions: Array, *, second: bool = False
-                ) -> tuple[Any, Array, Array | None]:
+def film_volume(mesh: Discretisation, positions: AnyArray, *, second: bool = False
+                ) -> tuple[Any, AnyArray, AnyArray | None]:
     """Volume of the gas below the film [m³], its first and, if asked, second derivatives.
 
     0 where the film is flat, less where it deflects along the load. ``positions`` of the nodes,
@@ -146,7 +145,7 @@ def film_volume(mesh: Discretisation, positions: Array, *, second: bool = False
     return value, first, result.reshape(elements, 3 * local, 3 * local)
 
 
-def plate_volume(area: float, plate: PlateMotion) -> tuple[float, Array, Array]:
+def plate_volume(area: float, plate: PlateMotion) -> tuple[float, AnyArray, AnyArray]:
     """Volume of the gas below the plate [m³], its first and second derivatives by the six freedoms.
 
     As :func:`film_volume` counts it; ``area`` of the plate [m²].

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from tympan.fem.complex_step import complex_step
@@ -19,13 +18,12 @@ from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import total
 from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, Load, PlateMotion, State
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[Any]
 
 #: A right-hand side or a correction: free nodal components, and plate freedoms in the model's
 #: order.
-Parts = tuple[Array, Array]
+Parts = tuple[AnyArray, AnyArray]
 
 #: How high a balloon may be, in half extents of its frame: one of neo-Hookean film bears the most
 #: pressure at about one and a half.
@@ -61,7 +59,7 @@ class Model:
         return State(self.discretisation.reference.copy(), PlateMotion.rest(), voltage_squared)
 
     @cached_property
-    def volumes(self) -> Array:
+    def volumes(self) -> AnyArray:
         """Virgin volume of all layers at every quadrature point [m³], shape (elements, points)."""
         film = self.specimen.membrane
         even = self.discretisation.weights * film.volume_per_area
@@ -83,14 +81,14 @@ class Model:
         return np.ndim(self.relative_thickness) == 0 and not self.specimen.electrode.patches
 
     @cached_property
-    def _places(self) -> tuple[Array, Array]:
+    def _places(self) -> tuple[AnyArray, AnyArray]:
         """x and y of the quadrature points in the mounted film [m], (elements, points) each."""
         mesh = self.discretisation
         x, y, _ = np.moveaxis(mesh.shapes @ mesh.reference[mesh.connectivity], -1, 0)
         return x, y
 
     @property
-    def centre(self) -> Array:
+    def centre(self) -> AnyArray:
         """The plate's centre in the mounted film, or the frame's without a plate [m]."""
         return np.array([*self.specimen.centre, 0.0])
 
@@ -121,7 +119,7 @@ class Model:
         return "pressure" if self.specimen.plate is None else "force"
 
     @cached_property
-    def arms(self) -> Array:
+    def arms(self) -> AnyArray:
         """Plate nodes relative to the plate's centre [m]."""
         mesh = self.discretisation
         return np.asarray(mesh.reference[mesh.plate_nodes] - self.centre)
@@ -137,7 +135,7 @@ class Model:
                              for plane in mesh.planes))
 
     @cached_property
-    def arm_of_freedom(self) -> Array:
+    def arm_of_freedom(self) -> AnyArray:
         """1 of the plate's freedoms that move it, the frame's half extent of those that turn it."""
         return np.where(np.array(self.plate_freedoms, dtype=int) < 3, 1.0, self.size)
 
@@ -180,7 +178,7 @@ class Model:
         return self.loading.gravity * self.mass_per_area
 
     @cached_property
-    def weight(self) -> Array:
+    def weight(self) -> AnyArray:
         """Nodal forces of the mass of film and electrodes [N], shape (nodes, 3)."""
         mesh, pull = self.discretisation, self.pull
         if not np.any(pull):
@@ -189,13 +187,13 @@ class Model:
         elements[..., 2] = np.matmul(pull * mesh.weights, mesh.shapes)
         return mesh.scatter(elements)
 
-    def place(self, positions: Array, plate: PlateMotion) -> Array:
+    def place(self, positions: AnyArray, plate: PlateMotion) -> AnyArray:
         """A copy of the positions with the plate's edge where the plate is."""
         placed = positions.copy()
         placed[self.discretisation.plate_nodes] = plate.positions(self.centre, self.arms)
         return placed
 
-    def cauchy_green(self, positions: Array) -> tuple[Array, Array, Array]:
+    def cauchy_green(self, positions: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
         """C₁₁, C₂₂, C₁₂ from the mounted film at the quadrature points, (elements, points)."""
         return cauchy_green(self.discretisation.deformation(positions))
 
@@ -221,7 +219,7 @@ class Model:
         """
         return self._least_tension(self.cauchy_green(state.positions), state.voltage_squared)
 
-    def _least_tension(self, c: tuple[Array, Array, Array], voltage_squared: Any) -> float:
+    def _least_tension(self, c: tuple[AnyArray, AnyArray, AnyArray], voltage_squared: Any) -> float:
         materials = self.density(voltage_squared).material.materials
         stretches = principal_stretches(c, self.specimen.membrane.prestretch)
         return float(total(materials, *stretches)[2].min())
@@ -263,16 +261,16 @@ class Model:
         part = material.residual * complex_step(work, material.residual)
         return float(part / whole) if whole else 0.0
 
-    def _stretches(self, state: State) -> tuple[Array, Array]:
+    def _stretches(self, state: State) -> tuple[AnyArray, AnyArray]:
         return principal_stretches(self.cauchy_green(state.positions),
                                    self.specimen.membrane.prestretch)
 
-    def energy(self, positions: Array, voltage_squared: Any) -> Any:
+    def energy(self, positions: AnyArray, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""
         density = self.density(voltage_squared)(self.cauchy_green(positions), tangent=False)
         return (density.energy * self.volumes).sum()
 
-    def forces(self, positions: Array, voltage_squared: Any) -> Array:
+    def forces(self, positions: AnyArray, voltage_squared: Any) -> AnyArray:
         """Derivative of the energy by the node positions [N], shape (nodes, 3)."""
         f = self.discretisation.deformation(positions)
         stress = self.density(voltage_squared)(cauchy_green(f), tangent=False).stress
@@ -299,12 +297,12 @@ class Model:
         slope = (self.density(1.0).maxwell.derivatives(first, second)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
 
-    def nodal_forces(self, state: State) -> Array:
+    def nodal_forces(self, state: State) -> AnyArray:
         """Derivative of the potential by node positions, what acts on the plate left out [N]."""
         forces = self.forces(state.positions, state.voltage_squared) - self.weight
         return forces - state.pressure * self._volume_forces(state) if state.pressure else forces
 
-    def residual(self, forces: Array, state: State) -> Parts:
+    def residual(self, forces: AnyArray, state: State) -> Parts:
         """Unbalanced forces on free components and the plate's freedoms, from the nodal forces."""
         outer = self._on_plate(state)[1][list(self.plate_freedoms)] / self.discretisation.mirrored
         inner, plate = self.on_freedoms(forces, state.plate)
@@ -328,7 +326,7 @@ class Model:
         lift = self.loading.lift(state.plate)[allowed]
         return np.zeros(mesh.free_count), -lift / mesh.mirrored
 
-    def _electric_forces(self, state: State) -> Array:
+    def _electric_forces(self, state: State) -> AnyArray:
         """Derivative of the nodal forces by U² [N/V²]; not linear in it where wrinkled."""
         f = self.discretisation.deformation(state.positions)
         c = cauchy_green(f)
@@ -356,7 +354,7 @@ class Model:
         return Linearised(forces, mesh.unknowns.pattern.assemble(elements), border,
                           corner + self.plate_curvature(forces, state))
 
-    def plate_curvature(self, forces: Array, state: State) -> Array:
+    def plate_curvature(self, forces: AnyArray, state: State) -> AnyArray:
         """Stiffness of the plate's allowed freedoms by the bending of their motions, (p, p)."""
         mesh, allowed = self.discretisation, self.plate_freedoms
         bend = self._on_plate(state)[2] / mesh.mirrored
@@ -364,21 +362,21 @@ class Model:
             bend = bend + state.plate.curvature(self.arms, forces[mesh.plate_nodes])
         return np.asarray(bend[np.ix_(allowed, allowed)])
 
-    def on_freedoms(self, forces: Array, plate: PlateMotion) -> Parts:
+    def on_freedoms(self, forces: AnyArray, plate: PlateMotion) -> Parts:
         """Nodal forces [N] on free components, and gathered on the plate's freedoms [N, N m]."""
         mesh = self.discretisation
         on_plate = plate.gathered(self.arms, forces[mesh.plate_nodes])
         return forces[mesh.free], on_plate[list(self.plate_freedoms)]
 
-    def _nodal(self, f: Array, stress: Array) -> Array:
+    def _nodal(self, f: AnyArray, stress: AnyArray) -> AnyArray:
         mesh = self.discretisation
         return mesh.scatter(element_forces(mesh.gradients, f, stress * self.volumes[..., None]))
 
-    def _on_plate(self, state: State) -> tuple[Any, Array, Array]:
+    def _on_plate(self, state: State) -> tuple[Any, AnyArray, AnyArray]:
         area = self.plate_area if state.pressure else 0.0
         return self.loading.on_plate(state, self.centre, area)
 
-    def _volume_forces(self, state: State) -> Array:
+    def _volume_forces(self, state: State) -> AnyArray:
         return self.discretisation.scatter(film_volume(self.discretisation, state.positions)[1])
 
 
@@ -390,13 +388,13 @@ class Linearised:
     and ``corner`` (p, p) couple the plate's allowed freedoms.
     """
 
-    forces: Array
+    forces: AnyArray
     inner: csc_matrix
-    border: Array
-    corner: Array
+    border: AnyArray
+    corner: AnyArray
 
 
-def cauchy_green(f: Array) -> tuple[Array, Array, Array]:
+def cauchy_green(f: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
     """(C₁₁, C₂₂, C₁₂) of C = FᵀF for F of shape (..., 3, 2); complex-safe, without conjugation."""
     a, b = f[..., 0], f[..., 1]
     return tuple(np.einsum("...i,...i", *pair) for pair in ((a, a), (b, b), (a, b)))

@@ -11,9 +11,8 @@ from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 #: Miss of a cubic through both ends in their middle, relative to the forces, up to which the
 #: quintic through all three is taken. Where a cubic misses by so much, with four numbers, a quintic
@@ -44,7 +43,7 @@ def cubic_miss(first: Known, middle: Known, last: Known) -> float:
     return abs(value - middle[1]) / scale if scale else 0.0
 
 
-def powers_of(first: Known, middle: Known, last: Known) -> Array:
+def powers_of(first: Known, middle: Known, last: Known) -> AnyArray:
     """Powers of the share of the way from the first to the last place, (6,)."""
     three, span = (first, middle, last), last[0] - first[0]
     return np.asarray(_QUINTIC @ [*(force for _, force, _ in three),
@@ -71,9 +70,9 @@ class ForceCurve:
     Answers arrays of deflections; nan beyond its ends.
     """
 
-    breaks: Array
-    powers: Array
-    stored: Array
+    breaks: AnyArray
+    powers: AnyArray
+    stored: AnyArray
 
     @classmethod
     def of(cls, force: Callable[[float], Sequence[float]], low: float, high: float,

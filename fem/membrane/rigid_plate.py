@@ -7,14 +7,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.damped_rule import end_weights
 from tympan.fem.membrane.state import HEAVE, PlateMotion, turned
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline, moments
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,8 @@ from math import atan2, sin, sqrt
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
 #: load.

@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.assembly import first_piola
@@ -28,10 +27,9 @@ from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.mesh import ELEMENTS, unfold
 from tympan.geometry.specimen import Film
-
-Array = NDArray[Any]
 
 #: Where a reference triangle's edges start, and their directions, in scikit-fem's order 01, 12, 02.
 _EDGES = (((0, 0), (1, 0)), ((1, 0), (-1, 1)), ((0, 0), (0, 1)))
@@ -52,25 +50,25 @@ class Fields:
     through the plate's centre and the normal to it within the film.
     """
 
-    position: Array  #: in the flat mounted film [m], shape (n, 3)
-    displacement: Array  #: [m], shape (n, 3)
-    stretch_1: Array  #: larger total principal stretch
-    stretch_2: Array  #: smaller total principal stretch
-    thickness: Array  #: [m]
-    electric_field: Array  #: true field U/thickness under the electrode, 0 outside [V/m]
-    breakdown_strength: Array  #: field of breakdown [V/m], infinite where unknown
-    maxwell_stress: Array  #: ε E² [Pa]
-    stress_1: Array  #: larger principal true stress [Pa]
-    stress_2: Array  #: smaller principal true stress [Pa]
-    stress_radial: Array  #: [Pa]
-    stress_circumferential: Array  #: [Pa]
-    stress_shear: Array  #: [Pa]
+    position: AnyArray  #: in the flat mounted film [m], shape (n, 3)
+    displacement: AnyArray  #: [m], shape (n, 3)
+    stretch_1: AnyArray  #: larger total principal stretch
+    stretch_2: AnyArray  #: smaller total principal stretch
+    thickness: AnyArray  #: [m]
+    electric_field: AnyArray  #: true field U/thickness under the electrode, 0 outside [V/m]
+    breakdown_strength: AnyArray  #: field of breakdown [V/m], infinite where unknown
+    maxwell_stress: AnyArray  #: ε E² [Pa]
+    stress_1: AnyArray  #: larger principal true stress [Pa]
+    stress_2: AnyArray  #: smaller principal true stress [Pa]
+    stress_radial: AnyArray  #: [Pa]
+    stress_circumferential: AnyArray  #: [Pa]
+    stress_shear: AnyArray  #: [Pa]
     #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
-    plate_traction: Array
-    tension: Array  #: of :class:`tympan.fem.film.tension_field.Tension`
+    plate_traction: AnyArray
+    tension: AnyArray  #: of :class:`tympan.fem.film.tension_field.Tension`
 
     @property
-    def breakdown_share(self) -> Array:
+    def breakdown_share(self) -> AnyArray:
         """Field over strength: 1 where the film breaks down, 0 where uncovered or unknown."""
         return self.electric_field / self.breakdown_strength
 
@@ -88,8 +86,8 @@ class Unfolding:
 
     part: Discretisation
     full: Discretisation
-    origin: Array
-    signs: Array
+    origin: AnyArray
+    signs: AnyArray
 
     @classmethod
     def of(cls, part: Discretisation) -> Unfolding:
@@ -122,7 +120,8 @@ def whole(model: Model, state: State, unfolding: Unfolding | None = None) -> tup
     return (unfolding or Unfolding.of(mesh)).whole(model, state)
 
 
-def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: Array, signs: Array
+def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: AnyArray,
+              signs: AnyArray
               ) -> Flow:
     """Memory of the whole film; its elements are the part's, then their images."""
     count = len(part.connectivity)
@@ -136,7 +135,7 @@ def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: Ar
                    turned[:, None])
 
 
-def _flow_at(model: Model, cells: Array, points: Array) -> Flow | None:
+def _flow_at(model: Model, cells: AnyArray, points: AnyArray) -> Flow | None:
     """Memory of the film at reference points of elements, its polynomial there continued."""
     mesh, flow = model.discretisation, model.flow
     shapes = tabulated(mesh.mesh.order, points)[0]
@@ -144,7 +143,7 @@ def _flow_at(model: Model, cells: Array, points: Array) -> Flow | None:
         lambda values: values[..., cells, :] @ mesh.fitted @ shapes)
 
 
-def cell_fields(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
+def cell_fields(model: Model, states: Sequence[State], points: AnyArray) -> list[Fields]:
     """Fields of each state at the same reference points, (2, k), of every element; element-major.
 
     States are computed together.
@@ -156,7 +155,7 @@ def cell_fields(model: Model, states: Sequence[State], points: Array) -> list[Fi
 
 
 def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
-                quadrature: bool = False) -> tuple[Fields, Array]:
+                quadrature: bool = False) -> tuple[Fields, AnyArray]:
     """Fields at some points of every edge of a boundary of the whole film; their weights [m].
 
     Edge-major; weights are quadrature weights times mounted arc length: at Gauss points for
@@ -233,7 +232,7 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
     return result
 
 
-def film_integrals(model: Model, states: Sequence[State]) -> tuple[Array, Array, Array]:
+def film_integrals(model: Model, states: Sequence[State]) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Reaction [N], capacitance [F] and energy [J] of the whole film, each of shape (states,).
 
     As :meth:`Model.reaction`, :meth:`Model.capacitance` and :meth:`Model.energy`, of all states
@@ -266,8 +265,8 @@ def _load_on_edge(model: Model, state: State) -> float:
     return float(load)
 
 
-def _tension(model: Model, states: Sequence[State], gradients: Array, points: Array,
-             cells: Array) -> Array:
+def _tension(model: Model, states: Sequence[State], gradients: AnyArray, points: AnyArray,
+             cells: AnyArray) -> AnyArray:
     """Tension states, shape (states, cells, points).
 
     ``gradients`` at reference points.
@@ -289,15 +288,15 @@ def _tension(model: Model, states: Sequence[State], gradients: Array, points: Ar
     return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
 
 
-def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
+def strength(film: Film, l1: AnyArray, l2: AnyArray, thickness: AnyArray) -> AnyArray:
     """The field at which the film breaks down [V/m], infinite if it has no strength law."""
     if film.strength is None:
         return np.full(np.shape(thickness), np.inf)
     return film.strength.field(l1, l2, thickness)
 
 
-def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
-            along: Array | None = None) -> Fields:
+def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyArray,
+            along: AnyArray | None = None) -> Fields:
     """Fields in some elements, one state after the other; ``along`` is for one state.
 
     ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
@@ -343,7 +342,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
         tension=tension_state(mean + radius, mean - radius, tense))
 
 
-def _inward(model: Model, places: Array) -> Array:
+def _inward(model: Model, places: AnyArray) -> AnyArray:
     """Unit vectors towards the plate's centre, or the frame's; in the centre along −x."""
     inward = model.centre[:2] - places
     distance = np.linalg.norm(inward, axis=1, keepdims=True)
@@ -351,7 +350,7 @@ def _inward(model: Model, places: Array) -> Array:
     return np.asarray(inward / np.linalg.norm(inward, axis=1, keepdims=True))
 
 
-def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:
+def _cauchy(f: AnyArray, stress: AnyArray, radial: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
     """True stress (radial, circumferential, shear) within the film: σ = F S Fᵀ."""
     first = np.einsum("nik,nk->ni", f, radial)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
@@ -359,14 +358,14 @@ def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array
     second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
     a, b = np.einsum("ni,nik->nk", first, f), np.einsum("ni,nik->nk", second, f)
 
-    def pair(u: Array, v: Array) -> Array:
+    def pair(u: AnyArray, v: AnyArray) -> AnyArray:
         along = u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
         return np.asarray(along + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
 
     return pair(a, a), pair(b, b), pair(a, b)
 
 
-def _normal(along: Array, towards: Array) -> Array:
+def _normal(along: AnyArray, towards: AnyArray) -> AnyArray:
     """Unit normals of vectors in the plane, on the side of ``towards``."""
     normal = np.column_stack([along[:, 1], -along[:, 0]])
     normal = normal / np.linalg.norm(along, axis=1, keepdims=True)

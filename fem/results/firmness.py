@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.electrode_edge import CORNERS
@@ -16,8 +15,7 @@ from tympan.fem.film.density import FilmDensity, principal_stretches
 from tympan.fem.film.interface import Side, interface_margin
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
-
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray, Mask
 
 #: Share of the film's mean firmness below which an element's own values at its nodes are not good
 #: enough, since they are off by some 1 % of the mean on a coarse mesh.
@@ -27,7 +25,7 @@ _NEAR = 0.3
 Strain = tuple[Any, Any, Any]
 
 
-def firmness(model: Model, state: State) -> Array:
+def firmness(model: Model, state: State) -> AnyArray:
     """Least stiffness of the film within its plane at the nodes of every element [Pa], (n,).
 
     Element-major, as of :func:`~tympan.fem.results.fields.node_fields`; that is
@@ -44,7 +42,7 @@ def firmness(model: Model, state: State) -> Array:
     return np.asarray(np.minimum(np.minimum(elliptic, thinning), edge).ravel())
 
 
-def rough_firmness(model: Model, state: State) -> Array:
+def rough_firmness(model: Model, state: State) -> AnyArray:
     """The same by each element's own strain; its jumps show the discretisation error."""
     least = np.minimum(*_by_element(model, state))
     return np.asarray(np.minimum(least, edge_firmness(model, state, rough=True)).ravel())
@@ -57,9 +55,9 @@ class Source:
     ``gradients``: ∂φ/∂X at the points, (elements, points, local, 2).
     """
 
-    elements: Array
-    gradients: Array
-    weights: Array
+    elements: AnyArray
+    gradients: AnyArray
+    weights: AnyArray
 
     @classmethod
     def recovered(cls, mesh: Discretisation, element: int, corner: int) -> Source:
@@ -68,7 +66,7 @@ class Source:
         return cls(around, mesh.gradients[around], weights)
 
     @classmethod
-    def averaged(cls, mesh: Discretisation, elements: Array, locals_: Array) -> Source:
+    def averaged(cls, mesh: Discretisation, elements: AnyArray, locals_: AnyArray) -> Source:
         """Source by the mean of elements' own strains at nodes of theirs."""
         count = len(elements)
         return cls(elements, mesh.nodal_gradients[elements, locals_][:, None],
@@ -135,7 +133,7 @@ def spot_at(model: Model, state: State, place: int) -> Spot | EdgeSpot:
     return Spot(element, local, thins, not thins and bool(near[element]))
 
 
-def _margins(model: Model, state: State) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _margins(model: Model, state: State) -> tuple[AnyArray, AnyArray, Mask]:
     """Margins to the loss of strong ellipticity and to thinning, (elements, local).
 
     And in which elements the first is that of recovered strains.
@@ -149,7 +147,7 @@ def _margins(model: Model, state: State) -> tuple[Array, Array, NDArray[np.bool_
     return elliptic, thinning, near
 
 
-def _by_element(model: Model, state: State) -> tuple[Array, Array]:
+def _by_element(model: Model, state: State) -> tuple[AnyArray, AnyArray]:
     """Margins to the loss of strong ellipticity and to thinning, shape (elements, local)."""
     mesh = model.discretisation
     none = np.full(mesh.connectivity.shape, np.inf)
@@ -164,7 +162,7 @@ def _by_element(model: Model, state: State) -> tuple[Array, Array]:
     return elliptic, density.material.thinning_margin(*stretches)
 
 
-def _recover(model: Model, state: State, elliptic: Array, elements: Array) -> None:
+def _recover(model: Model, state: State, elliptic: AnyArray, elements: AnyArray) -> None:
     """Put margins by recovered strains at the corners of some elements, ∞ at their other nodes."""
     places = np.stack(np.broadcast_arrays(elements[:, None], np.arange(CORNERS)), axis=-1)
     own = np.stack(model.cauchy_green(state.positions))
@@ -174,7 +172,7 @@ def _recover(model: Model, state: State, elliptic: Array, elements: Array) -> No
     elliptic[elements, :CORNERS] = there.firmness((strains[0], strains[1], strains[2]))
 
 
-def edge_firmness(model: Model, state: State, rough: bool = False) -> Array:
+def edge_firmness(model: Model, state: State, rough: bool = False) -> AnyArray:
     """Firmness of electrodes' edges at the corners of elements there [Pa], (elements, local).
 
     By the mean strains of the elements on both sides, which beside a narrow band are nearer than
@@ -201,7 +199,8 @@ def edge_firmness(model: Model, state: State, rough: bool = False) -> Array:
     return margins
 
 
-def _held(model: Model, voltage_squared: Any, along: Array, *sides: tuple[Array, Array]) -> Array:
+def _held(model: Model, voltage_squared: Any, along: AnyArray, *sides: tuple[AnyArray, AnyArray]
+          ) -> AnyArray:
     """Margins of lines between films at places with strains (3, n); ∞ where one gives way."""
     firm = np.ones(len(along), dtype=bool)
     films = []
@@ -215,7 +214,7 @@ def _held(model: Model, voltage_squared: Any, along: Array, *sides: tuple[Array,
     return np.where(firm & ~np.isnan(margins), margins, np.inf)
 
 
-def _density_at(model: Model, voltage_squared: Any, places: Array) -> FilmDensity:
+def _density_at(model: Model, voltage_squared: Any, places: AnyArray) -> FilmDensity:
     """The film's density at nodes of elements, (…, 2)."""
     shape = model.discretisation.connectivity.shape
     density = model.density(voltage_squared, nodal=True)

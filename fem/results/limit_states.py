@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.results.fields import Fields
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.fields import Registry
-
-Array = NDArray[Any]
 
 
 class BranchPoint(Protocol):
@@ -31,11 +29,11 @@ class BranchPoint(Protocol):
         """The same of a film that would not wrinkle."""
 
     @property
-    def firmness(self) -> Array:
+    def firmness(self) -> AnyArray:
         """Least stiffness within the film's plane there [Pa]."""
 
     @property
-    def rough_firmness(self) -> Array:
+    def rough_firmness(self) -> AnyArray:
         """The same by each element's own strain."""
 
     @property
@@ -47,7 +45,7 @@ class BranchPoint(Protocol):
         """-1 where the film moves by itself before the load's limit point, 0 beyond it, else 1."""
 
     @property
-    def thinning(self) -> Array:
+    def thinning(self) -> AnyArray:
         """Thickness a little further along the branch over that here, at the nodes."""
 
 
@@ -83,8 +81,8 @@ class LimitState:
 
     kind: str
     label: str
-    field: Callable[[BranchPoint], Array]
-    by_element: Callable[[BranchPoint], Array]
+    field: Callable[[BranchPoint], AnyArray]
+    by_element: Callable[[BranchPoint], AnyArray]
     signs: tuple[Sign, ...]
     marker: str
     falling: bool = False
@@ -107,23 +105,23 @@ class LimitState:
 LIMIT_STATES: Registry[LimitState] = Registry("kind")
 
 
-def _least(field: Callable[[BranchPoint], Array]) -> Sign:
+def _least(field: Callable[[BranchPoint], AnyArray]) -> Sign:
     return Sign(lambda point: float(field(point).min()))
 
 
-def _tension(point: BranchPoint) -> Array:
+def _tension(point: BranchPoint) -> AnyArray:
     return point.pressed.stress_2
 
 
-def _strength_left(point: BranchPoint) -> Array:
+def _strength_left(point: BranchPoint) -> AnyArray:
     return np.asarray(1 - point.fields.breakdown_share)
 
 
-def _thinning(point: BranchPoint) -> Array:
+def _thinning(point: BranchPoint) -> AnyArray:
     return point.thinning
 
 
-def _firmness(point: BranchPoint) -> Array:
+def _firmness(point: BranchPoint) -> AnyArray:
     return point.firmness
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 #: Elements whose nodes are the nearest to a point, that may hold it.
 _NEAREST = 8
@@ -39,12 +36,12 @@ class Places:
     the mesh's edges, which approximate the outlines', are its nearest element's continued.
     """
 
-    nodes: Array
-    shapes: Array
-    signs: Array
+    nodes: AnyArray
+    shapes: AnyArray
+    signs: AnyArray
 
     @classmethod
-    def of(cls, mesh: Discretisation, points: Array) -> Places:
+    def of(cls, mesh: Discretisation, points: AnyArray) -> Places:
         """Locate points of the flat film [m], shape (points, 2)."""
         signs = np.ones((len(points), 3))
         for axis, plane in enumerate("xy"):
@@ -54,13 +51,13 @@ class Places:
         cells, local = _located(mesh, folded)
         return cls(mesh.connectivity[cells], tabulated(mesh.mesh.order, local.T)[0].T, signs)
 
-    def displacement(self, model: Model, state: State) -> Array:
+    def displacement(self, model: Model, state: State) -> AnyArray:
         """Displacements of the points [m], shape (points, 3)."""
         moved = state.positions - model.discretisation.reference
         return np.asarray(self.signs * np.einsum("nl,nli->ni", self.shapes, moved[self.nodes]))
 
 
-def _located(mesh: Discretisation, points: Array) -> tuple[Array, Array]:
+def _located(mesh: Discretisation, points: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Elements of points and their reference coordinates, (points, 2)."""
     from scipy.spatial import cKDTree  # heavy, and `solve` asks for no places
 
@@ -82,7 +79,7 @@ def _located(mesh: Discretisation, points: Array) -> tuple[Array, Array]:
     return best, at
 
 
-def _distinct(near: Array) -> Array:
+def _distinct(near: AnyArray) -> AnyArray:
     """The first few different elements of each row, repeated where there are fewer."""
     rows = []
     for candidates in near.tolist():
@@ -91,7 +88,7 @@ def _distinct(near: Array) -> Array:
     return np.array(rows)
 
 
-def _within(mesh: Discretisation, nodes: Array, points: Array) -> Array:
+def _within(mesh: Discretisation, nodes: AnyArray, points: AnyArray) -> AnyArray:
     """Reference coordinates of points in elements with these nodes, by Newton's method."""
     at = np.full((len(points), 2), 1 / 3)
     for _ in range(_STEPS):
@@ -105,6 +102,6 @@ def _within(mesh: Discretisation, nodes: Array, points: Array) -> Array:
     return at
 
 
-def _outside(at: Array) -> Array:
+def _outside(at: AnyArray) -> AnyArray:
     """Distance of reference coordinates from the reference triangle, if they are outside."""
     return np.asarray(np.maximum(np.maximum(-at.min(axis=1), at.sum(axis=1) - 1), 0.0))

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import prod
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray
 
 
-def spline(times: Sequence[float] | Array, values: Array) -> CubicSpline:
+def spline(times: Sequence[float] | AnyArray, values: AnyArray) -> CubicSpline:
     """Cubic spline of values along the first axis, at ascending times; constant for one time."""
     if len(times) == 1:
         return CubicSpline([times[0], times[0] + 1.0], np.repeat(values, 2, axis=0))

@@ -7,7 +7,6 @@ from itertools import chain
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.density import from_virgin
 from tympan.fem.membrane.loading import film_volume
@@ -15,9 +14,8 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.integrate import Moment, Transient
+from tympan.geometry.arrays import Array
 from tympan.geometry.fields import Key
-
-Array = NDArray[np.float64]
 
 #: Points of Gauss's rule between two moments.
 _POINTS = 4

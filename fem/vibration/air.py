@@ -17,18 +17,16 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 import skfem.quadrature
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion
 from tympan.fem.vibration.modes import Modes
+from tympan.geometry.arrays import Array
 from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[np.float64]
 
 #: Freedoms of the plate that move it along the load: up and down, and about both axes.
 _ALONG = tuple(FREEDOMS.index(name) for name in ("z", "rx", "ry"))

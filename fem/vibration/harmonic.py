@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import newton
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
@@ -26,9 +24,8 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.vibration.modes import System
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.system import silent
-
-Array = NDArray[Any]
 
 #: How close to the one before the last complex frequency comes, relative.
 _CLOSE = 1e-10
@@ -53,8 +50,8 @@ class Harmonic:
     damper: float = 0.0
     circuit: Circuit = field(default_factory=Circuit)
 
-    def response(self, frequencies: Array,
-                 progress: Callable[[str], None] = lambda words: None) -> tuple[Array, Array]:
+    def response(self, frequencies: AnyArray,
+                 progress: Callable[[str], None] = lambda words: None) -> tuple[AnyArray, AnyArray]:
         """Heave [m/V] and film voltage [V/V] over the source's, complex, of frequencies [Hz]."""
         numbers = np.empty((2, len(frequencies)), complex)
         for number, frequency in enumerate(frequencies.tolist()):
@@ -93,7 +90,7 @@ class Harmonic:
         moved = self._lift @ self._solved(s, self._lift)
         return complex(self.model.discretisation.mirrored / moved)
 
-    def _solved(self, s: complex, right: Array) -> Array:
+    def _solved(self, s: complex, right: AnyArray) -> AnyArray:
         stiffness, viscous, mass = self._matrices
         share = sum((branch.modulus * (s * branch.time) / (1 + s * branch.time)
                      for branch in self.model.specimen.membrane.branches), 0j)
@@ -106,12 +103,12 @@ class Harmonic:
         return np.asarray(factors.solve(right.astype(complex)))
 
     @cached_property
-    def _lift(self) -> Array:
+    def _lift(self) -> AnyArray:
         """Derivative of the heave by the unknowns."""
         return np.concatenate(self.model.lift)
 
     @cached_property
-    def _electric(self) -> Array:
+    def _electric(self) -> AnyArray:
         """Derivative of the forces by U² [N/V²]."""
         return np.concatenate(self.model.by_load(self.state, "voltage"))
 

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
 from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -29,10 +28,9 @@ from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, State
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
-
-Array = NDArray[np.float64]
 
 #: Below so many unknowns, or so few per mode, a dense solver takes no longer.
 _DENSE = 200
@@ -170,7 +168,7 @@ class System:
         weight = coo_matrix((self.plate.ravel(), (rows, columns)), (size, size))
         return (self.coordinates.T @ film @ self.coordinates + weight).tocsc()
 
-    def unfolded(self, vector: Array, origin: NDArray[np.int64],
+    def unfolded(self, vector: Array, origin: Numbers,
                  signs: Array) -> tuple[Array, Array, Array]:
         """Motions of film and plate normalised to the whole's mass; the plate's share of energy."""
         mesh, freedoms = self.model.discretisation, list(self.model.plate_freedoms)

@@ -9,11 +9,12 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.cad.wires import outline_wire, pieces_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.contours import closed_curves
-from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, normals
+from tympan.geometry.outlines.pieces import Arc, Line, Piece, normals
 from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import METRE, quantity_text
@@ -49,7 +50,7 @@ class PartOptions:
             raise InputError("must be at least two diameters of the holes", key="spacing",
                              given=quantity_text(self.spacing, "length"))
 
-    def holes(self, frame: Outline) -> Array:
+    def holes(self, frame: Outline) -> AnyArray:
         """Centres of the screw holes around a frame, evenly, shape (holes, 2) [m]."""
         length = float(frame.curve.length)
         count = max(4, int(np.ceil(length / self.spacing)))
@@ -81,7 +82,7 @@ def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
     return cq.Solid.extrudeLinear(cq.Wire(outline_wire(outline, offset)), holes, top)
 
 
-def _hole(centre: Array, radius: float) -> cq.Wire:
+def _hole(centre: AnyArray, radius: float) -> cq.Wire:
     x, y = METRE * centre
     return cq.Wire.assembleEdges([cq.Edge.makeCircle(METRE * radius, cq.Vector(x, y, 0))])
 
@@ -148,5 +149,5 @@ def _words(piece: Piece) -> list[str]:
                                                                       strict=True)]
 
 
-def _numbers(values: Array) -> str:
+def _numbers(values: AnyArray) -> str:
     return " ".join(f"{value:.12g}" for value in values)

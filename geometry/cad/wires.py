@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from io import BytesIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
 from tympan.geometry.system import missing_library
@@ -116,7 +116,7 @@ def _spline(spline: Spline) -> TopoDS_Edge:
     return BRepBuilderAPI_MakeEdge(curve.Curve()).Edge()
 
 
-def _points(places: NDArray[np.float64]) -> TColgp_HArray1OfPnt:
+def _points(places: Array) -> TColgp_HArray1OfPnt:
     """Places in the plane z = 0, shape (count, 2) [mm]."""
     points = TColgp_HArray1OfPnt(1, len(places))
     for number, (x, y) in enumerate(places.tolist(), start=1):

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.drawings import DxfFile, StepFile
 from tympan.geometry.outlines.drawn import ClosedSpline, Drawn
 from tympan.geometry.outlines.ellipses import Circle, Ellipse, Superellipse
 from tympan.geometry.outlines.outline import OUTLINES, Outline, Rotated, check_outline
-from tympan.geometry.outlines.pieces import Array
 from tympan.geometry.outlines.polygons import Polygon, RegularPolygon, RoundedRectangle, Stadium
 from tympan.geometry.plugins import load_plugins
 from tympan.geometry.toml_reader import Table
@@ -77,7 +77,7 @@ def perimeter(outline: Outline) -> Any:
     return outline.curve.length
 
 
-def moments(outline: Outline) -> tuple[float, Array, Array]:
+def moments(outline: Outline) -> tuple[float, AnyArray, AnyArray]:
     """Area [m²], centroid [m], shape (2,), and second moments about it [m⁴], shape (2, 2).
 
     Those of a polygon through points on the curve.

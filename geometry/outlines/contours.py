@@ -9,10 +9,11 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import SMALLEST
-from tympan.geometry.outlines.pieces import MOST_PIECES, Array, Line, Piece
+from tympan.geometry.outlines.pieces import MOST_PIECES, Line, Piece
 
 #: Most curves that a drawing may have. The library takes 0.1 to 0.3 ms for each of them.
 MOST_CURVES = 100_000
@@ -123,14 +124,14 @@ def closed_curves(pieces: Sequence[Piece], tolerance: float | None = None) -> Co
     return Contours(tuple(sorted(curves, key=lambda curve: float(curve.area))), tuple(remarks))
 
 
-def piece_ends(pieces: Sequence[Piece]) -> Array:
+def piece_ends(pieces: Sequence[Piece]) -> AnyArray:
     """Ends of pieces, first and last, shape (2, pieces, 2) [m]."""
     ends = [(piece.start, piece.end) if isinstance(piece, Line)
             else piece.at(np.array([0.0, 1.0]))[0] for piece in pieces]
     return np.array(ends, dtype=float).swapaxes(0, 1)
 
 
-def _near(places: Array, distance: float) -> Array:
+def _near(places: AnyArray, distance: float) -> AnyArray:
     """Pairs of numbers of places that are no further apart, shape (pairs, 2)."""
     if len(places) <= _MANY:
         apart = np.linalg.norm(places[:, None] - places, axis=2)
@@ -140,7 +141,7 @@ def _near(places: Array, distance: float) -> Array:
     return np.asarray(cKDTree(places).query_pairs(distance, output_type="ndarray"))
 
 
-def _clustered(ends: Array, joint: float) -> Array:
+def _clustered(ends: AnyArray, joint: float) -> AnyArray:
     """Numbers of the points that ends make, shape (2, pieces)."""
     places = ends.reshape(-1, 2)
     pairs = _near(places, joint)
@@ -153,9 +154,9 @@ def _clustered(ends: Array, joint: float) -> Array:
     return label.reshape(2, -1)
 
 
-def _once(kept: Array, nodes: Array, middles: Array, joint: float) -> list[int]:
+def _once(kept: AnyArray, nodes: AnyArray, middles: AnyArray, joint: float) -> list[int]:
     """Pieces of which none is drawn twice."""
-    seen, once = defaultdict[tuple[int, int], list[Array]](list), []
+    seen, once = defaultdict[tuple[int, int], list[AnyArray]](list), []
     for k in kept.tolist():
         low, high = sorted(nodes[:, k].tolist())
         alike = seen[low, high]
@@ -165,7 +166,7 @@ def _once(kept: Array, nodes: Array, middles: Array, joint: float) -> list[int]:
     return once
 
 
-def _dangling(kept: Sequence[int], nodes: Array) -> list[int]:
+def _dangling(kept: Sequence[int], nodes: AnyArray) -> list[int]:
     """Ends (of both rows of ``nodes``, flat) at points where only one piece ends."""
     flat = np.concatenate([np.array(kept), np.array(kept) + nodes.shape[1]]).astype(int)
     _, first, counts = np.unique(nodes.ravel()[flat], return_index=True, return_counts=True)
@@ -173,8 +174,8 @@ def _dangling(kept: Sequence[int], nodes: Array) -> list[int]:
     return ends
 
 
-def _bridged(kept: Sequence[int], nodes: Array, ends: Array, reach: Array,
-             widest: float) -> tuple[Array, Gaps]:
+def _bridged(kept: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArray,
+             widest: float) -> tuple[AnyArray, Gaps]:
     """Points once ends in gaps are one, nearest first; and these gaps."""
     dangling = _dangling(kept, nodes)
     if not dangling:
@@ -195,7 +196,7 @@ def _bridged(kept: Sequence[int], nodes: Array, ends: Array, reach: Array,
     return moved.reshape(2, -1), gaps
 
 
-def _pruned(kept: Sequence[int], nodes: Array) -> tuple[list[int], list[int]]:
+def _pruned(kept: Sequence[int], nodes: AnyArray) -> tuple[list[int], list[int]]:
     """Pieces that are part of closed curves, and those of open ones."""
     at = defaultdict[int, set[int]](set)
     for k in kept:
@@ -216,7 +217,7 @@ def _pruned(kept: Sequence[int], nodes: Array) -> tuple[list[int], list[int]]:
     return [k for k in kept if k not in stray], [k for k in kept if k in stray]
 
 
-def _refuse_mistakes(stray: Sequence[int], nodes: Array, ends: Array, reach: Array,
+def _refuse_mistakes(stray: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArray,
                      widest: float) -> None:
     """Refuse open curves that would be closed but for gaps that are small on the drawing."""
     bridged, gaps = _bridged(stray, nodes, ends, reach, widest)
@@ -228,7 +229,7 @@ def _refuse_mistakes(stray: Sequence[int], nodes: Array, ends: Array, reach: Arr
         raise _open(ends, first, last)
 
 
-def _connected(kept: Sequence[int], nodes: Array, ends: Array, check: bool = True
+def _connected(kept: Sequence[int], nodes: AnyArray, ends: AnyArray, check: bool = True
                ) -> list[list[int]]:
     """Pieces of each curve, in order along it; where one branches is an :class:`InputError`."""
     at = defaultdict[int, list[int]](list)
@@ -257,7 +258,7 @@ def _connected(kept: Sequence[int], nodes: Array, ends: Array, check: bool = Tru
     return curves
 
 
-def _longest_open(stray: Sequence[int], nodes: Array, ends: Array, reach: Array
+def _longest_open(stray: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArray
                   ) -> tuple[int, int]:
     """Two ends of the longest open curve."""
     chains = _connected(stray, nodes, ends, check=False)
@@ -266,7 +267,7 @@ def _longest_open(stray: Sequence[int], nodes: Array, ends: Array, reach: Array
     return first, last
 
 
-def _trace(chain: list[int], nodes: Array, pieces: Sequence[Piece]) -> list[Piece]:
+def _trace(chain: list[int], nodes: AnyArray, pieces: Sequence[Piece]) -> list[Piece]:
     """Pieces of a closed curve, each turned to run on from the one before it."""
     loop, node = [pieces[chain[0]]], nodes[1, chain[0]]
     if len(chain) > 1 and node not in nodes[:, chain[1]]:
@@ -331,7 +332,7 @@ def _straightened(loop: list[Piece], tolerance: float) -> tuple[list[Piece], lis
                    f"within {1e3 * tolerance:.3g} mm"]
 
 
-def _chords(piece: Piece, within: float) -> Array:
+def _chords(piece: Piece, within: float) -> AnyArray:
     """Points along a piece but its end, whose chords are nowhere further from it than that."""
     for count in () if isinstance(piece, Line) else (2**power for power in range(1, 15)):
         points = piece.at(np.linspace(0, 1, 2 * count + 1))[0]
@@ -341,7 +342,7 @@ def _chords(piece: Piece, within: float) -> Array:
     return np.asarray(piece_ends([piece])[0])
 
 
-def _few(points: Array, tolerance: float) -> Array:
+def _few(points: AnyArray, tolerance: float) -> AnyArray:
     """Numbers of the points that a polyline needs (Douglas and Peucker's method)."""
     keep = np.zeros(len(points), bool)
     keep[[0, -1]] = True
@@ -368,11 +369,11 @@ def _around(curve: Curve, point: Sequence[float]) -> bool:
     return bool(within and curve.level(np.array(point[0]), np.array(point[1])) < 0)
 
 
-def _point(ends: Array, end: int) -> Array:
+def _point(ends: AnyArray, end: int) -> AnyArray:
     return np.asarray(ends.reshape(-1, 2)[end])
 
 
-def _place(point: Sequence[float] | Array) -> str:
+def _place(point: Sequence[float] | AnyArray) -> str:
     x, y = (round(1e3 * float(value), 9) + 0.0 for value in point)
     return f"{x:.6g}, {y:.6g} mm"
 
@@ -392,7 +393,7 @@ def _listed(curves: Sequence[Curve]) -> str:
     return "; ".join(words) + f"; and {more} more" * (more > 0)
 
 
-def _open(ends: Array, first: int, last: int, allowed: bool = True) -> InputError:
+def _open(ends: AnyArray, first: int, last: int, allowed: bool = True) -> InputError:
     """Message that a curve is open; the tolerance in its advice is enough."""
     start, end = _point(ends, first), _point(ends, last)
     gap = 1e3 * float(np.linalg.norm(start - end))
@@ -403,7 +404,7 @@ def _open(ends: Array, first: int, last: int, allowed: bool = True) -> InputErro
                       f"of the drawing, {gap:.3g} mm apart: close the gap in the drawing{advice}")
 
 
-def _on_gaps(gaps: Gaps, ends: Array) -> str:
+def _on_gaps(gaps: Gaps, ends: AnyArray) -> str:
     first, _, gap = max(gaps, key=lambda item: item[2])
     return (f"closed {_counted(len(gaps), 'gap')}, the widest {1e3 * gap:.3g} mm at "
             f"{_place(_point(ends, first))} of the drawing")

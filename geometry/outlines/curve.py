@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.pieces import (
-    Array,
     Piece,
     Point,
     cross,
@@ -20,7 +20,7 @@ from tympan.geometry.outlines.pieces import (
 )
 from tympan.geometry.units import METRE
 
-Foot = tuple[Array, Array]
+Foot = tuple[AnyArray, AnyArray]
 
 #: Gauss's rule between breaks that are few: an ellipse's length is exact to rounding.
 _LONG = np.polynomial.legendre.leggauss(12)
@@ -41,7 +41,7 @@ class Curve:
 
     pieces: tuple[Piece, ...]
 
-    def at(self, foot: Foot) -> tuple[Array, Array]:
+    def at(self, foot: Foot) -> tuple[AnyArray, AnyArray]:
         """Points and derivatives at feet, shape (n, 2) each [m]."""
         number, t = foot
         if len(self.pieces) == 1:
@@ -53,7 +53,7 @@ class Curve:
             value[number == k], slope[number == k] = part
         return value, slope
 
-    def foot(self, places: Array) -> Foot:
+    def foot(self, places: AnyArray) -> Foot:
         """The feet of places of shape (n, 2): number of the piece, parameter."""
         t = np.array([piece.nearest(places) for piece in self.pieces])
         if len(self.pieces) == 1:
@@ -63,7 +63,7 @@ class Curve:
         number = away.argmin(axis=0)
         return number, t[number, np.arange(len(places))]
 
-    def level(self, x: Array, y: Array) -> Array:
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
         """Signed distance [m], negative inside."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         places = np.column_stack([x.ravel(), y.ravel()])
@@ -72,7 +72,7 @@ class Curve:
         side = np.sign((away * self._normal(foot)).sum(axis=1))
         return np.asarray((side * np.linalg.norm(away, axis=1)).reshape(x.shape))
 
-    def _normal(self, foot: Foot) -> Array:
+    def _normal(self, foot: Foot) -> AnyArray:
         """Outward normals, at a corner the sum of both sides', which tells inside from outside."""
         number, t = foot
         count = len(self.pieces)
@@ -82,7 +82,7 @@ class Curve:
         there = normals(self.at((number, np.where(first, 1.0, np.where(last, 0.0, t))))[1])
         return here + there
 
-    def points(self, count: int) -> Array:
+    def points(self, count: int) -> AnyArray:
         """Points about evenly around, one at each piece's start, shape (2, count) [m]."""
         lengths = self.lengths
         if count < 2 * len(lengths):
@@ -95,7 +95,7 @@ class Curve:
                           for piece, n in zip(self.pieces, each, strict=True)]).T
 
     @cached_property
-    def lengths(self) -> Array:
+    def lengths(self) -> AnyArray:
         """Lengths of the pieces, real [m]."""
         return np.array([float(np.real(piece_length(piece))) for piece in self.pieces])
 
@@ -160,16 +160,16 @@ class Curve:
         return Curve(tuple(piece.backwards() for piece in reversed(self.pieces)))
 
     @property
-    def starts(self) -> Array:
+    def starts(self) -> AnyArray:
         """First points of the pieces, shape (pieces, 2) [m]."""
         return np.vstack([piece.at(np.zeros(1))[0] for piece in self.pieces])
 
-    def sharp_corners(self, outwards: bool) -> Array:
+    def sharp_corners(self, outwards: bool) -> AnyArray:
         """Corners that point outwards, or inwards, by a turn that is worth a word, shape (n, 2)."""
         turns = self.turns() if outwards else -self.turns()
         return self.starts.real[turns > _BLUNT]
 
-    def turns(self) -> Array:
+    def turns(self) -> AnyArray:
         """Angle by which the direction turns at the start of every piece [rad]."""
         into = np.vstack([piece.at(np.ones(1))[1] for piece in self.pieces]).real
         out = np.vstack([piece.at(np.zeros(1))[1] for piece in self.pieces]).real
@@ -182,7 +182,7 @@ def piece_length(piece: Piece) -> Any:
     return _integral(piece, lambda x, y, dx, dy: np.sqrt(dx * dx + dy * dy))
 
 
-def piece_curvature(piece: Piece) -> Array:
+def piece_curvature(piece: Piece) -> AnyArray:
     """Curvature at points along a piece [1/m], positive where it turns left."""
     _, slope, bend = piece.at(subdivided(piece.breaks, 8))
     return curvature(slope, bend).real

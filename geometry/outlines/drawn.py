@@ -8,11 +8,12 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.fields import Key, read
 from tympan.geometry.outlines.contours import JOINT, piece_ends
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, Boxed
-from tympan.geometry.outlines.pieces import PIECES, PLACE, Array, Piece, Spline, around
+from tympan.geometry.outlines.pieces import PIECES, PLACE, Piece, Spline, around
 from tympan.geometry.toml_reader import Table
 
 
@@ -40,7 +41,7 @@ class ClosedSpline(Boxed):
                        (slope, slope)),)
 
 
-def _slopes(step: Array, rise: Array) -> Array:
+def _slopes(step: AnyArray, rise: AnyArray) -> AnyArray:
     """Derivatives at the points that make the curvature continuous around the curve."""
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import spsolve

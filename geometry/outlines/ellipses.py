@@ -8,10 +8,11 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.fields import Key
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Outline
-from tympan.geometry.outlines.pieces import Arc, Array, Piece, graded, spline_through
+from tympan.geometry.outlines.pieces import Arc, Piece, graded, spline_through
 from tympan.geometry.toml_reader import Rule
 
 _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (nearly a rectangle)")
@@ -31,10 +32,10 @@ class Circle(Outline):
     def semi_axes(self) -> tuple[float, float]:
         return self.radius, self.radius
 
-    def level(self, x: Array, y: Array) -> Array:
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
         return np.hypot(x, y) - self.radius
 
-    def points(self, count: int) -> Array:
+    def points(self, count: int) -> AnyArray:
         angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
         return self.radius * np.array([np.cos(angle), np.sin(angle)])
 
@@ -51,14 +52,14 @@ class Ellipse(Outline):
     also: ClassVar[tuple[str, ...]] = ("oval",)
     semi_axes: Annotated[tuple[float, float], SEMI_AXES]
 
-    def level(self, x: Array, y: Array) -> Array:
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
         """First-order distance (level function over its gradient) [m]."""
         a, b = self.semi_axes
         root = np.sqrt((x / a) ** 2 + (y / b) ** 2)
         slope = np.sqrt((x / a**2) ** 2 + (y / b**2) ** 2) / np.maximum(root, 1e-300)
         return (root - 1) / np.maximum(slope, 1 / max(a, b))
 
-    def points(self, count: int) -> Array:
+    def points(self, count: int) -> AnyArray:
         angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
         a, b = self.semi_axes
         return np.array([a * np.cos(angle), b * np.sin(angle)])
@@ -85,14 +86,14 @@ class Superellipse(Outline):
         """The first quadrant."""
         return Curve((self._spline(0),))
 
-    def points(self, count: int) -> Array:
+    def points(self, count: int) -> AnyArray:
         if count % 4:
             return super().points(count)
         share = np.arange(count // 4) / (count // 4)
         places, axes = self.mirrored.pieces[0].at(share)[0], np.array(self.semi_axes)
         return np.vstack([_turned(places / axes, number) * axes for number in range(4)]).T
 
-    def level(self, x: Array, y: Array) -> Array:
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
         """Signed distance [m]; the nearest point lies in the quadrant of the place."""
         return self.mirrored.level(np.abs(x), np.abs(y))
 
@@ -104,14 +105,14 @@ class Superellipse(Outline):
         return spline_through(angles, points, slopes)
 
 
-def _turned(points: Array, times: int) -> Array:
+def _turned(points: AnyArray, times: int) -> AnyArray:
     """Points, (n, 2), after so many quarter turns counterclockwise."""
     for _ in range(times):
         points = np.column_stack([-points[:, 1], points[:, 0]])
     return points
 
 
-def _quadrant(angle: Array, exponent: Any) -> tuple[Array, ...]:
+def _quadrant(angle: AnyArray, exponent: Any) -> tuple[AnyArray, ...]:
     """The first quadrant for semi-axes 1, and its derivative by the angle, shape (n, 2) each."""
     c, s = np.maximum(np.cos(angle), 0.0), np.maximum(np.sin(angle), 0.0)
     c = np.where(c < 1e-15, 0.0, c)
@@ -122,13 +123,13 @@ def _quadrant(angle: Array, exponent: Any) -> tuple[Array, ...]:
             np.column_stack([rate * c - radius * s, rate * s + radius * c]))
 
 
-def _power(base: Array, exponent: Any) -> Array:
+def _power(base: AnyArray, exponent: Any) -> AnyArray:
     """Also of zero, for complex exponents."""
     positive = np.where(base > 0, base, 1.0)
     return np.where(base > 0, positive**exponent, 0.0)
 
 
 @lru_cache(maxsize=1024)
-def _angles(exponent: float) -> Array:
+def _angles(exponent: float) -> AnyArray:
     low = graded(lambda angle: _quadrant(angle, exponent), np.linspace(0, np.pi / 4, 9), 1.0)
     return np.concatenate([low, (np.pi / 2 - low[-2::-1])])

@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines.pieces import Array, Piece, graded, spline_through
+from tympan.geometry.outlines.pieces import Piece, graded, spline_through
 
 
-def pieces_of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[Piece]:
+def pieces_of_spline(knots: AnyArray, poles: AnyArray, weights: AnyArray, degree: int
+                     ) -> list[Piece]:
     """Splines, exact where cubic, polynomial and of continuous curvature; parted elsewhere.
 
     ``poles`` have shape (n, 2) [m], ``weights`` (n,), ``knots`` (n + degree + 1,).
@@ -28,7 +30,7 @@ def pieces_of_spline(knots: Array, poles: Array, weights: Array, degree: int) ->
     breaks = np.concatenate([[low], inner[(inner > low) & (inner < high)], [high]])
     parts = np.concatenate([[low], corners[(corners > low) & (corners < high)], [high]])
 
-    def local(place: Array) -> tuple[Array, Array]:
+    def local(place: AnyArray) -> tuple[AnyArray, AnyArray]:
         value, slope = curve(place), curve(place, 1)
         point = value[:, :2] / value[:, 2:]
         return point, (slope[:, :2] - point * slope[:, 2:]) / value[:, 2:]
@@ -39,8 +41,8 @@ def pieces_of_spline(knots: Array, poles: Array, weights: Array, degree: int) ->
         within_part = breaks[(breaks >= start) & (breaks <= end)].astype(float)
         inset = 1e-13 * (end - start)
 
-        def within(place: Array, low: float = start + inset,
-                   high: float = end - inset) -> tuple[Array, Array]:
+        def within(place: AnyArray, low: float = start + inset,
+                   high: float = end - inset) -> tuple[AnyArray, AnyArray]:
             return local(np.clip(place, low, high))
 
         size = float(np.ptp(poles, axis=0).max())

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, FieldsAlone, Key, Registry, takes_units, write
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Array, Piece, cross
+from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Piece, cross
 from tympan.geometry.toml_reader import Rule, Table
 
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
@@ -72,11 +73,11 @@ class Outline(FieldsAlone, ABC):
         """A part of the curve whose mirror images are the others; all of it where none is known."""
         return self.curve
 
-    def level(self, x: Array, y: Array) -> Array:
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
         """Negative inside, positive outside; near the curve, about the distance [m]."""
         return self.curve.level(x, y)
 
-    def points(self, count: int) -> Array:
+    def points(self, count: int) -> AnyArray:
         """Points on the curve, shape (2, count) [m], evenly along each piece."""
         return self.curve.points(count)
 
@@ -224,7 +225,7 @@ def _crossing(outline: Outline, curve: Curve, size: float) -> None:
                      f"has a neck narrower than {near * 1e3:.3g} mm")
 
 
-def _meeting(points: Array, first: int, second: int) -> Array | None:
+def _meeting(points: AnyArray, first: int, second: int) -> AnyArray | None:
     """Crossing of the polyline's sides about two of its points, if there is one."""
     sides = np.roll(points, -1, axis=0) - points
     i, j = ((point + np.arange(-2, 2)) % len(points) for point in (first, second))
@@ -238,6 +239,6 @@ def _meeting(points: Array, first: int, second: int) -> Array | None:
     return np.asarray(points[i][side] + t[side, other] * sides[i][side])
 
 
-def _error(outline: Outline, place: Array, words: str) -> InputError:
+def _error(outline: Outline, place: AnyArray, words: str) -> InputError:
     x, y = np.round(1e3 * place, 9) + 0.0
     return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre", given=outline.shape)

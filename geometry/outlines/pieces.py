@@ -14,8 +14,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry
 from tympan.geometry.toml_reader import Rule
@@ -23,9 +23,8 @@ from tympan.geometry.toml_reader import Rule
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-Array = NDArray[Any]
 Point = tuple[Any, Any]
-Local = tuple[Array, Array, Array]
+Local = tuple[AnyArray, AnyArray, AnyArray]
 
 #: Kinds of pieces that files may spell out.
 PIECES: Registry[Any] = Registry("kind")
@@ -59,17 +58,17 @@ class Line:
     end: Annotated[Point, Key("where it ends", "length", PLACE)]
 
     @property
-    def breaks(self) -> Array:
+    def breaks(self) -> AnyArray:
         """Parameters between which the piece is a polynomial, or nearly one."""
         return np.array([0.0, 1.0])
 
-    def at(self, t: Array) -> Local:
+    def at(self, t: AnyArray) -> Local:
         """Points, first and second derivatives, shape (n, 2) each [m]."""
         start, slope = np.array(self.start), np.array(self.end) - np.array(self.start)
         slopes = np.broadcast_to(slope, (len(t), 2))
         return start + t[:, None] * slope, slopes, np.zeros_like(slopes)
 
-    def nearest(self, places: Array) -> Array:
+    def nearest(self, places: AnyArray) -> AnyArray:
         """Parameters of the points nearest to places of shape (n, 2)."""
         (start, _), (slope, _), _ = self.at(np.arange(2.0))
         return np.asarray(np.clip((places - start) @ slope / (slope @ slope), 0, 1))
@@ -90,7 +89,7 @@ class Line:
         start, end = (tuple(place) for place in self.at(np.array([low, high]))[0].tolist())
         return Line(self.start if low == 0 else start, self.end if high == 1 else end)
 
-    def between(self, start: Array, end: Array) -> Line:
+    def between(self, start: AnyArray, end: AnyArray) -> Line:
         """The piece between two points near its ends, which move it by no more than they miss."""
         return Line((start[0], start[1]), (end[0], end[1]))
 
@@ -107,12 +106,12 @@ class Curved(ABC):
 
     @property
     @abstractmethod
-    def breaks(self) -> Array: ...
+    def breaks(self) -> AnyArray: ...
 
     @abstractmethod
-    def at(self, t: Array) -> Local: ...
+    def at(self, t: AnyArray) -> Local: ...
 
-    def nearest(self, places: Array) -> Array:
+    def nearest(self, places: AnyArray) -> AnyArray:
         """Parameters of the nearest points: Newton's method from the two nearest samples."""
         seeds = self._tree.query(places, k=2)[1]
         near = [self._refined(places, seed) for seed in seeds.T]
@@ -120,7 +119,7 @@ class Curved(ABC):
         return np.where(first <= second, *near)
 
     def beside(self, distance: Any) -> Piece:
-        def curve(t: Array) -> tuple[Array, Array]:
+        def curve(t: AnyArray) -> tuple[AnyArray, AnyArray]:
             value, slope, bend = self.at(t)
             turn = curvature(slope, bend)[:, None]
             return value + distance * normals(slope), slope * (1 + distance * turn)
@@ -129,12 +128,12 @@ class Curved(ABC):
         knots = graded(curve, self.breaks, size)
         return spline_through(knots, *curve(knots))
 
-    def between(self, start: Array, end: Array) -> Piece:
+    def between(self, start: AnyArray, end: AnyArray) -> Piece:
         """A spline; the shift between its ends is that of the ends, in proportion."""
         before, after = self.at(np.array([0.0, 1.0]))[0]
         shift, more = start - before, (end - after) - (start - before)
 
-        def curve(t: Array) -> tuple[Array, Array]:
+        def curve(t: AnyArray) -> tuple[AnyArray, AnyArray]:
             value, slope, _ = self.at(t)
             return value + shift + t[:, None] * more, slope + more
 
@@ -142,7 +141,7 @@ class Curved(ABC):
         return spline_through(knots, *curve(knots))
 
     @cached_property
-    def _samples(self) -> Array:
+    def _samples(self) -> AnyArray:
         return subdivided(self.breaks, self.each)
 
     @cached_property
@@ -151,7 +150,7 @@ class Curved(ABC):
 
         return cKDTree(self.at(self._samples)[0])
 
-    def _refined(self, places: Array, seed: Array) -> Array:
+    def _refined(self, places: AnyArray, seed: AnyArray) -> AnyArray:
         low = self._samples[np.maximum(seed - 1, 0)]
         high = self._samples[np.minimum(seed + 1, len(self._samples) - 1)]
         t = self._samples[seed]
@@ -188,10 +187,10 @@ class Arc(Curved):
         return bool(self.radii[0] == self.radii[1])
 
     @cached_property
-    def breaks(self) -> Array:
+    def breaks(self) -> AnyArray:
         return np.linspace(0, 1, int(np.ceil(abs(np.real(self.sweep)) / _PANEL - 1e-9)) + 1)
 
-    def at(self, t: Array) -> Local:
+    def at(self, t: AnyArray) -> Local:
         a, b = self.radii
         angle = self.start + t * self.sweep
         x = np.array([a * np.cos(angle), b * np.sin(angle)])
@@ -201,7 +200,7 @@ class Arc(Curved):
         return ((turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep,
                 -(turn @ x).T * self.sweep**2)
 
-    def nearest(self, places: Array) -> Array:
+    def nearest(self, places: AnyArray) -> AnyArray:
         if not self.circular:
             return super().nearest(places)
         x, y = (places - np.array(self.centre)).T
@@ -252,11 +251,11 @@ class Spline(Curved):
             raise InputError("must be ascending numbers, one a point", key="knots")
 
     @cached_property
-    def breaks(self) -> Array:
+    def breaks(self) -> AnyArray:
         knots = np.real(np.array(self.knots))
         return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
 
-    def at(self, t: Array) -> Local:
+    def at(self, t: AnyArray) -> Local:
         """Evaluate the spline; between two knots, complex ones too, ``t`` is a share of the way."""
         coefficients, widths = self._cubics
         k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(widths) - 1)
@@ -267,10 +266,10 @@ class Spline(Curved):
                 ((2 * c + 6 * u * d) / width**2).T)
 
     @cached_property
-    def _cubics(self) -> tuple[Array, Array]:
+    def _cubics(self) -> tuple[AnyArray, AnyArray]:
         """Coefficients between knots, shape (4, 2, intervals), and shares of the whole way."""
-        knots: Array = np.array(self.knots)
-        points: Array = np.array(self.points)
+        knots: AnyArray = np.array(self.knots)
+        points: AnyArray = np.array(self.points)
         step, rise = np.diff(knots)[:, None], np.diff(points, axis=0)
         slopes = np.vstack([np.array(self.slopes[:1]), self._inner_slopes(step, rise),
                             np.array(self.slopes[1:])])
@@ -278,7 +277,7 @@ class Spline(Curved):
         parts = points[:-1], start, 3 * rise - 2 * start - end, start + end - 2 * rise
         return np.array([part.T for part in parts]), np.diff(self.breaks)
 
-    def _inner_slopes(self, step: Array, rise: Array) -> Array:
+    def _inner_slopes(self, step: AnyArray, rise: AnyArray) -> AnyArray:
         """Derivatives at the inner knots that make the curvature continuous."""
         if len(step) == 1:
             return np.empty((0, 2))
@@ -317,19 +316,20 @@ class Spline(Curved):
 Piece = Line | Arc | Spline
 
 
-def subdivided(breaks: Array, each: int) -> Array:
+def subdivided(breaks: AnyArray, each: int) -> AnyArray:
     """Every interval between breaks in equal parts, ``each`` of them; the last break is 1."""
     steps = np.arange(each) / each
     return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * steps).ravel(), 1.0)
 
 
-def spline_through(knots: Array, points: Array, slopes: Array) -> Spline:
+def spline_through(knots: AnyArray, points: AnyArray, slopes: AnyArray) -> Spline:
     """The spline through points, with given derivatives at both ends; shape (n, 2) each."""
     first, last = _pairs(slopes[[0, -1]])
     return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
 
 
-def graded(curve: Callable[[Array], tuple[Array, ...]], start: Array, size: float) -> Array:
+def graded(curve: Callable[[AnyArray], tuple[AnyArray, ...]], start: AnyArray, size: float
+           ) -> AnyArray:
     """Knots, halved from ``start`` until cubics stay within 1e-10 of the ``size`` of a curve.
 
     A curve that takes too many of them is an :class:`InputError`.
@@ -387,7 +387,7 @@ def _placed(point: Point, angle: Any, shift: Point) -> Point:
     return c * x - s * y + shift[0], s * x + c * y + shift[1]
 
 
-def _pairs(points: Array) -> tuple[Point, ...]:
+def _pairs(points: AnyArray) -> tuple[Point, ...]:
     return tuple(map(tuple, points.tolist()))
 
 
@@ -400,17 +400,17 @@ def direction(x: Any, y: Any) -> Any:
     return angle + 1j * turned / (np.real(x) ** 2 + np.real(y) ** 2)
 
 
-def cross(u: Array, v: Array) -> Array:
+def cross(u: AnyArray, v: AnyArray) -> AnyArray:
     """The z components of cross products of vectors, shape (…, 2)."""
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-def curvature(slope: Array, bend: Array) -> Array:
+def curvature(slope: AnyArray, bend: AnyArray) -> AnyArray:
     """Curvature of curves by their derivatives, shape (n, 2) each [1/m]; positive to the left."""
     return np.asarray(cross(slope, bend) / np.sqrt((slope * slope).sum(axis=1)) ** 3)
 
 
-def normals(slope: Array) -> Array:
+def normals(slope: AnyArray) -> AnyArray:
     """Unit vectors to the right of the directions of travel, shape (n, 2)."""
     length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
     return np.asarray(np.column_stack([slope[:, 1], -slope[:, 0]]) / length)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -11,12 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Columns
 from tympan.reports import look as style
 from tympan.studies.diagnosis.reading_table import UNITS
-
-Columns = Mapping[str, NDArray[Any]]
 
 #: Room above an axis for its title [mm].
 _TITLE = 8.0
@@ -238,7 +235,7 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6,
     return figure
 
 
-def _panel(axes: Axes, readings: Columns, name: str, values: NDArray[np.float64] | None,
+def _panel(axes: Axes, readings: Columns, name: str, values: Array | None,
            along: str, each: str) -> None:
     of_specimen = readings["specimen"] == name
     places = _PER_SI[along] * readings[along]

@@ -9,14 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Columns
 from tympan.reports import look as style
 from tympan.reports.colouring import COLOURINGS, Colouring, about_zero
 from tympan.studies.diagnosis.result import LoadedFilm
 from tympan.studies.film_surface import FilmSurface
-
-Columns = Mapping[str, NDArray[Any]]
 
 #: Room above an axis for its title [mm].
 _TITLE = 8.0

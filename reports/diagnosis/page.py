@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray
 from tympan.reports import look as style
 from tympan.reports.diagnosis.figures import (
     compose_channels,
@@ -121,7 +121,7 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
     return _write(folder, diagnosis, pictures, viewer(films, QUANTITIES) if films else "")
 
 
-def _of_channel(name: str, readings: Mapping[str, NDArray[Any]], curves: Mapping[str, NDArray[Any]]
+def _of_channel(name: str, readings: Mapping[str, AnyArray], curves: Mapping[str, AnyArray]
                 ) -> dict[str, Callable[[], Figure]]:
     """Pictures of forces or of channels: readings with curves, and what both models leave."""
     if name == "forces":

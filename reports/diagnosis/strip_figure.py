@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Columns
 from tympan.reports import look as style
 from tympan.reports.diagnosis.figures import line_key, point_keys
 from tympan.studies.data.coupon import MODES
-
-Columns = Mapping[str, NDArray[Any]]
 
 #: Room above an axis for its title [mm].
 _TITLE = 7.0

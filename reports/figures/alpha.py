@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.reports import look as style
 from tympan.studies.alpha.map import AlphaMap
 from tympan.studies.alpha.table import OutlineRow, OutlineTable
@@ -32,7 +32,7 @@ def _compose_outlines(table: OutlineTable) -> Figure:
     return figure
 
 
-def _frame(axes: Axes, row: OutlineRow, x: NDArray[Any], y: NDArray[Any]) -> None:
+def _frame(axes: Axes, row: OutlineRow, x: Array, y: Array) -> None:
     """Points x, y are in mm."""
     axes.fill(x, y, color="0.93", lw=0)
     axes.plot([*x, x[0]], [*y, y[0]], color="black", lw=1.2)

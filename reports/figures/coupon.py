@@ -6,14 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.reports import look as style
 from tympan.studies.data.coupon import MODES
 from tympan.studies.material.result import MaterialFitResult
@@ -115,7 +114,7 @@ def _curve(axes: Axes, result: MaterialFitResult, law: str, mode: str, colour: s
     return float(np.nanquantile(stress, 0.9)) if np.isfinite(stress).any() else 1.0
 
 
-def _run_names(histories: Mapping[str, NDArray[Any]]) -> list[str]:
+def _run_names(histories: Mapping[str, Array]) -> list[str]:
     specimens, runs = (histories[name].tolist() for name in ("specimen", "run"))
     if len(set(specimens)) == 1:
         return [run or "readings" for run in runs]
@@ -131,7 +130,7 @@ def _row_height(runs: tuple[str, ...]) -> float:
     return _LINE * (1 + -(-len(runs) // _legend_columns(runs)))
 
 
-def _draw_histories(figure: Figure, histories: Mapping[str, NDArray[Any]],
+def _draw_histories(figure: Figure, histories: Mapping[str, Array],
                     runs: tuple[str, ...]) -> None:
     """Every run against stretch and against time: readings as points, the fit as a line."""
     width = (style.WIDTH - style.LEFT - _RIGHT - _GAP) / 2

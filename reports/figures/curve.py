@@ -16,16 +16,13 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox, ScaledTranslation
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from tympan.fem.results.limit_states import INSTABILITY, PULL_IN
+from tympan.geometry.arrays import Array, Mask
 from tympan.reports import look as style
 from tympan.studies.case import Limit, Limits
 from tympan.studies.limits import CurveResult
-
-Array = NDArray[np.float64]
-Points = NDArray[np.bool_]
 
 #: Width of the axis [mm].
 _WIDTH = 110.0
@@ -111,7 +108,7 @@ class VoltageCurve:
         return f"{words}, {last.words}"
 
     @cached_property
-    def parts(self) -> tuple[Points, Points, Points]:
+    def parts(self) -> tuple[Mask, Mask, Mask]:
         """Masks of the line's points before its first limit, beyond it, and beyond its end.
 
         The last are those of a film that thins, were it kept from wrinkling. Each part begins where

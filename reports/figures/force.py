@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from tympan.fem.results.limit_states import LIMIT_STATES
+from tympan.geometry.arrays import Array, Mask
 from tympan.reports import look as style
 from tympan.studies.force.result import ForceCurve, ForceLimit, ForceResult, LoadLine
 
@@ -101,8 +101,8 @@ def _blocked(axes: Axes, result: ForceResult, factor: float, unit: str) -> None:
               solid_capstyle="butt", label=f"blocked force {factor * force:.3g} {unit}")
 
 
-def _part(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64],
-          where: NDArray[np.bool_], **look: Any) -> None:
+def _part(axes: Axes, x: Array, y: Array,
+          where: Mask, **look: Any) -> None:
     """A part of a curve once more, each stretch on to the point before it and the next."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     for start, end in edges.reshape(-1, 2):

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen
 from tympan.reports import look as style
 
@@ -90,7 +90,7 @@ def _cover(specimen: Specimen, axes: Axes) -> None:
     electrode, frame = specimen.electrode, specimen.frame
     a, b = frame.semi_axes
     x, y = np.meshgrid(np.linspace(-a, a, _GRID), np.linspace(-b, b, _GRID))
-    depth: NDArray[np.float64] = -frame.level(x, y) - electrode.margin_frame
+    depth: Array = -frame.level(x, y) - electrode.margin_frame
     if specimen.plate is not None:
         depth = np.minimum(depth, specimen.plate.level(x, y) - electrode.margin_plate)
     if electrode.outline is not None:

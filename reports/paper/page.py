@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.reports import look as style
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.files import write_text
@@ -21,7 +21,7 @@ from tympan.studies.replica.output import PaperResult
 
 Content = dict[str, Any]
 #: Abscissa and ordinate of the curves of each file, by the cells of its first columns.
-Curves = Mapping[str, Mapping[tuple[str, ...], NDArray[np.float64]]]
+Curves = Mapping[str, Mapping[tuple[str, ...], Array]]
 
 #: Height of a single axis [mm].
 _HEIGHT = 70.0
@@ -205,8 +205,8 @@ def _ranges(content: Content, mass: float, name: str) -> dict[str, Any]:
     return row
 
 
-def _three(curves: Mapping[tuple[str, ...], NDArray[np.float64]], mass: float
-           ) -> list[tuple[str, str, NDArray[np.float64]]]:
+def _three(curves: Mapping[tuple[str, ...], Array], mass: float
+           ) -> list[tuple[str, str, Array]]:
     return [(style.PALETTE[number], name, curves[f"{1e3 * mass:g}", name])
             for number, name in enumerate(NAMES)]
 

@@ -7,15 +7,13 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.studies.case import CaseResult
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.study import SpecimenResult, StudyResult
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

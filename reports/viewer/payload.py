@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
+from tympan.geometry.arrays import AnyArray, Mask
 from tympan.reports import look
 from tympan.reports.colouring import (
     COLOURINGS,
@@ -25,8 +25,6 @@ from tympan.reports.colouring import (
 )
 from tympan.reports.scales import bar_length
 from tympan.studies.film_surface import FilmSurface, lattice
-
-Array = NDArray[Any]
 
 #: Points of all films of a page; of more, elements are cut into fewer triangles.
 _MOST_POINTS = 40_000
@@ -97,7 +95,7 @@ def _coarser(film: FilmSurface, divisor: int) -> FilmSurface:
                        {name: value[rows] for name, value in film.values.items()})
 
 
-def _quantity(quantity: Colouring, of_films: Sequence[Array]) -> dict[str, Any]:
+def _quantity(quantity: Colouring, of_films: Sequence[AnyArray]) -> dict[str, Any]:
     scale = quantity.scale(min(float(values.min()) for values in of_films),
                            max(float(values.max()) for values in of_films))
     return {"label": quantity.label, "words": quantity.title, "unit": quantity.unit,
@@ -120,13 +118,13 @@ def _film(film: FilmSurface) -> dict[str, Any]:
             "edges": _encoded(np.vstack(rims).astype(index))}
 
 
-def _steps(values: Array) -> dict[str, Any]:
+def _steps(values: AnyArray) -> dict[str, Any]:
     """Numbers [mm] as multiples of a step."""
     step = max(float(np.abs(values).max()), 1e-9) / _SIGNED
     return {"step": step, **_encoded(np.round(values / step).astype(np.int16))}
 
 
-def _scaled(values: Array, dtype: str, quantity: Colouring) -> dict[str, Any]:
+def _scaled(values: AnyArray, dtype: str, quantity: Colouring) -> dict[str, Any]:
     """Values as parts of the way from their smallest to their largest."""
     low, high = float(values.min()), float(values.max())
     parts = (values - low) / (high - low) if high > low else np.zeros(len(values))
@@ -135,13 +133,13 @@ def _scaled(values: Array, dtype: str, quantity: Colouring) -> dict[str, Any]:
             **_encoded(np.round(_UNSIGNED * parts).astype(dtype))}
 
 
-def _encoded(values: Array) -> dict[str, str]:
+def _encoded(values: AnyArray) -> dict[str, str]:
     """An array's numbers, little-endian, rows one after another."""
     little = values.astype(values.dtype.newbyteorder("<"))
     return {"type": values.dtype.name, "data": b64encode(little.tobytes()).decode()}
 
 
-def rim_edges(film: FilmSurface) -> list[Array]:
+def rim_edges(film: FilmSurface) -> list[AnyArray]:
     """Edges that belong to one triangle only, (n, 2) each: the frame's, then those of holes."""
     mounted = film.mounted[:, :2]
     tolerance = _SAME * float(np.abs(mounted).max())
@@ -158,14 +156,14 @@ def rim_edges(film: FilmSurface) -> list[Array]:
     return sorted(loops, key=lambda edges: -float(np.ptp(mounted[edges[:, 0]], axis=0).max()))
 
 
-def plate_triangles(mounted: Array, edges: Array) -> Array:
+def plate_triangles(mounted: AnyArray, edges: AnyArray) -> AnyArray:
     """Triangles that fill the loop of some edges between points, (n, 3)."""
     corners = np.unique(edges)
     triangles = corners[Delaunay(mounted[corners]).simplices]
     return np.asarray(triangles[_inside(mounted[triangles].mean(axis=1), mounted[edges])])
 
 
-def _inside(points: Array, edges: Array) -> NDArray[np.bool_]:
+def _inside(points: AnyArray, edges: AnyArray) -> Mask:
     """Whether points, (n, 2), lie within closed edges, (m, 2, 2): a ray crosses an odd number."""
     (x, y), start, end = points.T[..., None], edges[:, 0], edges[:, 1]
     crossed = (start[:, 1] > y) != (end[:, 1] > y)

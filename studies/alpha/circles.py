@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
@@ -16,6 +15,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate, Specimen
@@ -24,7 +24,6 @@ from tympan.studies.case import Settings, build_model, failure_reason, voltage_r
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.limits.loads import LoadGrid
 
-Array = NDArray[np.float64]
 Radii = tuple[float, ...]
 
 #: Deflection of a plate that has not moved, over the mesh's size: its force tells nothing.
@@ -133,7 +132,7 @@ def frame_distances(specimen: Specimen) -> Array:
     return np.asarray(np.interp(directions, angle[order], distance, period=2 * np.pi))
 
 
-def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
+def parts_of(specimen: Specimen, count: int) -> Numbers:
     """The part of ``count`` of equal angle each direction belongs to, 0 where the frame is nearest.
 
     An ellipse's two parts are the sectors within 45° of its short and of its long axis.
@@ -150,7 +149,7 @@ def concentric(specimen: Specimen) -> bool:
     return bool(np.ptp(distance) < 1e-6 * distance.max())
 
 
-def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array:
+def part_shares(model: Model, state: State, part_of: Numbers) -> Array:
     """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`.
 
     The force is the integral of the first Piola traction along the mounted edge; angles are those

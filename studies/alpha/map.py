@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Plate, Specimen
@@ -24,8 +24,6 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
 from tympan.studies.paper.actuators import paper_film
 from tympan.studies.parallel import mapped
-
-Array = NDArray[Any]
 
 #: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the
 #: loads.

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import Array
 
 
 def simplex_fit(forces: Array, target: Array) -> Array:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.geometry.outlines import Circle, Outline, area, examples
@@ -59,7 +59,7 @@ class OutlineTable:
     """α of every registered outline; ``frames`` are points of each, by the columns of FRAMES."""
 
     rows: tuple[OutlineRow, ...]
-    frames: Mapping[str, NDArray[Any]]
+    frames: Mapping[str, Array]
 
     def json(self) -> dict[str, Any]:
         """Table as a JSON object, without the outlines' points."""

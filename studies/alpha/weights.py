@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Specimen
@@ -30,7 +30,6 @@ from tympan.studies.circles import radii_of
 from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
 from tympan.studies.limits.loads import LoadGrid, usual_masses, usual_voltages
 
-Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
 Progress = Callable[[str], None]
 

@@ -9,9 +9,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
@@ -106,7 +106,7 @@ def dataset_warnings(dataset: Dataset) -> list[str]:
             *slips_of_sign(dataset), *dataset.rig.remarks]
 
 
-def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
+def _distinct(values: list[Array]) -> list[float]:
     return sorted({value for column in values for value in column.tolist()})
 
 
@@ -219,7 +219,7 @@ def _findings(dataset: Dataset) -> Iterator[Finding]:
                 tuple(static.line[static.run == run].tolist()))
 
 
-def _blocks(copies: Copies) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _blocks(copies: Copies) -> Iterator[tuple[Numbers, Numbers]]:
     """Copies one after the other, and what they are copies of."""
     rows, of = copies.rows, copies.of
     breaks = np.flatnonzero((np.diff(rows) != 1) | (np.abs(np.diff(of)) > 1)) + 1
@@ -228,7 +228,7 @@ def _blocks(copies: Copies) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int6
             yield rows[part], of[part]
 
 
-def lines_of(lines: NDArray[np.int64]) -> str:
+def lines_of(lines: Numbers) -> str:
     """Lines in words: "line 12", "lines 12 to 21"."""
     low, high = int(lines.min()), int(lines.max())
     return f"line {low}" if low == high else f"lines {low} to {high}"
@@ -366,8 +366,8 @@ class _Ramp(NamedTuple):
 
     name: str
     mass: float
-    voltage: NDArray[np.float64]
-    read: NDArray[np.float64]
+    voltage: Array
+    read: Array
 
     @property
     def falls(self) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray, Array, Mask, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.layouts import Layout, Stated
 from tympan.geometry.meanings import (
@@ -27,8 +28,6 @@ from tympan.geometry.meanings import (
 from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.geometry.units import unit_factor
 from tympan.studies.columns import Column, Sheet, read_sheet
-
-Array = NDArray[np.float64]
 
 #: The second in-plane stretch of each mode as a power of the first.
 MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}
@@ -80,7 +79,7 @@ class Coupons:
     celsius: Array | None = None
     sigma: Array | None = None
     #: Lines of the file, where there is one.
-    lines: NDArray[np.int64] | None = None
+    lines: Numbers | None = None
     #: Names of the files that the readings stand in.
     files: NDArray[np.str_] | None = None
     #: Which headings of the files were read as what, where they are not ours.
@@ -118,7 +117,7 @@ class Coupons:
         return cls(**columns, remarks=sum((part.remarks for part in parts), ()))
 
     @property
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> dict[str, AnyArray]:
         """The readings by the columns of :data:`COLUMNS`."""
         none = np.full(len(self), np.nan)
         more = {column: getattr(self, name) for name, column in _OPTIONAL.items()}
@@ -127,7 +126,7 @@ class Coupons:
                 **{name: none if values is None else values for name, values in more.items()}}
 
     @property
-    def line(self) -> NDArray[np.int64]:
+    def line(self) -> Numbers:
         """Line of the file that each reading stands in, 0 where there is no file."""
         return np.zeros(len(self), np.int64) if self.lines is None else self.lines
 
@@ -160,14 +159,14 @@ class Coupons:
         return self.stretch, self.stretch**powers
 
     @cached_property
-    def series(self) -> dict[str, NDArray[np.int64]]:
+    def series(self) -> dict[str, Numbers]:
         """Numbers of the readings of each run, by specimen and run."""
         names = np.array([" ".join(filter(None, pair)) for pair in
                           zip(self.specimen.tolist(), self.run.tolist(), strict=True)])
         return {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
 
     @cached_property
-    def timed_runs(self) -> dict[str, NDArray[np.int64]]:
+    def timed_runs(self) -> dict[str, Numbers]:
         """Numbers of the readings of each run that has times, in order, by specimen and run.
 
         Raises
@@ -216,7 +215,7 @@ class Coupons:
         return float(every.min()), float(every.max())
 
 
-def _corners(time: Array, stretch: Array, most: int) -> NDArray[np.bool_]:
+def _corners(time: Array, stretch: Array, most: int) -> Mask:
     """Points of a history to keep; see :meth:`Coupons.thinned`."""
     kept = np.zeros(len(time), bool)
     kept[np.linspace(0, len(time) - 1, 2 * most // 3).round().astype(int)] = True

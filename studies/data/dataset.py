@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.columns import LEAST_STEP
 from tympan.geometry.errors import InputError, did_you_mean
 from tympan.geometry.fields import Key, read
@@ -239,7 +239,7 @@ class Dataset:
         return Copies(none, none) if self.static is None else Copies.among(self.static, self.noise)
 
     @property
-    def unused(self) -> NDArray[np.bool_]:
+    def unused(self) -> Mask:
         """Mask of static readings that tell nothing: copies, and those of a sensor at its end."""
         if self.static is None:
             return np.empty(0, bool)
@@ -253,7 +253,7 @@ class Dataset:
         return None if self.static is None else RunZeros.of(self.static, self.unused)
 
     @property
-    def masses(self) -> NDArray[np.float64]:
+    def masses(self) -> Array:
         """Those under which anything was read [kg], row by row."""
         masses = (sheet.mass for sheet in self.sheets if "mass" in sheet.values)
         return np.concatenate([np.empty(0), *masses])

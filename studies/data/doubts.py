@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import MembraneCircle
 
-Array = NDArray[np.float64]
 #: A number for each row, the same one for rows that belong together.
-Groups = NDArray[np.int64]
 
 #: Correlation from which numbers rise or fall with others.
 _CORRELATED = 0.5
@@ -39,7 +37,7 @@ _EVENLY = 0.01
 _QUICK = 2.0
 
 
-def groups_of(columns: Sequence[Sequence[str]], count: int) -> Groups:
+def groups_of(columns: Sequence[Sequence[str]], count: int) -> Numbers:
     """Groups of rows that have the same cells in each of some columns."""
     if not columns:
         return np.zeros(count, np.int64)
@@ -48,7 +46,7 @@ def groups_of(columns: Sequence[Sequence[str]], count: int) -> Groups:
     return np.array([numbers[row] for row in rows], np.int64)
 
 
-def rises(values: Array, along: Array, groups: Groups) -> bool | None:
+def rises(values: Array, along: Array, groups: Numbers) -> bool | None:
     """Whether numbers rise along others within groups, or fall; None where that is not clear."""
     ok = np.isfinite(values) & np.isfinite(along)
     if ok.sum() < 2:
@@ -65,7 +63,7 @@ def rises(values: Array, along: Array, groups: Groups) -> bool | None:
     return None if abs(correlation) <= _CORRELATED else correlation > 0
 
 
-def swept(values: Array, groups: Groups) -> bool:
+def swept(values: Array, groups: Numbers) -> bool:
     """Whether readings of one state go over a range, as those of a drive do."""
     for number in np.unique(groups):
         here = values[(groups == number) & np.isfinite(values)]
@@ -80,7 +78,7 @@ def all_negative(values: Array) -> bool:
     return bool(len(finite) and finite.max() <= 0 > finite.min())
 
 
-def from_rest(values: Array, voltage: Array, groups: Groups) -> bool:
+def from_rest(values: Array, voltage: Array, groups: Numbers) -> bool:
     """Whether readings are nothing at the lowest of several voltages, though a mass hangs there."""
     for number in np.unique(groups):
         here = (groups == number) & np.isfinite(values) & np.isfinite(voltage)
@@ -92,7 +90,7 @@ def from_rest(values: Array, voltage: Array, groups: Groups) -> bool:
     return False
 
 
-def hardly_grow(values: Array, mass: Array, groups: Groups) -> bool:
+def hardly_grow(values: Array, mass: Array, groups: Numbers) -> bool:
     """Whether readings grow less with the mass than those of a film that is flat without one."""
     said = []
     for number in np.unique(groups):
@@ -119,7 +117,7 @@ def usual_deflections(film: Specimen, masses: Array) -> Array:
     return np.interp(masses * Rig().gravity, forces, deflections, right=np.inf)
 
 
-def run_back(times: Array, groups: Groups) -> int | None:
+def run_back(times: Array, groups: Numbers) -> int | None:
     """The first row whose time is before that of the row above in its group."""
     for number in np.unique(groups):
         rows = np.flatnonzero((groups == number) & np.isfinite(times))

@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from scipy.special import pdtrc
 from scipy.stats import f as f_distribution
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.geometry.fields import Key
 from tympan.studies.columns import Sheet
 from tympan.studies.data.ramps import MEDIAN, groups, ramps
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
-Rows = NDArray[np.bool_]
 
 #: Probability by noise alone below which equal readings are copies: a table has many pairs of rows.
 _CHANCE = 1e-6
@@ -28,7 +25,7 @@ _EQUAL = 3e-3
 _OFTEN = 0.15
 #: Fewest rows one after the other that are a copy of as many others.
 _BLOCK = 3
-#: Rows up to which blocks are sought: that takes time as their square.
+#: Mask up to which blocks are sought: that takes time as their square.
 _MANY = 3000
 
 #: How many states tell a sensor's end, and how many times as many as any other such interval has.
@@ -85,7 +82,7 @@ class Copies:
     def among(cls, static: Sheet, noise: float | None) -> Copies:
         """Find later rows of a file that equal earlier ones more closely than the noise permits.
 
-        Rows of one state, or several rows one after the other, of whatever states, in the same or
+        Mask of one state, or several rows one after the other, of whatever states, in the same or
         the opposite order. ``noise``: the one stated [m], if any. A display's steps make readings
         equal by chance, and so do zeros that are set: neither are copies.
         """
@@ -170,7 +167,7 @@ def _blocks(read: Array, near: float, chance: float) -> dict[int, int]:
     return copies
 
 
-def at_sensor_end(static: Sheet) -> Rows:
+def at_sensor_end(static: Sheet) -> Mask:
     """Readings in a narrow interval at the largest, which has far more states than any other.
 
     Of other states those count that have made half of their ramp's rise: low voltages hardly move
@@ -215,7 +212,7 @@ class RunZeros:
     scatter: Noise
 
     @classmethod
-    def of(cls, static: Sheet, skipped: Rows) -> RunZeros | None:
+    def of(cls, static: Sheet, skipped: Mask) -> RunZeros | None:
         """Find zeros by states that several runs have read; None if they moved no more than noise.
 
         Nor where more than a zero differs.

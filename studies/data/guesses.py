@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.column import NUMBER, Column, Heading, Meaning, quantity_of, usual_unit
 from tympan.geometry.formats import Row
 from tympan.geometry.layouts import Header, Source
@@ -32,7 +33,6 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.data import doubts
 from tympan.studies.data.coupon import named_mode
 from tympan.studies.data.dataset import FILES
-from tympan.studies.data.doubts import Array, Groups
 from tympan.studies.data.preamble import (
     Statement,
     named_quantities,
@@ -494,8 +494,8 @@ class Guesses:
         choice = self.choices.get(name)
         return None if choice is None else self.numbers(choice.place)
 
-    def _states(self, along: str) -> Groups:
-        """Groups of rows that differ in one column of what is set alone."""
+    def _states(self, along: str) -> Numbers:
+        """Numbers of rows that differ in one column of what is set alone."""
         places = [source.place for name, source in self.sources.items()
                   if name in ("specimen", "run") and source.place is not None]
         places += [choice.place for name, choice in self.choices.items()

@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.data.sampled_run import SampledRun
-
-Array = NDArray[np.float64]
 
 #: Samples of the run before the voltage jumps that tell what it is to stand still.
 _STILL = 16

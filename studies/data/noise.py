@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.findings import step_of
 from tympan.studies.data.ramps import groups, ramps
 from tympan.studies.estimation.noise import Noise
 
-Array = NDArray[np.float64]
-
 #: Steps of a display over the noise from which on rounding counts: a finer step adds less than a
 #: third of the noise's variance.
 _COARSE = 2.0
 
 
-def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
+def repeat_groups(readings: Sheet) -> Numbers:
     """Each reading's group: those of the same specimen, mass, voltage, direction and run."""
     return groups(readings.specimen, readings.mass, readings.voltage, readings.direction,
                   readings.run)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.ramps import MEDIAN, ramps
-
-Numbers = NDArray[np.int64]
 
 #: Standard deviations from which a reading is an outlier. Of 10,000 normal readings none is.
 _FAR = 6.0

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: Highest degree of the smooth curves about which rows scatter, in the voltage's square.
 DEGREE = 4
@@ -23,7 +19,7 @@ MEDIAN = 0.6745
 _MET = 1e-6
 
 
-def groups(*columns: NDArray[Any]) -> Numbers:
+def groups(*columns: Array) -> Numbers:
     """Number of each row's group: of those that have all columns alike, as they come."""
     numbers: dict[tuple[object, ...], int] = {}
     keys = zip(*(column.tolist() for column in columns), strict=True)

@@ -13,12 +13,10 @@ from itertools import pairwise
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.files import words_beside
-
-Array = NDArray[np.float64]
 
 #: Sentences on runs, by key.
 WORDS = words_beside(__file__)
@@ -52,7 +50,7 @@ class SampledRun:
     voltage: Array
     displacement: Array
     rest: float
-    line: NDArray[np.int64]
+    line: Numbers
     specimen: str = ""
     mass: float = 0.0
     run: str = ""
@@ -80,7 +78,7 @@ class SampledRun:
         return list(pairwise([0, *self.jumps.tolist(), len(self.time)]))
 
     @property
-    def jumps(self) -> NDArray[np.int64]:
+    def jumps(self) -> Numbers:
         """Numbers of the first samples after the voltage jumped."""
         change = np.abs(np.diff(self.voltage))
         slow = np.minimum(np.r_[inf, change[:-1]], np.r_[change[1:], inf])

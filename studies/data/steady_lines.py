@@ -18,13 +18,12 @@ from math import inf
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
 from scipy.constants import g
 from scipy.ndimage import median_filter
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.data.sampled_run import SampledRun
 
-Array = NDArray[np.float64]
 Spans = Sequence[tuple[int, int]]
 
 #: Frequencies of mains [Hz].
@@ -199,7 +198,7 @@ class _Course:
         return np.asarray(np.hanning(count + 2)[1:-1] * (self.weight[part] > 0))
 
     @cached_property
-    def _places(self) -> NDArray[np.int64]:
+    def _places(self) -> Numbers:
         """Places of samples on an even clock."""
         return np.asarray(np.round((self.record.time - self.record.time[0]) / self.record.step),
                           dtype=np.int64)

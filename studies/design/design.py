@@ -10,9 +10,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import DIMENSIONS, quantity_text
@@ -43,8 +43,6 @@ from tympan.studies.design.sqp import Descent
 from tympan.studies.parallel import mapped
 from tympan.studies.tolerance.result import Chance, FilmFailure
 from tympan.studies.wanted import QUANTITIES, TENSION, Quantity
-
-Array = NDArray[Any]
 
 #: Films by which margins are set: 26 of them lie beyond the 5 % quantile.
 _DRAWN = 512

@@ -6,10 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -18,12 +16,11 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import Fields, node_fields
 from tympan.fem.results.limit_states import BREAKDOWN
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, build_model, state_warnings
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried, heaving_frequency
-
-Array = NDArray[Any]
 
 #: A film that does not bear its margin ends before it, by this share of it at least: its end is
 #: known to some 1e-4.
@@ -90,7 +87,7 @@ class ExactFilm:
                             settings=self.settings.path) for share in shares]
 
     @property
-    def _there(self) -> NDArray[np.bool_]:
+    def _there(self) -> Mask:
         """Mask of those that are equilibria."""
         return np.array([outcome.status == "equilibrium" for outcome in self.outcomes])
 

@@ -8,17 +8,14 @@ Wismer, IEEE Trans. Syst. Man Cybern. 1, 1971).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.design.result import DesignFront, FrontFilm
 from tympan.studies.design.search import Search
 from tympan.studies.design.sqp import Descent
 from tympan.studies.wanted import QUANTITIES, Bound
-
-Array = NDArray[Any]
 
 #: Films of a front, its ends included.
 _FILMS = 9

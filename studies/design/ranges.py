@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.design.scatter import ScatteredFilms, drawn, kept_by_most
 from tympan.studies.design.search import KEPT, Search
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.tolerance.result import Chance
 from tympan.studies.wanted import TENSION, Bound
-
-Array = NDArray[Any]
 
 #: Change of a bound or of a range's end of which is told what it gains.
 RELAXED = 0.01

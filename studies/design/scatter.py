@@ -15,9 +15,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.design.search import KEPT, Search, value_of
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import (
@@ -30,8 +30,6 @@ from tympan.studies.design.sqp import (
 )
 from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.wanted import BREAKDOWN, TENSION, Bound
-
-Array = NDArray[Any]
 
 #: What a film without equilibrium misses of the margin to the loss of tension.
 _LOST = 10.0
@@ -84,7 +82,7 @@ class ScatteredFilms:
         return cls(bare, films, missed)
 
     @property
-    def lost(self) -> NDArray[np.bool_]:
+    def lost(self) -> Mask:
         """Mask of films that do not bear their voltage, or that times its margin, (films,)."""
         with np.errstate(invalid="ignore"):
             broken = self.films.breakdown[:, 1] > 1
@@ -129,7 +127,7 @@ class ScatteredFilms:
             rates[there, number], constants[there, number] = ratio, sign * (ratio - 1)
         return rates.T, constants.T
 
-    def kept(self, off: Mapping[str, float], but: str = "") -> NDArray[np.bool_]:
+    def kept(self, off: Mapping[str, float], but: str = "") -> Mask:
         """Mask of films that keep all bounds ``but`` one, (films,).
 
         Reduced films are ``off`` by so much.
@@ -137,7 +135,7 @@ class ScatteredFilms:
         others = [key != but for key in self.keys]
         return np.asarray((self.missed + self._errors(off) <= 0)[:, others].all(1))
 
-    def kept_each(self, off: Mapping[str, float]) -> dict[str, NDArray[np.bool_]]:
+    def kept_each(self, off: Mapping[str, float]) -> dict[str, Mask]:
         """Masks of films that keep each bound.
 
         One that does not bear its voltage keeps none but the margin to a limit that it does not
@@ -188,7 +186,7 @@ class KeptByMost:
         return rates, constants + np.reshape(errors, (-1, 1))
 
     @cached_property
-    def _scatters(self) -> NDArray[np.bool_]:
+    def _scatters(self) -> Mask:
         return np.array([bound.quantity.scatters for bound in self.search.bounds.values()])
 
     def at(self, x: Array) -> Linearisation | None:
@@ -211,7 +209,7 @@ class KeptByMost:
         return Linearisation(bare.value, bare.slope, np.append(limits, miss),
                              np.concatenate([slopes, slope[None]]))
 
-    def _next_to(self, worst: Array) -> NDArray[np.int64]:
+    def _next_to(self, worst: Array) -> Numbers:
         """Numbers of the films next to the one that just the share does better than."""
         order = np.argsort(worst)
         order = order[worst[order] < _NONE]

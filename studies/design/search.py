@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, maximise
 from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.wanted import QUANTITIES, Bound
-
-Array = NDArray[Any]
 
 #: Best ones of the random films, from each of which the search goes on.
 _STARTS = 2

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
@@ -24,8 +23,6 @@ from tympan.studies.films.family import FamilySettings, FilmFamily
 from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.tolerance.drawn import Rows, Scattered, median_strength
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
-
-Array = NDArray[Any]
 
 #: Random films among which searches begin, a power of two.
 _RANDOM = 512

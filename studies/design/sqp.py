@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import BFGS, LinearConstraint, lsq_linear, minimize
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: A limit nearer to 0 than this is active: a search ends a little before it.
 _ACTIVE = 1e-3

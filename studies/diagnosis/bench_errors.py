@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import Calibration, film_error, frequency_error
 from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.reading_table import ReadingTable
-
-Array = NDArray[np.float64]
 
 #: Step of voltages for slopes by them, over the largest one: deflections go with the square.
 _STEP = 1e-3
@@ -79,7 +77,7 @@ def with_model_error(table: ReadingTable, error: float, nominal: Calibration) ->
     return table.with_sigma(np.hypot(table.sigma, errors))
 
 
-def _with_common(table: ReadingTable, rows: NDArray[np.int64], columns: Array) -> ReadingTable:
+def _with_common(table: ReadingTable, rows: Numbers, columns: Array) -> ReadingTable:
     """Add errors that some readings share; a single reading gets more noise instead."""
     if len(rows) > 1:
         return table.with_noise(table.noise.with_shared(rows, columns))
@@ -88,7 +86,7 @@ def _with_common(table: ReadingTable, rows: NDArray[np.int64], columns: Array) -
     return table.with_sigma(sigma)
 
 
-def _slopes(table: ReadingTable, states: NDArray[np.bool_], model: Model, fit: Fit) -> Array:
+def _slopes(table: ReadingTable, states: Mask, model: Model, fit: Fit) -> Array:
     """Change of each reading by a volt more in some states at a nominal fit; 0 where unknown."""
     step = _STEP * float(table.states.voltage.max(initial=1.0))
     sides = []

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.solve import equilibrium, held
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, build_model
@@ -35,8 +36,6 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.effects import Setup
 from tympan.studies.modes import heave_frequency
-
-Array = NDArray[np.float64]
 
 #: How much further than the readings need force laws reach, as factors on heave and U²: effects and
 #: larger factors move films on.
@@ -167,7 +166,7 @@ def _reasons(simulation: Simulation, table: ReadingTable) -> NDArray[np.str_]:
                 table.voltage[reasons == ""] == table.voltage[reasons == ""].max(), _REASONS[1], "")
 
 
-def _highest(table: ReadingTable, rows: NDArray[np.bool_]) -> Array:
+def _highest(table: ReadingTable, rows: Mask) -> Array:
     """The highest voltage of some rows of each ramp."""
     highest = np.zeros(int(table.ramp.max()) + 1)
     np.maximum.at(highest, table.ramp[rows], table.voltage[rows])
@@ -243,7 +242,7 @@ def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) 
     return np.array(needed).T
 
 
-def by_ramp(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_]) -> list[str]:
+def by_ramp(setup: Setup, table: ReadingTable, rows: Mask) -> list[str]:
     """Origins of rows of a table, ramp by ramp: file, lines, specimen, mass, voltages."""
     words = []
     for ramp in np.unique(table.ramp[rows]):
@@ -336,7 +335,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
     return worst
 
 
-def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> NDArray[np.bool_]:
+def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
     """Mask of readings, at a fit of the nominal film, of states that have lost tension somewhere.
 
     A film loses more of it the higher its voltage is: of each ramp they are the last ones.

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
+from tympan.geometry.arrays import Array, Columns
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import dataset_warnings, findings
@@ -38,7 +38,7 @@ from tympan.studies.diagnosis.next_experiment.proposals import AnyExperiment, Pr
 from tympan.studies.diagnosis.next_experiment.solved_experiments import SOLVED
 from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.result import Columns, Diagnosis, Json, Verdict
+from tympan.studies.diagnosis.result import Diagnosis, Json, Verdict
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.diagnosis.sentences import (
     WORDS,
@@ -59,8 +59,6 @@ from tympan.studies.diagnosis.shown.curves import OTHERS, curves
 from tympan.studies.diagnosis.shown.loaded_films import loaded_films
 from tympan.studies.effects import Setup
 from tympan.studies.effects.findings import FoundSize, family_finding
-
-Array = NDArray[np.float64]
 
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01

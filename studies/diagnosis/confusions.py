@@ -13,10 +13,10 @@ from math import log
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import g
 from scipy.special import chdtrc
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.data.dataset import Dataset
@@ -27,8 +27,6 @@ from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Confusion, Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
 from tympan.studies.effects import Setup
-
-Array = NDArray[np.float64]
 
 #: Probability beforehand from which factors are those of an ordinary film.
 _ORDINARY = 0.05
@@ -188,7 +186,7 @@ def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_O
                      replace(table, kind=kind, since=since), check="do_zero")
 
 
-def _scaled(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_], column: str,
+def _scaled(setup: Setup, table: ReadingTable, rows: Mask, column: str,
             factor: float) -> ReadingTable | None:
     """Rows of a file with a column times a factor; None where that cannot be."""
     if column in ("mass", "voltage"):

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.evidence.kind import Model, Predicts, Rows, Split
+from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.studies.diagnosis.evidence.kind import Model, Predicts, Split
 from tympan.studies.diagnosis.fits.first_order import FirstOrder
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
@@ -30,8 +30,6 @@ from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy, Gaussi
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import UNITS, ReadingTable, Unit
 from tympan.studies.diagnosis.result import Coverage, Gain, GainOfKind, HeldOut
-
-Array = NDArray[np.float64]
 
 #: Kinds that are held out at once.
 _AT_ONCE = ("voltage", "stretch")
@@ -73,7 +71,7 @@ class SplitGain:
 
     kind: str
     held_out: str
-    rows: NDArray[np.int64]
+    rows: Numbers
     chosen: Hypothesis
     wrong: Hypothesis
     models: tuple[Fit, ...]
@@ -215,7 +213,7 @@ def splits_of(simulation: Model,
     return _told_apart(table, *simulation.evidence[0].splits(simulation.setup, table))
 
 
-def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, NDArray[Any]]
+def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, Array]
                 ) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that can be made, and in words those that cannot."""
     reasons = [_unfit(kind, test, table, levels[kind]) for kind, _, test in splits]
@@ -224,7 +222,7 @@ def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, 
                   for (_, name, _), reason in zip(splits, reasons, strict=True) if reason))
 
 
-def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> str:
+def _unfit(kind: str, test: Mask, table: ReadingTable, levels: Array) -> str:
     """Why a split cannot be made, "" where it can."""
     if not np.any(test & table.judged):
         return "no displacements would be held out"
@@ -236,7 +234,7 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
 
 
 def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
-            counts: NDArray[np.bool_], judgement: Judgement, about: FirstOrder,
+            counts: Mask, judgement: Judgement, about: FirstOrder,
             beyond: _Beyond | None) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()

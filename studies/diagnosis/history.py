@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.signals import Pieces, nominal, through
-
-Array = NDArray[np.float64]
 
 #: How near lines come to a voltage, over its peak.
 _LINE = 2e-3
@@ -113,7 +112,7 @@ class Passages:
     def __len__(self) -> int:
         return len(self.begin)
 
-    def __getitem__(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Passages:
+    def __getitem__(self, rows: Mask | Numbers) -> Passages:
         return Passages(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def joined(self, other: Passages) -> Passages:
@@ -142,7 +141,7 @@ class Passages:
         return np.array(jumps).reshape(-1, 2).T
 
     @cached_property
-    def histories(self) -> tuple[tuple[VoltageHistory, NDArray[np.int64]], ...]:
+    def histories(self) -> tuple[tuple[VoltageHistory, Numbers], ...]:
         """Every history with the places of its parts."""
         groups: dict[VoltageHistory, list[int]] = {}
         for place, history in enumerate(self.history):
@@ -178,7 +177,7 @@ def _behind(history: VoltageHistory, rig: Rig, when: Array, lag: float) -> Array
     return result
 
 
-def _lines(time: Array, value: Array, near: float) -> NDArray[np.int64]:
+def _lines(time: Array, value: Array, near: float) -> Numbers:
     """Numbers of the samples between which lines come so near to all (Douglas and Peucker)."""
     kept, open_ = {0, len(time) - 1}, [(0, len(time) - 1)]
     while open_:

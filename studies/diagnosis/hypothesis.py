@@ -9,14 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tympan.fem.film.laws.stiffened import scaled
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Film
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Use
-
-Array = NDArray[np.float64]
 
 #: Place of the stiffness factor's logarithm among the unknowns of every hypothesis.
 STIFFNESS = 0

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.admissibility import checked
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
 from tympan.geometry.toml_reader import one_of
 from tympan.studies.diagnosis.fits.fit import Fit
-
-Array = NDArray[np.float64]
 
 #: Step of a constant for derivatives, as a share of the stress of the mounted film.
 _STEP = 0.02
@@ -45,7 +43,7 @@ class LawConstants:
     names: tuple[str, ...]
     of_key: tuple[str, ...]
     values: Array
-    stress: NDArray[np.bool_]
+    stress: Mask
 
     @classmethod
     def of(cls, law: Material) -> LawConstants:

@@ -9,11 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: What states in time are told apart by: specimen, mass [kg], history, begin and end [s].
 StateKey = tuple[int, float, VoltageHistory, float, float]
@@ -66,7 +64,7 @@ class Scan:
 
     place: Array
     follows: bool
-    on_plate: NDArray[np.bool_]
+    on_plate: Mask
     centred: bool
 
     def __len__(self) -> int:
@@ -158,7 +156,7 @@ class States:
         """The same, each held for ever."""
         return replace(self, passage=Passages.of(None, np.full(len(self), np.nan)))
 
-    def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> States:
+    def __getitem__(self, rows: Mask | Numbers) -> States:
         return States(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def joined(self, other: States) -> States:
@@ -194,7 +192,7 @@ class ReadingTable:
     def __len__(self) -> int:
         return len(self.state)
 
-    def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> ReadingTable:
+    def __getitem__(self, rows: Mask | Numbers) -> ReadingTable:
         """Some of the rows; states and scans are all kept."""
         return replace(self, noise=self.noise[rows],
                        **{name: getattr(self, name)[rows] for name in self._columns})
@@ -222,11 +220,11 @@ class ReadingTable:
         return self.states.voltage[self.state]
 
     @property
-    def lengths(self) -> NDArray[np.bool_]:
+    def lengths(self) -> Mask:
         return np.isin(self.kind, LENGTHS)
 
     @property
-    def judged(self) -> NDArray[np.bool_]:
+    def judged(self) -> Mask:
         """Rows on which errors are counted: lengths, or stresses where there are no lengths."""
         return self.lengths if self.lengths.any() else self.kind == "stress"
 
@@ -311,7 +309,7 @@ class ReadingTable:
 def rows(states: States, kind: str, sigma: float | Array, value: float | Array = 0.0,
          order: float | Array = np.nan, run: str | NDArray[np.str_] = "",
          file: str | NDArray[np.str_] = "", line: int | Numbers = 0,
-         given: bool | NDArray[np.bool_] = False) -> ReadingTable:
+         given: bool | Mask = False) -> ReadingTable:
     """One row of a kind for each state; ``given``: its standard deviation is written beside it."""
     count = len(states)
     values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))

@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.studies.data.checks import slips_of_sign, slips_of_unit
 from tympan.studies.data.dataset import Dataset
@@ -22,8 +22,6 @@ from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, Source
-
-Array = NDArray[np.float64]
 
 #: Readings above which those of nearly the same state are averaged. A bound of the cost.
 MANY = 2000
@@ -134,7 +132,7 @@ def _rounded(table: ReadingTable, step: float) -> ReadingTable:
     return _beside_passages(few, table, resting)
 
 
-def _beside_passages(few: ReadingTable, table: ReadingTable, resting: NDArray[np.bool_]
+def _beside_passages(few: ReadingTable, table: ReadingTable, resting: Mask
                      ) -> ReadingTable:
     """Rows at rest as they were made, with the others of the table as they are."""
     return few if resting.all() else few.joined(table[~resting].compact())

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from numpy.typing import NDArray
-
+from tympan.geometry.arrays import Columns
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
@@ -26,7 +25,6 @@ from tympan.studies.files import (
 from tympan.studies.film_surface import FilmSurface
 
 Json = dict[str, Any]
-Columns = Mapping[str, NDArray[Any]]
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 READINGS = "readings.csv"

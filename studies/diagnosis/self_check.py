@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, parameter_at
@@ -23,8 +23,6 @@ from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.files import from_json, read_json, to_json, words_beside, write_json
 from tympan.studies.parallel import mapped
-
-Array = NDArray[np.float64]
 
 #: Smallest hidden size over the usual one: smaller ones are mostly not seen.
 SMALLEST = 0.5

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
@@ -21,8 +21,6 @@ from tympan.studies.diagnosis.slips import load_columns, run_columns
 from tympan.studies.effects.effect import Quantity
 from tympan.studies.effects.findings import finding, limits_told
 from tympan.studies.files import words_beside
-
-Array = NDArray[np.float64]
 
 #: Sentences, by key.
 WORDS = words_beside(__file__)

@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.reading_table import ReadingTable
-
-Array = NDArray[np.float64]
 
 #: Columns of a run: polynomials in the voltage's square.
 COLUMNS = 3
@@ -52,7 +50,7 @@ def _smooth(table: ReadingTable) -> Array:
     return np.asarray(squared[:, None] ** np.arange(COLUMNS) / table.sigma[:, None])
 
 
-def _run_words(table: ReadingTable, names: Sequence[str], rows: NDArray[np.bool_]) -> str:
+def _run_words(table: ReadingTable, names: Sequence[str], rows: Mask) -> str:
     """A run by its specimen and mass, and its label where there is one."""
     first = int(np.flatnonzero(rows)[0])
     label = f" in run {table.run[first]}" if table.run[first] else ""

@@ -7,9 +7,8 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: The median of a half-normal distribution of unit deviation.
 _MEDIAN = 0.6744897501960817

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.stats import norm, t
 
 from tympan.fem.roots import root_between
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.estimation.identifiability import seen_by
 from tympan.studies.estimation.noise import Noise
 
-Array = NDArray[np.float64]
-Series = Sequence[NDArray[Any]]
+Series = Sequence[Numbers]
 
 #: Largest correlation looked for; what is more alike is one reading.
 _MOST = 0.998

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.fields import Key
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.profile import EXACT, Profile, profile
-
-Array = NDArray[np.float64]
 
 #: A constant or combination counts as determined when its 95 % half-width is below this share of
 #: its scale.
@@ -171,7 +169,7 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
     return rows, determined
 
 
-def seen_by(jacobian: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def seen_by(jacobian: Array) -> tuple[Array, Array, Mask]:
     """Sensitivity of readings to unknowns, by the derivatives of residuals, shape (n, p).
 
     An orthonormal basis of what these move, (n, k); the unknowns by their parts in it, (p, k); and

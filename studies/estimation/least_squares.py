@@ -13,14 +13,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.interruption import signals_wait
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: The first of Marquardt's dampings, over the scaled curvature: near to no damping.
 _FIRST = 1e-4

@@ -7,13 +7,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import svd
 from scipy.stats import chi2, norm, t
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
-Rows = NDArray[np.bool_] | Numbers
+from tympan.geometry.arrays import Array, Mask, Numbers
+
+Rows = Mask | Numbers
 
 #: A misfit above so many times the stated noise is the law's, not the noise's.
 MISFIT = 2.0
@@ -183,7 +182,7 @@ class Noise:
     part: Numbers = field(default_factory=lambda: np.empty(0, np.int64))
     found: bool = False
     memory: Memory | None = None
-    given: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+    given: Mask = field(default_factory=lambda: np.empty(0, bool))
 
     def __post_init__(self) -> None:
         if len(self.given) != len(self.sigma):

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
-
-Array = NDArray[np.float64]
 
 #: A value of the unknown, and the rise of the misfit there [standard deviations].
 Place = tuple[float, float]

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
@@ -26,9 +26,6 @@ from tympan.geometry.units import METRE, quantities_text
 from tympan.studies.case import failure_reason, voltage_ramp
 from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
 from tympan.studies.files import write_text
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: First and largest increment of a load step and the growth between them: the fastest of those that
 #: converge.
@@ -57,10 +54,10 @@ class FlatFilm:
     a film without plate is looked at. ``thickness``: over the film's stated one, of all points.
     """
 
-    points: Floats
-    triangles: Ints
-    plate: Ints
-    frame: Ints
+    points: Array
+    triangles: Numbers
+    plate: Numbers
+    frame: Numbers
     centre: tuple[float, float] = (0.0, 0.0)
     thickness: Any = 1.0
 
@@ -81,7 +78,7 @@ class FlatFilm:
         """Point nearest to the centre."""
         return int(np.argmin(np.hypot(*(self.points - self.centre).T)))
 
-    def fan(self) -> tuple[Floats, Ints]:
+    def fan(self) -> tuple[Array, Numbers]:
         """The plate as triangles around its centre, as of a sheet.
 
         First the points of ``plate``, then the centre, then those halfway to it.
@@ -109,17 +106,17 @@ class _Layer:
     or of each.
     """
 
-    flat: Floats
-    triangles: Ints
+    flat: Array
+    triangles: Numbers
     thickness: Any
     first: int = 1
 
     @cached_property
-    def corners(self) -> Ints:
+    def corners(self) -> Numbers:
         return np.unique(self.triangles[:, :3])
 
     @cached_property
-    def points(self) -> Floats:
+    def points(self) -> Array:
         """Nodes [mm], shape (nodes, 3)."""
         half = self.thickness / 2
         return np.vstack([_at(self.flat, -half), _at(self.flat, half),
@@ -160,7 +157,7 @@ class Step:
     words: str
     force: float = 0.0
     deflection: float | None = None
-    electric: Floats | None = None
+    electric: Array | None = None
     pressure: float = 0.0
 
 
@@ -289,7 +286,7 @@ class _Assembly:
         return int(self.plate.between(len(self.sheet.plate)))
 
     @property
-    def stretches(self) -> Floats:
+    def stretches(self) -> Array:
         """Stretches of the penalised film where its faces are free, shape (3,).
 
         Its pressure (σ₁ + σ₂)/3 gives it the volume J = 1 + pressure/K, up to the square of that.
@@ -400,18 +397,18 @@ class _Assembly:
                     yield from ((node, k, push / 2) for k, push in enumerate(force, start=1))
 
 
-def _areas(points: Floats, triangles: Ints) -> Floats:
+def _areas(points: Array, triangles: Numbers) -> Array:
     """Twice the signed areas between corners."""
     first, second, third = np.moveaxis(points[triangles[:, :3]], 1, 0)
     (ax, ay), (bx, by) = (second - first).T, (third - first).T
     return np.asarray(ax * by - ay * bx)
 
 
-def _at(flat: Floats, height: Any) -> Floats:
+def _at(flat: Array, height: Any) -> Array:
     return np.column_stack([flat, np.broadcast_to(height, len(flat))])
 
 
-def _nodes(points: Floats, first: int) -> Iterator[str]:
+def _nodes(points: Array, first: int) -> Iterator[str]:
     """Node lines from the number ``first``; CalculiX reads no more than 20 characters a number."""
     for number, point in enumerate(points.tolist(), start=first):
         yield f"{number}, " + ", ".join(f"{x:.12g}" for x in point)

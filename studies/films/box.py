@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import field_at
 from tympan.geometry.fields import numbers as quantities
 from tympan.geometry.paths import at, numbers, with_arrays
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[Any]
 
 #: The factor on all stresses of the film's law, a parameter beside the numbers of the specimen.
 STIFFNESS = "stiffness"
@@ -149,7 +146,7 @@ class Box:
         """Names of those that move the mesh."""
         return tuple(name for name in self.names if name.startswith(_OUTLINED))
 
-    def holds(self, rows: Array) -> NDArray[np.bool_]:
+    def holds(self, rows: Array) -> Mask:
         """Mask of the films that are within it, (films,)."""
         off = _ROUNDING * (self.high - self.low)
         return np.asarray(((rows >= self.low - off) & (rows <= self.high + off)).all(-1))

@@ -12,20 +12,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import tangent_at
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.fields import FieldsAlone
 from tympan.studies.films.many_films import Films, FilmsAt
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
-
-Array = NDArray[Any]
 
 #: A force [N] that is none, so that nothing is divided by 0.
 _NOTHING = 1e-12
@@ -37,8 +34,8 @@ class ResidualCheck(FieldsAlone):
 
     model: Model
     state: State
-    motions: Array
-    stiffness: Array
+    motions: AnyArray
+    stiffness: AnyArray
 
     @classmethod
     def of(cls, shot: Snapshot, reduction: Reduction) -> ResidualCheck:
@@ -69,12 +66,13 @@ class ResidualCheck(FieldsAlone):
         return float(1 / np.linalg.inv(self.stiffness)[0, 0])
 
     @cached_property
-    def _rigid(self) -> Array:
+    def _rigid(self) -> AnyArray:
         """Motion of the plate's nodes by its allowed freedoms, (plate nodes, 3, freedoms)."""
         return PlateMotion.rest().gradient(self.model.arms)[:, :, self.model.plate_freedoms]
 
-    def estimate(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
-                 stiffness: Array) -> Array:
+    def estimate(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray,
+                 squared: AnyArray,
+                 stiffness: AnyArray) -> AnyArray:
         """Estimated error of the deflections of states [m], (states,); nan of none."""
         result = np.full(len(q), np.nan)
         sound = np.flatnonzero(np.isfinite(q).all(1))
@@ -85,8 +83,8 @@ class ResidualCheck(FieldsAlone):
                                           squared[some], stiffness[some])
         return result
 
-    def _estimate(self, films: Films, at: FilmsAt, number: Array, q: Array, force: Array,
-                  squared: Array, stiffness: Array) -> Array:
+    def _estimate(self, films: Films, at: FilmsAt, number: AnyArray, q: AnyArray, force: AnyArray,
+                  squared: AnyArray, stiffness: AnyArray) -> AnyArray:
         strained = films.strain(at, number, q)
         stress = films.density(at, number, squared).of_virgin(strained.c, tangent=False).stress
         forces = strained.forces(stress.transpose(2, 0, 1) * at.volumes[number])
@@ -127,7 +125,7 @@ class ResidualCheck(FieldsAlone):
         return np.asarray(np.abs(first) + rest / np.maximum(stiffness * np.abs(q[:, 0]), _NOTHING))
 
     @staticmethod
-    def _swept(films: Films, number: Array, q: Array) -> Array:
+    def _swept(films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
         """Rates of the gas volume below films by the motion of their nodes, (states, nodes, 3)."""
         sites, shapes = films.whole.sites, films.whole.shapes
         x = films.nodes[number].copy()
@@ -142,7 +140,7 @@ class ResidualCheck(FieldsAlone):
         by_z = sites.spread @ (weights * (a * d - b * c)).T
         return -np.stack([by_x, by_y, by_z], -1).swapaxes(0, 1)
 
-    def _nodal(self, films: Films, forces: Array) -> Array:
+    def _nodal(self, films: Films, forces: AnyArray) -> AnyArray:
         """Forces on the nodes, (states, nodes, 3), of those against ∂x/∂ξ, (6, states, points)."""
         sites = films.whole.sites
         by = forces.reshape(3, 2, *forces.shape[1:])

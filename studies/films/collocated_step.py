@@ -15,17 +15,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from tympan.fem.film.memory import Memory
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import acting
+from tympan.geometry.arrays import Array
 from tympan.studies.films.driven_film import PHASES, DrivenFilm, ReducedMoment
 from tympan.studies.films.film import ITERATIONS, FilmLoads, NoBalance, require_stable
 from tympan.studies.films.sampling import by_voltages
-
-Array = NDArray[np.float64]
 
 #: How much the last two coefficients of q in a step count as its error. Where a signal swings
 #: between stages the last may be nothing, so that the one before counts a little.

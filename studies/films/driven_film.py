@@ -8,16 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.biases import Bias
 from tympan.fem.transient.collocation import CollocationRule, radau
+from tympan.geometry.arrays import Array
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
-
-Array = NDArray[np.float64]
 
 #: Stages of a step of one run: its cost is that of calls, so that many are cheap.
 _STAGES = 5

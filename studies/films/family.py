@@ -19,7 +19,6 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton
@@ -32,6 +31,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import AnyArray, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
@@ -47,8 +47,6 @@ from tympan.studies.films.many_films import (
 )
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -137,27 +135,27 @@ class FamilyStates:
     amplitudes, (films, states, shapes).
     """
 
-    deflection: Array
-    force: Array
-    capacitance: Array
-    energy: Array
-    stiffness: Array
-    error: Array
-    stretch: Array
-    stress: Array
-    tension: Array
-    electric: Array
-    breakdown: Array
-    weakest: Array
-    weakest_field: Array
-    weakest_strength: Array
-    tilt: Array
-    frequency: Array
-    sound: NDArray[np.bool_]
-    holds: NDArray[np.bool_]
-    q: Array
-    stress_error: Array
-    slack: NDArray[np.bool_]
+    deflection: AnyArray
+    force: AnyArray
+    capacitance: AnyArray
+    energy: AnyArray
+    stiffness: AnyArray
+    error: AnyArray
+    stretch: AnyArray
+    stress: AnyArray
+    tension: AnyArray
+    electric: AnyArray
+    breakdown: AnyArray
+    weakest: AnyArray
+    weakest_field: AnyArray
+    weakest_strength: AnyArray
+    tilt: AnyArray
+    frequency: AnyArray
+    sound: Mask
+    holds: Mask
+    q: AnyArray
+    stress_error: AnyArray
+    slack: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +167,12 @@ class FamilyLimits:
     tension.
     """
 
-    breakdown: Array
-    tension: Array
-    pull_in: Array
+    breakdown: AnyArray
+    tension: AnyArray
+    pull_in: AnyArray
 
     @property
-    def taut(self) -> Array:
+    def taut(self) -> AnyArray:
         """Up to which voltages films are taut and stable [V]."""
         return np.asarray(np.fmin(self.tension, self.pull_in))
 
@@ -207,7 +205,7 @@ class Ground:
         return cls(box, replace(model, loading=solved_loading(rig.loading, settings)),
                    settings, rig.gas_pressure)
 
-    def film(self, row: Array) -> Model:
+    def film(self, row: AnyArray) -> Model:
         """The film with these parameters."""
         specimen, mesh = self.box.member(row), self.model.discretisation
         if self.box.lengths:
@@ -215,24 +213,24 @@ class Ground:
         return replace(self.model, discretisation=mesh, specimen=specimen,
                        loading=self._loading(row))
 
-    def fresh(self, row: Array) -> Model:
+    def fresh(self, row: AnyArray) -> Model:
         """The film with these parameters on a mesh of its own."""
         own = meshed(self.box.member(row), self.settings, self.model.discretisation.planes)
         return replace(own, loading=self._loading(row))
 
-    def _loading(self, row: Array) -> Loading:
+    def _loading(self, row: AnyArray) -> Loading:
         """The rig's loading, with the spring of a film."""
         loading, spring = self.model.loading, float(self.box.springs(row[None])[0])
         return replace(loading, biases=(*loading.biases, Spring(spring))) if spring else loading
 
-    def gas(self, row: Array) -> float:
+    def gas(self, row: AnyArray) -> float:
         """Pressure of the gas below a film [Pa]."""
         return float(self.box.pressures(row[None], self.pressure)[0])
 
-    def _motion(self, specimen: Specimen) -> Array:
+    def _motion(self, specimen: Specimen) -> AnyArray:
         return motion_between(self.model.discretisation, self.box.specimen, specimen)
 
-    def nodes(self, rows: Array) -> Array:
+    def nodes(self, rows: AnyArray) -> AnyArray:
         """Nodes of the films' meshes [m], (films, nodes, 2)."""
         flat = self.model.discretisation.reference[:, :2]
         if not self.box.lengths:
@@ -241,10 +239,10 @@ class Ground:
             return np.array([flat + self._motion(self.box.member(row)) for row in rows])
         numbers = [self.box.names.index(name) for name in self.box.lengths]
         change = rows[:, numbers] - self.box.row(self.box.specimen)[numbers]
-        return flat + np.tensordot(change, self._straight, 1)
+        return np.asarray(flat + np.tensordot(change, self._straight, 1))
 
     @cached_property
-    def _straight(self) -> Array | None:
+    def _straight(self) -> AnyArray | None:
         """Motions of the nodes by lengths, (lengths, nodes, 2), None where they are not straight.
 
         Edges of most outlines move in proportion to their lengths; a band's do not.
@@ -267,7 +265,7 @@ class Ground:
         """The frame's larger half extent [m]."""
         return self.model.size
 
-    def solved(self, row: Array, force: float, squared: float, motion: Array | None = None
+    def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None
                ) -> tuple[Model, Solution] | None:
         """A film of finite elements, taut and stable; None where there is none.
 
@@ -287,7 +285,7 @@ class Ground:
             found = solution.converged and solution.stable
         return (model, solution) if found and model.in_tension(solution.state) else None
 
-    def _near(self, model: Model, row: Array, motion: Array, force: float, squared: float
+    def _near(self, model: Model, row: AnyArray, motion: AnyArray, force: float, squared: float
               ) -> State:
         freedoms = np.zeros(6)
         allowed = list(model.plate_freedoms)
@@ -368,7 +366,7 @@ class FilmFamily:
         """Its parameters and their limits."""
         return self.ground.box
 
-    def films(self, rows: Array) -> Films:
+    def films(self, rows: AnyArray) -> Films:
         """The films with these parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),
                        nodes=self.ground.nodes(rows), spring=self.box.springs(rows),
@@ -418,7 +416,7 @@ class FilmFamily:
         return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
                               for item in fields(FamilyStates)))
 
-    def rests(self, parameters: Any, forces: Array, voltages: Array) -> Array:
+    def rests(self, parameters: Any, forces: AnyArray, voltages: AnyArray) -> AnyArray:
         """Amplitudes q of equilibria, (films, shapes), whether or not films are in tension.
 
         ``parameters`` as :meth:`states`. Forces [N] and voltages [V] have the shape (films,); nan
@@ -430,7 +428,7 @@ class FilmFamily:
             found.append(np.where(balance.sound[:, None], balance.q, np.nan))
         return np.concatenate(found)
 
-    def held_forces(self, parameters: Any, q: Array, voltages: Array) -> Array:
+    def held_forces(self, parameters: Any, q: AnyArray, voltages: AnyArray) -> AnyArray:
         """Forces [N] that hold films' plates where states q have them, under voltages [V].
 
         ``parameters`` as :meth:`states`; ``q``: (films, shapes), of one state each; nan where there
@@ -448,7 +446,7 @@ class FilmFamily:
             result[part][number] = np.where(balance.sound, forces, np.nan)
         return result
 
-    def _states(self, films: Films, force: Array, voltage: Array, mass: Array, check: bool,
+    def _states(self, films: Films, force: AnyArray, voltage: AnyArray, mass: AnyArray, check: bool,
                 loose: bool) -> FamilyStates:
         shape, rows = force.shape, films.rows
         number = np.repeat(np.arange(len(rows)), shape[1])
@@ -482,7 +480,8 @@ class FilmFamily:
                             slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
                             q=q.reshape(*shape, -1))
 
-    def frequencies(self, parameters: Any, q: Array, voltages: Array, masses: Array) -> Array:
+    def frequencies(self, parameters: Any, q: AnyArray, voltages: AnyArray, masses: AnyArray
+                    ) -> AnyArray:
         """Lowest frequencies [Hz] of plates with masses [kg] in states q, of one state each.
 
         ``parameters`` as :meth:`states`; the voltage is held constant, and there is no air.
@@ -491,7 +490,7 @@ class FilmFamily:
                             masses[part]) for part, films in self.blocks(parameters)]
         return np.concatenate(found)
 
-    def frequency(self, parameters: Any, forces: Any, voltages: Any, masses: Any) -> Array:
+    def frequency(self, parameters: Any, forces: Any, voltages: Any, masses: Any) -> AnyArray:
         """Lowest frequency [Hz] at which plates swing along the load, (films, states).
 
         ``masses`` of the plates [kg], broadcast as forces and voltages; the voltage is held
@@ -499,7 +498,7 @@ class FilmFamily:
         """
         return self.states(parameters, forces, voltages, check=False, masses=masses).frequency
 
-    def limits(self, parameters: Any, forces: Any) -> tuple[Array, Array]:
+    def limits(self, parameters: Any, forces: Any) -> tuple[AnyArray, AnyArray]:
         """Voltages [V] at which films break down, and up to which they are taut and stable.
 
         Forces [N] are broadcast to (films, forces), the shape of both. The second is that of the
@@ -525,7 +524,7 @@ class FilmFamily:
         return FamilyLimits(*(voltage.reshape(force.shape) for voltage in (
             breakdown, np.where(slack, taut, none), np.where(slack, np.nan, taut))))
 
-    def first_limits(self, parameters: Any, forces: Array, strengths: Any = 1.0, *,
+    def first_limits(self, parameters: Any, forces: AnyArray, strengths: Any = 1.0, *,
                      firm: bool = True) -> FirstLimits:
         """First limits of films, (films, names), as the voltage rises under forces [N], (films,).
 
@@ -544,8 +543,8 @@ class FilmFamily:
         """Lowest and highest U² [V²]."""
         return self.voltage[0] ** 2, self.voltage[1] ** 2
 
-    def margins(self, films: Films, at: FilmsAt, forces: Array, strengths: Array, firm: bool,
-                 number: Array, squared: Array, near: Array | None) -> Margins:
+    def margins(self, films: Films, at: FilmsAt, forces: AnyArray, strengths: AnyArray, firm: bool,
+                 number: AnyArray, squared: AnyArray, near: AnyArray | None) -> Margins:
         """Margins of some of the films, by their numbers, at a U² of each."""
         force, strength = forces[number], strengths[number]
         if near is None:
@@ -564,7 +563,7 @@ class FilmFamily:
                                  1 - (extremes.share / strength) ** 2], 1),
                        extremes.sound | (not firm), extremes.lawful, q)
 
-    def _rests(self, films: Films, number: Array, force: Array, squared: Array) -> Balance:
+    def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """States of films in equilibrium, by their numbers, under loads of each."""
         if films.loading.softening:
             return films.first_rests(number, force, squared)
@@ -572,26 +571,27 @@ class FilmFamily:
                                             squared)
         return near
 
-    def _tilt(self, q: Array) -> Array:
+    def _tilt(self, q: AnyArray) -> AnyArray:
         """Tilts of the plates [rad]."""
         if self.ground.model.discretisation.planes == {"x", "y"}:
             return np.zeros(len(q))
         return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ self._one.turns.T).T), 1.0)))
 
-    def _loads_within(self, force: Array, voltage: Array) -> NDArray[np.bool_]:
+    def _loads_within(self, force: AnyArray, voltage: AnyArray) -> Mask:
         return np.asarray((force >= self.force[0] - 1e-9) & (force <= self.force[1] + 1e-9)
                           & (np.abs(voltage) <= self.voltage[1] * (1 + 1e-9))
                           & (np.abs(voltage) >= self.voltage[0] * (1 - 1e-9)))
 
-    def error(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
-              stiffness: Array) -> Array:
+    def error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray,
+              stiffness: AnyArray) -> AnyArray:
         """Errors of the deflections of states q of films [m], (states,)."""
         deflection = np.abs(q[:, 0])
         off = self.check.estimate(films, number, q, force, squared, stiffness)
         return self.factor * (off + self.usual * deflection) + self.remeshed * deflection
 
-    def _error(self, films: Films, number: Array, q: Array, force: Array, squared: Array,
-               stiffness: Array, shape: tuple[int, ...]) -> Array:
+    def _error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray,
+               squared: AnyArray,
+               stiffness: AnyArray, shape: tuple[int, ...]) -> AnyArray:
         """Errors of deflections [m], (states,): of each film that at its largest deflection.
 
         States of which that is a large share have estimates of their own.
@@ -600,7 +600,7 @@ class FilmFamily:
         deflection = np.where(np.isfinite(there), there, -1.0)
         most = deflection.reshape(shape).argmax(1) + shape[1] * np.arange(shape[0])
 
-        def of(some: Array) -> Array:
+        def of(some: AnyArray) -> AnyArray:
             return self.error(films, number[some], q[some], force[some], squared[some],
                               stiffness[some])
 
@@ -610,7 +610,8 @@ class FilmFamily:
         return result
 
 
-def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Array) -> Array:
+def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, mass: AnyArray
+               ) -> AnyArray:
     """Lowest frequencies [Hz] of plates with a mass in states q, nan without."""
     result = np.full(len(q), np.nan)
     some = np.flatnonzero(np.isfinite(q).all(1) & np.isfinite(mass))
@@ -627,7 +628,7 @@ def _frequency(films: Films, number: Array, q: Array, squared: Array, mass: Arra
     return result
 
 
-def films_of(ground: Ground, reduction: Reduction, rows: Array) -> Films:
+def films_of(ground: Ground, reduction: Reduction, rows: AnyArray) -> Films:
     """The films with these parameters."""
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.every
     return Films(ground.box.specimen, rows, ground.box.columns(rows), ground.nodes(rows),
@@ -649,12 +650,12 @@ class Guess:
 
     force: tuple[float, float]
     squared: tuple[float, float]
-    weights: Array
-    spread: Array
+    weights: AnyArray
+    spread: AnyArray
 
     @classmethod
-    def of(cls, force: tuple[float, float], squared: tuple[float, float], scaled: Array,
-           forces: Array, squares: Array, q: Array) -> Guess:
+    def of(cls, force: tuple[float, float], squared: tuple[float, float], scaled: AnyArray,
+           forces: AnyArray, squares: AnyArray, q: AnyArray) -> Guess:
         """Fit to states q, (states, shapes), of films with scaled parameters (states, names)."""
         made = cls(force, squared, np.zeros((1, q.shape[1])), np.zeros(q.shape[1]))
         terms = made._terms(scaled, forces, squares)
@@ -663,7 +664,7 @@ class Guess:
         weights = np.linalg.solve(gram + ridge, terms.T @ q)
         return replace(made, weights=weights, spread=np.abs(q - terms @ weights).max(0))
 
-    def _terms(self, scaled: Array, force: Array, squared: Array) -> Array:
+    def _terms(self, scaled: AnyArray, force: AnyArray, squared: AnyArray) -> AnyArray:
         loads = [2 * (value - low) / max(high - low, 1e-30) - 1 for value, (low, high) in
                  ((force, self.force), (squared, self.squared))]
         z = np.column_stack([scaled, *loads])
@@ -671,7 +672,8 @@ class Guess:
         cubes = [loads[1] ** 3, loads[1] ** 2 * loads[0]]
         return np.column_stack([np.ones(len(z)), z, z[:, first] * z[:, second], *cubes])
 
-    def balanced(self, films: Films, scaled: Array, number: Array, force: Array, squared: Array
+    def balanced(self, films: Films, scaled: AnyArray, number: AnyArray, force: AnyArray,
+                 squared: AnyArray
                  ) -> Any:
         """States from the guess; where that leads nowhere, or far away, with loads that rise."""
         guess = self._terms(scaled[number], force, squared) @ self.weights
@@ -706,7 +708,7 @@ class _Making:
         """Lowest and highest U² [V²]."""
         return self.voltage[0] ** 2, self.voltage[1] ** 2
 
-    def drawn(self, count: int, seed: int) -> tuple[Array, Array, Array]:
+    def drawn(self, count: int, seed: int) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Parameters (count, names), forces and U² of random films, even over the box."""
         from scipy.stats import qmc  # half a second, and no need of one who is sent a family
 
@@ -737,7 +739,7 @@ class _Making:
             family = self._family(shots, rows, forces, squares)
         return self._scaled(family)
 
-    def _first(self, rows: Array, forces: Array, squares: Array) -> list[Snapshot]:
+    def _first(self, rows: AnyArray, forces: AnyArray, squares: AnyArray) -> list[Snapshot]:
         solved = [self.ground.solved(row, force, squared) for row, force, squared in
                   zip(rows, forces.tolist(), squares.tolist(), strict=True)]
         shots = [self._shot(*pair) for pair in solved if pair is not None]
@@ -762,7 +764,7 @@ class _Making:
                 rates.append(moved(model, state, rate, _RATE * wide).positions - state.positions)
         return Snapshot(model, state, rates=tuple(rates))
 
-    def _refined(self, family: FilmFamily, row: Array, force: float, squared: float
+    def _refined(self, family: FilmFamily, row: AnyArray, force: float, squared: float
                  ) -> Snapshot | None:
         states = family.states(row, force, squared**0.5, check=False)
         found = None
@@ -770,7 +772,7 @@ class _Making:
             found = self._found(family, states.q[0, 0], row, force, squared)
         return None if found is None else self._shot(*found)
 
-    def _family(self, shots: Sequence[Snapshot], rows: Array, forces: Array, squares: Array
+    def _family(self, shots: Sequence[Snapshot], rows: AnyArray, forces: AnyArray, squares: AnyArray
                 ) -> FilmFamily:
         motion = _MOTION * (self.settings.error / FamilySettings.error) ** 0.5
         reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING, turning=True)
@@ -789,7 +791,7 @@ class _Making:
                           self._places(films, some, balance.q[some], squares[some]),
                           snapshots=len(shots))
 
-    def _places(self, films: Films, number: Array, q: Array, squared: Array) -> Sites:
+    def _places(self, films: Films, number: AnyArray, q: AnyArray, squared: AnyArray) -> Sites:
         """Nodes of elements at which some of the films is nearly strained or charged most."""
         sites = Sites.at_nodes(self.ground.model.discretisation)
         at = films.at(ShapesAt(sites, films.whole.shapes))
@@ -802,8 +804,8 @@ class _Making:
                 near |= (values >= most - _NEARLY * (most - values.min(1, keepdims=True))).any(0)
         return sites.some(np.flatnonzero(near), np.zeros(int(near.sum())))
 
-    def _worst(self, family: FilmFamily, rows: Array, forces: Array, squares: Array
-               ) -> tuple[Array, Array]:
+    def _worst(self, family: FilmFamily, rows: AnyArray, forces: AnyArray, squares: AnyArray
+               ) -> tuple[AnyArray, AnyArray]:
         """Numbers of films of the largest estimates, and these over the deflection."""
         states = family.states(rows, forces[:, None], squares[:, None] ** 0.5)
         share = np.nan_to_num(_relative(states))
@@ -835,20 +837,21 @@ class _Making:
         return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(remeshed),
                        restressed=_STRESS_MARGIN * max(stresses))
 
-    def _found(self, family: FilmFamily, q: Array, row: Array, force: float, squared: float
+    def _found(self, family: FilmFamily, q: AnyArray, row: AnyArray, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
         """The film of finite elements that a state of the family is near to."""
         motion = np.tensordot(family.films(row[None]).along(q[None])[0], family.reduction.every, 1)
         return self.ground.solved(row, force, squared, motion)
 
-    def _outermost(self, rows: Array, solved: list[tuple[int, float]]) -> list[tuple[int, float]]:
+    def _outermost(self, rows: AnyArray, solved: list[tuple[int, float]]) -> list[tuple[int,
+                   float]]:
         """Those of some films whose lengths are farthest from the box's middle."""
         box = self.ground.box
         lengths = [box.names.index(name) for name in box.lengths]
         far = np.linalg.norm(box.scaled(rows)[:, lengths], axis=1)
         return sorted(solved, key=lambda pair: -far[pair[0]])[: _REMESHED if lengths else 0]
 
-    def _remeshed(self, row: Array, force: float, squared: float) -> tuple[float, float]:
+    def _remeshed(self, row: AnyArray, force: float, squared: float) -> tuple[float, float]:
         """Deflection [m] and largest stress [Pa] of a film on a mesh of its own."""
         ground = self.ground
         fresh = ground.fresh(row)
@@ -856,7 +859,7 @@ class _Making:
                                          settings=ground.path))
 
 
-def _relative(states: FamilyStates) -> Array:
+def _relative(states: FamilyStates) -> AnyArray:
     """Errors of one state of each film over its deflection, or a part of the largest, (films,)."""
     deflection = np.abs(states.deflection[:, 0])
     largest = float(np.nanmax(deflection, initial=0.0))

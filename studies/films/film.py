@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv, dpotrf
 
 from tympan.fem.film.density import (
@@ -34,9 +33,8 @@ from tympan.fem.film.memory import (
 )
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import Bias, acting
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.specimen import Specimen
-
-Array = NDArray[np.float64]
 
 #: Most corrections of a state. Newton's method takes a few from a good guess.
 ITERATIONS = 12
@@ -137,7 +135,7 @@ class ReducedFilm:
         return np.array([first * first, second * second, first * second])
 
     @cached_property
-    def _pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    def _pairs(self) -> tuple[Numbers, Numbers, Array]:
         """Numbers of pairs of (1, q), each once, and C of the virgin film by their products.
 
         Shapes (pairs,) twice and (3, pairs, points).

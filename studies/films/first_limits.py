@@ -12,14 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.results.limit_states import BREAKDOWN, INSTABILITY, LIMIT_STATES, PULL_IN, TENSION
-
-Array = NDArray[Any]
+from tympan.geometry.arrays import AnyArray, Mask, Numbers
 
 #: What is met beside limit states: the film leaves the range of stretches that its law is made for.
 LAW_RANGE = "law_range"
@@ -54,8 +51,8 @@ class FirstLimits:
     lowest of these; the kind is then what is wrong with that state, a pull-in where there is none.
     """
 
-    voltage: Array
-    kind: NDArray[np.int64]
+    voltage: AnyArray
+    kind: Numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +62,14 @@ class Margins:
     ``firm``: whether the film is firm there and its law holds; ``lawful``: whether its law does.
     """
 
-    values: Array
-    firm: NDArray[np.bool_]
-    lawful: NDArray[np.bool_]
-    q: Array
+    values: AnyArray
+    firm: Mask
+    lawful: Mask
+    q: AnyArray
 
 
 #: States of some films, by their numbers, at a U² of each, near states q where these are given.
-Find = Callable[[Array, Array, Array | None], Margins]
+Find = Callable[[AnyArray, AnyArray, AnyArray | None], Margins]
 
 
 def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits:
@@ -113,7 +110,7 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
     return FirstLimits(voltage, kind)
 
 
-def _reasons(found: Margins) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def _reasons(found: Margins) -> tuple[Mask, Numbers]:
     """Mask of states before all limits, and the number of the kind that the others are beyond."""
     there, positive = np.isfinite(found.values).all(1), (found.values > 0).all(1)
     infirm = np.where(found.lawful, _INSTABILITY, _LAW_RANGE)
@@ -121,7 +118,7 @@ def _reasons(found: Margins) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     return positive & found.firm, np.where(positive, infirm, met)
 
 
-def _carried(x: Array, q: Array, tried: Array, some: Array) -> Array:
+def _carried(x: AnyArray, q: AnyArray, tried: AnyArray, some: AnyArray) -> AnyArray:
     """States q of some films carried on along the last two to another U²."""
     with np.errstate(all="ignore"):
         rate = (q[0, some] - q[1, some]) / (x[0, some] - x[1, some])[:, None]
@@ -129,7 +126,7 @@ def _carried(x: Array, q: Array, tried: Array, some: Array) -> Array:
     return np.asarray(q[0, some] + step * np.where(np.isfinite(rate), rate, 0.0))
 
 
-def _ahead(x: Array, margins: Array) -> Array:
+def _ahead(x: AnyArray, margins: AnyArray) -> AnyArray:
     """Distance in U² to where margins are 0, (films, 3): infinite beyond a pull-in."""
     most = _root(x, margins[..., _PULL_IN:_PULL_IN + 1])[:, 0]
     with np.errstate(all="ignore"):
@@ -141,7 +138,7 @@ def _ahead(x: Array, margins: Array) -> Array:
     return ahead
 
 
-def _root(x: Array, margins: Array) -> Array:
+def _root(x: AnyArray, margins: AnyArray) -> AnyArray:
     """Distance in x to where margins are 0, (films, margins), by the parabola of the last three."""
     last, before, first = margins
     with np.errstate(all="ignore"):

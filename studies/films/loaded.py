@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.family import FamilyStates, FilmFamily
 from tympan.studies.films.first_limits import KINDS
-
-Array = NDArray[Any]
 
 #: How near to a voltage a limit is met at it, relative: limits are found to some 1e-4.
 _SAME = 1e-3
@@ -109,7 +107,7 @@ class FamilyFilms:
                          for each in (found / self.amplifier).tolist()])
 
     @property
-    def sound(self) -> NDArray[np.bool_]:
+    def sound(self) -> Mask:
         """Mask of films with their states, firm and within their law up to their voltage."""
         return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
 
@@ -127,7 +125,7 @@ class FamilyFilms:
                            None if self.masses is None else self.masses[some], self.voltage[some],
                            self.rig, self.margin, of(self.amplifier), of(self.strength), specimens)
 
-    def failures(self, some: NDArray[np.bool_]) -> Array:
+    def failures(self, some: Mask) -> Array:
         """First limit of each of ``some`` films, a mask, on the way to its voltage, (some,).
 
         Numbers of :data:`~tympan.studies.films.first_limits.KINDS`: a loss of tension or pull-in

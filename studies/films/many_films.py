@@ -16,20 +16,17 @@ from itertools import combinations_with_replacement, permutations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.admissibility import acoustic_margin, lawful, strong_ellipticity
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
+from tympan.geometry.arrays import AnyArray, Mask
 from tympan.geometry.paths import with_arrays
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import ITERATIONS
 from tympan.studies.films.reduction import squares_of
 from tympan.studies.films.sites import Sites
-
-Array = NDArray[Any]
-Numbers = NDArray[Any]
 
 #: States times points that are computed together: some 60 arrays of them stay in a core's cache.
 #: With 8192 films of a tolerance take 7 % more time, those of a sweep as much.
@@ -60,25 +57,25 @@ class ShapesAt:
     """Shapes of the nodes, (shapes, nodes, 3), at points; the same for all films."""
 
     sites: Sites
-    shapes: Array
+    shapes: AnyArray
 
     @cached_property
-    def values(self) -> Array:
+    def values(self) -> AnyArray:
         """The shapes, (shapes, points, 3)."""
         return self.sites.at(self.shapes)
 
     @cached_property
-    def slopes(self) -> Array:
+    def slopes(self) -> AnyArray:
         """∂φ/∂ξ, shape (shapes, 6 × points)."""
         return self.sites.tangents(self.shapes).reshape(len(self.shapes), -1)
 
     @cached_property
-    def _halves(self) -> tuple[Numbers, Numbers]:
+    def _halves(self) -> tuple[AnyArray, AnyArray]:
         """Both shapes of each pair, once."""
         return np.triu_indices(len(self.shapes))
 
     @cached_property
-    def products(self) -> Array:
+    def products(self) -> AnyArray:
         """∂φ/∂ξ times ∂φ/∂ξ, pairs of components and points by pairs of shapes, both once."""
         slopes = self.slopes.reshape(len(self.shapes), 6, -1)
         first, second = (slopes[half] for half in self._halves)
@@ -91,7 +88,7 @@ class ShapesAt:
         return result.reshape(-1, len(first))
 
     @cached_property
-    def swept(self) -> tuple[Array, Array]:
+    def swept(self) -> tuple[AnyArray, AnyArray]:
         """Volume above the frame's plane [m³], of degree two and three in the amplitudes.
 
         The first by the nodes of a film's mesh, (2 × nodes, shapes × shapes) [m²]; the second,
@@ -111,7 +108,7 @@ class ShapesAt:
         cubic = np.mean([cubic.transpose(order) for order in permutations(range(3))], axis=0)
         return by_nodes.reshape(-1, count * count), cubic
 
-    def coupled(self, moduli: Array) -> Array:
+    def coupled(self, moduli: AnyArray) -> AnyArray:
         """Tangents, (states, shapes, shapes), of moduli by pairs, (states, 21, points)."""
         first, second = self._halves
         half = moduli.reshape(len(moduli), -1) @ self.products
@@ -133,13 +130,13 @@ class FilmsAt:
     """
 
     shapes: ShapesAt
-    flat: Array
-    frame: Array
-    volumes: Array
-    covered: Array
-    thickness: Array
+    flat: AnyArray
+    frame: AnyArray
+    volumes: AnyArray
+    covered: AnyArray
+    thickness: AnyArray
 
-    def uneven(self, films: Numbers) -> tuple[Array, Array]:
+    def uneven(self, films: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Share under the electrode and relative thickness of states of films."""
         every = self.covered, self.thickness
         covered, thickness = (each[films] if each.ndim == 2 else each for each in every)
@@ -159,16 +156,16 @@ class Films:
     """
 
     specimen: Specimen
-    rows: Array
-    columns: Mapping[str, Array]
-    nodes: Array
+    rows: AnyArray
+    columns: Mapping[str, AnyArray]
+    nodes: AnyArray
     points: ShapesAt
     whole: ShapesAt
     loading: Loading
-    spring: Array
-    pressure: Array
-    gap: Array
-    turns: Array
+    spring: AnyArray
+    pressure: AnyArray
+    gap: AnyArray
+    turns: AnyArray
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -189,15 +186,15 @@ class Films:
         return bool(self.pressure.any())
 
     @cached_property
-    def lift(self) -> Array:
+    def lift(self) -> AnyArray:
         """Rates by q of how far the place moves at which the force is applied, (shapes,)."""
         x, y = self.loading.arm
-        lift: Array = y * self.turns[0] - x * self.turns[1]
+        lift: AnyArray = y * self.turns[0] - x * self.turns[1]
         lift[0] += float(self.specimen.plate is not None)
         return lift
 
     @cached_property
-    def leverage(self) -> Array:
+    def leverage(self) -> AnyArray:
         """The same over that of the heave, (shapes,)."""
         return self.lift / self.lever
 
@@ -206,27 +203,27 @@ class Films:
         """Rate of that place by the heave; 1 without a plate, which nothing holds."""
         return float(self.lift[0]) or 1.0
 
-    def along(self, q: Array) -> Array:
+    def along(self, q: AnyArray) -> AnyArray:
         """Amplitudes of all shapes in states q, their bends included."""
         return np.hstack([q, squares_of(q @ self.turns.T)]) if self.bends else q
 
-    def _by_turn(self, q: Array) -> Array:
+    def _by_turn(self, q: AnyArray) -> AnyArray:
         """Rates of the bends' amplitudes by q, (states, 3, shapes)."""
         along, across = self.turns
         x, y = (q @ self.turns.T).T[..., None]
         return np.stack([2 * x * along, 2 * y * across, x * across + y * along], 1)
 
-    def _condensed(self, q: Array, forces: Array) -> Array:
+    def _condensed(self, q: AnyArray, forces: AnyArray) -> AnyArray:
         """Forces against q of those against all shapes."""
         return np.asarray(forces[:, :self.count] + self.by_bends(q, forces[:, self.count:]))
 
-    def by_bends(self, q: Array, forces: Array) -> Array:
+    def by_bends(self, q: AnyArray, forces: AnyArray) -> AnyArray:
         """Forces against q of those against the bends, (states, bends)."""
         if not self.bends:
             return np.zeros(q.shape)
         return np.asarray(np.einsum("sm,smk->sk", forces, self._by_turn(q)))
 
-    def _stiffened(self, q: Array, forces: Array, stiffness: Array) -> Array:
+    def _stiffened(self, q: AnyArray, forces: AnyArray, stiffness: AnyArray) -> AnyArray:
         """Derivatives by q of the forces against it, of those by all shapes."""
         if not self.bends:
             return stiffness
@@ -275,7 +272,7 @@ class Films:
         volumes[~sound] = np.nan
         return FilmsAt(shapes, flat, frame, volumes, covered, thickness)
 
-    def _uneven(self, sites: Sites) -> tuple[Array, Array]:
+    def _uneven(self, sites: Sites) -> tuple[AnyArray, AnyArray]:
         """Share under the electrode and relative thickness at points, as :class:`FilmsAt` has."""
         even = self.specimen.membrane.thickness_gradient == (0.0, 0.0)
         if even and not self.specimen.electrode.patches:
@@ -285,14 +282,14 @@ class Films:
         return covered, np.broadcast_to(specimen.relative_thickness(x, y), x.shape)
 
     @cached_property
-    def weight(self) -> Array:
+    def weight(self) -> AnyArray:
         """Weight of film and electrodes on the shapes [N], (films, shapes)."""
         if not self.loading.gravity:
             return np.zeros((len(self), self.count))
         return self.loading.gravity * self._masses @ self.whole.values[:self.count, :, 2].T
 
     @cached_property
-    def nodal_weight(self) -> Array:
+    def nodal_weight(self) -> AnyArray:
         """The same on the nodes of the whole mesh, (films, nodes, 3)."""
         result = np.zeros((*self.nodes.shape[:2], 3))
         if self.loading.gravity:
@@ -300,7 +297,7 @@ class Films:
         return result
 
     @cached_property
-    def _masses(self) -> Array:
+    def _masses(self) -> AnyArray:
         """Mass at all quadrature points [kg], (films, points)."""
         specimen, whole = self.some(slice(None)), self.whole.sites
         film, electrode = specimen.membrane, specimen.electrode
@@ -311,7 +308,7 @@ class Films:
         return np.asarray(np.abs(a * d - b * c) * whole.weights * per_area)
 
     @cached_property
-    def inertia(self) -> Array:
+    def inertia(self) -> AnyArray:
         """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without the plates."""
         there = self.whole.values[:self.count]
         products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
@@ -338,12 +335,12 @@ class Films:
         turns[:, :self.count] = self.turns
         return Volume(linear, square, cubic, plates, turns)
 
-    def parts(self, films: Numbers, points: int) -> Iterator[slice]:
+    def parts(self, films: AnyArray, points: int) -> Iterator[slice]:
         """Slices of states that are computed together."""
         step = max(1, _TOGETHER // points)
         return (slice(start, start + step) for start in range(0, len(films), step))
 
-    def strain(self, at: FilmsAt, films: Numbers, q: Array) -> Strained:
+    def strain(self, at: FilmsAt, films: AnyArray, q: AnyArray) -> Strained:
         """States q of films, (states, shapes), at points."""
         x = (self.along(q) @ at.shapes.slopes).reshape(len(q), 6, -1)
         x[:, :4] += at.flat[films]
@@ -354,8 +351,8 @@ class Films:
                    for along in range(2)]
         return Strained(frame, columns[0], columns[1])
 
-    def pull(self, films: Numbers, q: Array, squared: Array, share: float = 1.0
-             ) -> tuple[Array, Array]:
+    def pull(self, films: AnyArray, q: AnyArray, squared: AnyArray, share: float = 1.0
+             ) -> tuple[AnyArray, AnyArray]:
         """Generalised forces of films [N], weight included, and derivatives, by states q.
 
         Under a ``share`` of the gas pressure.
@@ -375,13 +372,13 @@ class Films:
         stiffness[:, 0, 0] += bend
         return forces, stiffness
 
-    def acting(self, films: Numbers, deflection: Array) -> tuple[Array, Array]:
+    def acting(self, films: AnyArray, deflection: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Force of springs and mechanisms on plates [N], and their stiffness [N/m], (states,)."""
         _, push, bend = acting(self.loading.biases, deflection)
         spring = self.spring[films]
         return spring * deflection + push, spring + bend
 
-    def carried_force(self, films: Numbers, q: Array, force: Array) -> Array:
+    def carried_force(self, films: AnyArray, q: AnyArray, force: AnyArray) -> AnyArray:
         """Forces that films carry [N] of those on their plates, mechanisms and gas included."""
         carried = force - self.acting(films, q[:, 0])[0]
         if self.gas:
@@ -389,7 +386,8 @@ class Films:
             carried = carried + self.pressure[films] * by_heave
         return np.asarray(carried)
 
-    def forces(self, films: Numbers, q: Array, squared: Array, share: float = 1.0) -> Array:
+    def forces(self, films: AnyArray, q: AnyArray, squared: AnyArray, share: float = 1.0
+               ) -> AnyArray:
         """The forces of :meth:`pull` alone."""
         strained, stress, _ = self._stressed(films, q, squared, tangent=False)
         every = self._forces(strained, stress)
@@ -400,8 +398,8 @@ class Films:
         forces[:, 0] += self.acting(films, q[:, 0])[0]
         return forces
 
-    def _stressed(self, films: Numbers, q: Array, squared: Array, *, tangent: bool
-                  ) -> tuple[Strained, Array, Any]:
+    def _stressed(self, films: AnyArray, q: AnyArray, squared: AnyArray, *, tangent: bool
+                  ) -> tuple[Strained, AnyArray, Any]:
         """Films at points, S and, if asked, ∂S/∂E, times volumes; both of the virgin film."""
         at = self.few
         strained = self.strain(at, films, q)
@@ -410,18 +408,18 @@ class Films:
         bend = stored.tangent.transpose(2, 3, 0, 1) * volumes if tangent else None
         return strained, stored.stress.transpose(2, 0, 1) * volumes, bend
 
-    def _forces(self, strained: Strained, stress: Array) -> Array:
+    def _forces(self, strained: Strained, stress: AnyArray) -> AnyArray:
         """Forces of the film against all shapes, (states, shapes and bends)."""
         by = strained.forces(stress).transpose(1, 0, 2)
         return np.asarray(by.reshape(len(by), -1) @ self.few.shapes.slopes.T)
 
-    def density(self, at: FilmsAt, films: Numbers, squared: Array) -> FilmDensity:
+    def density(self, at: FilmsAt, films: AnyArray, squared: AnyArray) -> FilmDensity:
         """Energy density of films that bear any compression at points, at U², (states,) [V²]."""
         covered, thickness = at.uneven(films)
         return FilmDensity(self.some(films), squared[:, None], covered, wrinkles=False,
                            thickness=thickness)
 
-    def stored(self, films: Numbers, q: Array, squared: Array) -> tuple[Array, Array]:
+    def stored(self, films: AnyArray, q: AnyArray, squared: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Capacitance [F] and energy of films [J], (states,) each."""
         capacitance, energy = np.empty(len(q)), np.empty(len(q))
         at = self.few
@@ -435,7 +433,7 @@ class Films:
             energy[part] = (whole.energy * volumes).sum(-1)
         return capacitance, energy
 
-    def extremes(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Extremes:
+    def extremes(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> Extremes:
         """Largest or smallest values of states at points; nan of states that are none."""
         values, weakest = np.full((7, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
         sure, within = np.zeros((2, len(q)), dtype=bool)
@@ -453,7 +451,7 @@ class Films:
         return Extremes(stretch, stress, tension, electric, share, there[0], there[1], weakest,
                         sure, within)
 
-    def local(self, at: FilmsAt, films: Numbers, q: Array, squared: Array) -> Local:
+    def local(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> Local:
         """Stretches, stresses and fields of states at points."""
         strained, film = self.strain(at, films, q), self.some(films).membrane
         first, second = strained.stretches
@@ -477,7 +475,7 @@ class Films:
             strength[:] = film.strength.field(first, second, thickness)
         return Local(first, second, stress_1, stress_2, electric, strength, sound, within)
 
-    def balanced(self, films: Numbers, force: Array, squared: Array, guess: Array,
+    def balanced(self, films: AnyArray, force: AnyArray, squared: AnyArray, guess: AnyArray,
                  held: bool = False, share: float = 1.0) -> Balance:
         """States in equilibrium near a guess, with a ``held`` plate at its deflection.
 
@@ -498,8 +496,8 @@ class Films:
                 break
         return balance
 
-    def _approached(self, balance: Balance, some: Numbers, films: Numbers, force: Array,
-                    squared: Array, gap: Array, held: bool, share: float) -> Numbers:
+    def _approached(self, balance: Balance, some: AnyArray, films: AnyArray, force: AnyArray,
+                    squared: AnyArray, gap: AnyArray, held: bool, share: float) -> AnyArray:
         """Correct some states by their tangents; those that need others."""
         with np.errstate(all="ignore"):
             pull, stiffness = self.pull(films[some], balance.q[some], squared[some], share)
@@ -534,7 +532,8 @@ class Films:
                 pull -= (pull[:, :1] * self.leverage if held else force[some, None] * self.lift)
         return np.concatenate([*going, some])
 
-    def charged(self, films: Numbers, force: Array, q: Array, squared: Array, chords: int = 0
+    def charged(self, films: AnyArray, force: AnyArray, q: AnyArray, squared: AnyArray,
+                chords: int = 0
                 ) -> Charged:
         """States near equilibria, corrected by U² [V²] with the plate where it is.
 
@@ -559,7 +558,7 @@ class Films:
             q = q - step
         return Charged(q, np.maximum(squared, 0.0), rates, slope, inverse[:, 0, 0], firm)
 
-    def first_rests(self, films: Numbers, force: Array, squared: Array) -> Balance:
+    def first_rests(self, films: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """States to which plates come that are loaded slowly, then charged slowly, from flat films.
 
         Where mechanisms soften there may be several. A plate goes on as long as what is missing to
@@ -591,8 +590,8 @@ class Films:
         balance.sound[np.abs(balance.q[:, 0] - near[:, 0]) > self._stride] = False
         return balance
 
-    def _driving(self, films: Numbers, q: Array, force: Array, squared: Array
-                 ) -> tuple[Array, Array]:
+    def _driving(self, films: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray
+                 ) -> tuple[AnyArray, AnyArray]:
         """Force that is missing to the balance of plates held where q have them [N]; these states.
 
         nan where a film has no stable shape.
@@ -607,7 +606,8 @@ class Films:
         return float(min([*(_PART * (high - low) for low, high in self.loading.softening),
                           float(np.max(self.gap)) / _MARCHED]))
 
-    def carried(self, films: Numbers, force: Array, squared: Array, start: Array, steps: int
+    def carried(self, films: AnyArray, force: AnyArray, squared: AnyArray, start: AnyArray,
+                steps: int
                 ) -> Balance:
         """States after loads rose from none, force and gas first, in so many steps each."""
         q, sound = start, np.ones(len(start), dtype=bool)
@@ -635,31 +635,31 @@ class Volume:
     amplitude, and the normal's z, 1 less half the square of the ``turns``, (2, shapes).
     """
 
-    linear: Array
-    square: Array
-    cubic: Array
-    plates: Array
-    turns: Array
+    linear: AnyArray
+    square: AnyArray
+    cubic: AnyArray
+    plates: AnyArray
+    turns: AnyArray
 
-    def _of(self, films: Numbers) -> tuple[Array, Array]:
+    def _of(self, films: AnyArray) -> tuple[AnyArray, AnyArray]:
         if len(self.linear) == 1:
             return self.linear, self.square
         return self.linear[films], self.square[films]
 
-    def value(self, films: Numbers, a: Array) -> Array:
+    def value(self, films: AnyArray, a: AnyArray) -> AnyArray:
         """Volumes [m³], (states,)."""
         linear, square = self._of(films)
         by = linear + ((square + np.tensordot(a, self.cubic, 1)) @ a[..., None])[..., 0]
         level, _ = self.of_plates(films, a[:, 0], a @ self.turns.T)
         return np.asarray(level * a[:, 0] - (by * a).sum(1))
 
-    def first(self, films: Numbers, a: Array) -> Array:
+    def first(self, films: AnyArray, a: AnyArray) -> AnyArray:
         """Derivatives by the amplitudes [m²], (states, shapes)."""
         linear, square = self._of(films)
         twice = 2 * square + 3 * np.tensordot(a, self.cubic, 1)
         return self._by(linear, twice, films, a)
 
-    def derivatives(self, films: Numbers, a: Array) -> tuple[Array, Array]:
+    def derivatives(self, films: AnyArray, a: AnyArray) -> tuple[AnyArray, AnyArray]:
         """First and second derivatives by the amplitudes, (states, shapes) and one more [m]."""
         linear, square = self._of(films)
         cubes = 3 * np.tensordot(a, self.cubic, 1)
@@ -671,12 +671,13 @@ class Volume:
         second += (plate * a[:, 0])[:, None, None] * (self.turns.T @ self.turns)
         return self._by(linear, twice + cubes, films, a), second
 
-    def of_plates(self, films: Numbers, heave: Array, turns: Array) -> tuple[Array, Array]:
+    def of_plates(self, films: AnyArray, heave: AnyArray, turns: AnyArray) -> tuple[AnyArray,
+                  AnyArray]:
         """Rates of the volume below plates by their heave, (states,), and turns, (states, 2)."""
         plates = self.plates[films]
         return -plates * (1 - (turns**2).sum(1) / 2), (plates * heave)[:, None] * turns
 
-    def _by(self, linear: Array, twice: Array, films: Numbers, a: Array) -> Array:
+    def _by(self, linear: AnyArray, twice: AnyArray, films: AnyArray, a: AnyArray) -> AnyArray:
         by = -(linear + (twice @ a[..., None])[..., 0])
         by_heave, by_turns = self.of_plates(films, a[:, 0], a @ self.turns.T)
         by[:, 0] += by_heave
@@ -691,17 +692,17 @@ class Local:
     (states, points).
     """
 
-    stretch_1: Array
-    stretch_2: Array
-    stress_1: Array
-    stress_2: Array
-    electric: Array
-    strength: Array
-    sound: NDArray[np.bool_]
-    lawful: NDArray[np.bool_]
+    stretch_1: AnyArray
+    stretch_2: AnyArray
+    stress_1: AnyArray
+    stress_2: AnyArray
+    electric: AnyArray
+    strength: AnyArray
+    sound: Mask
+    lawful: Mask
 
     @property
-    def share(self) -> Array:
+    def share(self) -> AnyArray:
         """Field over strength."""
         return self.electric / self.strength
 
@@ -715,16 +716,16 @@ class Extremes:
     does. All of shape (states,).
     """
 
-    stretch: Array
-    stress: Array
-    tension: Array
-    electric: Array
-    share: Array
-    weakest_field: Array
-    weakest_strength: Array
-    weakest: Numbers
-    sound: NDArray[np.bool_]
-    lawful: NDArray[np.bool_]
+    stretch: AnyArray
+    stress: AnyArray
+    tension: AnyArray
+    electric: AnyArray
+    share: AnyArray
+    weakest_field: AnyArray
+    weakest_strength: AnyArray
+    weakest: AnyArray
+    sound: Mask
+    lawful: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -735,12 +736,12 @@ class Balance:
     film pulls in; the plate's may jump there, if other parts of the film move.
     """
 
-    q: Array
-    sound: NDArray[np.bool_]
-    stiffness: Array
-    least: Array
+    q: AnyArray
+    sound: Mask
+    stiffness: AnyArray
+    least: AnyArray
 
-    def put(self, some: Numbers, other: Balance) -> None:
+    def put(self, some: AnyArray, other: Balance) -> None:
         """Take others in the places of some."""
         for item in fields(self):
             getattr(self, item.name)[some] = getattr(other, item.name)
@@ -754,15 +755,15 @@ class Charged:
     the force on a plate that stays [V²/N]; ``firm``: whether the film resists any motion.
     """
 
-    q: Array
-    squared: Array
-    rates: Array
-    slope: Array
-    by_force: Array
-    firm: NDArray[np.bool_]
+    q: AnyArray
+    squared: AnyArray
+    rates: AnyArray
+    slope: AnyArray
+    by_force: AnyArray
+    firm: Mask
 
     @property
-    def stiffness(self) -> Array:
+    def stiffness(self) -> AnyArray:
         """The plates' stiffness at these voltages [N/m]."""
         return -self.slope / self.by_force
 
@@ -780,25 +781,25 @@ class Charged:
 class Strained:
     """Films at points: their frame (4, states, points) and both columns of F of the virgin film."""
 
-    frame: Array
-    first: list[Array]
-    second: list[Array]
+    frame: AnyArray
+    first: list[AnyArray]
+    second: list[AnyArray]
 
     @cached_property
-    def c(self) -> tuple[Array, Array, Array]:
+    def c(self) -> tuple[AnyArray, AnyArray, AnyArray]:
         """C₁₁, C₂₂, C₁₂ of the virgin film."""
         (a, b, c), (d, e, f) = self.first, self.second
         return a * a + b * b + c * c, d * d + e * e + f * f, a * d + b * e + c * f
 
     @property
-    def stretches(self) -> tuple[Array, Array]:
+    def stretches(self) -> tuple[AnyArray, AnyArray]:
         """Principal stretches λ₁ ≥ λ₂."""
         c11, c22, shear = self.c
         mean, half = (c11 + c22) / 2, (c11 - c22) / 2
         radius = np.sqrt(half * half + shear * shear)
         return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
-    def principal(self, stress: Array) -> tuple[Array, Array]:
+    def principal(self, stress: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Principal true stresses [Pa] of S of the virgin film, (…, 3): eigenvalues of S C."""
         (c11, c22, c12), (s11, s22, s12) = self.c, np.moveaxis(stress, -1, 0)
         mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
@@ -806,7 +807,7 @@ class Strained:
         radius = np.sqrt(np.maximum(mean * mean - both, 0.0))
         return mean + radius, mean - radius
 
-    def forces(self, stress: Array) -> Array:
+    def forces(self, stress: AnyArray) -> AnyArray:
         """Forces of stresses times volumes, (3, states, points), against ∂x/∂ξ, (6, …)."""
         along, across, shear = stress
         a, b, c, d = self.frame
@@ -818,7 +819,7 @@ class Strained:
             result[2 * i + 1] = first * c + second * d
         return result
 
-    def moduli(self, stress: Array, bend: Array) -> Array:
+    def moduli(self, stress: AnyArray, bend: AnyArray) -> AnyArray:
         """Their derivatives by ∂x/∂ξ, pairs of components once, (states, 21, points).
 
         ``bend``: ∂S/∂E times volumes, (3, 3, states, points).
@@ -834,7 +835,7 @@ class Strained:
                  (0, 1): along * a * c + across * b * d + shear * (a * d + b * c),
                  (1, 1): along * c * c + across * d * d + 2 * shear * c * d}
         result = np.empty((a.shape[0], len(_PAIRS), a.shape[1]))
-        work: list[list[Array]] = [
+        work: list[list[AnyArray]] = [
             [bend[0, v] * e[0] + bend[1, v] * e[1] + bend[2, v] * e[2] for v in range(3)]
             for e in strain]
         for number, (p, q) in enumerate(_PAIRS):
@@ -846,7 +847,7 @@ class Strained:
         return result
 
 
-def positive_definite(matrices: Array) -> NDArray[np.bool_]:
+def positive_definite(matrices: AnyArray) -> Mask:
     """Mask of symmetric matrices (n, n) that are positive definite."""
     try:
         np.linalg.cholesky(matrices)

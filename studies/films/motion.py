@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.transient.integrate import Stopped
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
 from tympan.studies.films.film import FilmLoads, NoBalance
-
-Array = NDArray[np.float64]
 
 #: Up to how many times as long a step begins where the one before leads to.
 _FAR = 1.5

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from tympan.fem.derivatives.shape import with_plate
@@ -25,13 +24,12 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
-
-Array = NDArray[np.float64]
 
 #: The largest part of a deformation that the shapes leave out, over the largest deformation: some
 #: 0.5 µm of a heave of 5 mm, below what films are known to.
@@ -225,7 +223,7 @@ class Reduction:
     """
 
     shapes: Array
-    points: NDArray[np.int64]
+    points: Numbers
     shares: Array
     bends: Array
 
@@ -419,7 +417,7 @@ def _slopes(gradients: Array, f: Array) -> Array:
                      (first * across + second * along).sum(-1)], 1)
 
 
-def _cubature(works: Array, precision: float) -> tuple[NDArray[np.int64], Array]:
+def _cubature(works: Array, precision: float) -> tuple[Numbers, Array]:
     """Few points, and what each of them counts, that give the sums of all rows.
 
     Non-negative least squares on the rows' principal directions: as many points, at most, as there

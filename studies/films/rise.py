@@ -10,18 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self, cast
+from typing import Self, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
+from tympan.geometry.arrays import AnyArray
 from tympan.studies.case import LimitKind
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS, Margins, first_limits
 from tympan.studies.films.many_films import Charged, Films, FilmsAt, Local
-
-Array = NDArray[Any]
 
 #: Points of a curve, closer at both ends: there the deflection bends most against the voltage.
 _POINTS = 25
@@ -81,13 +79,13 @@ class FamilyRise:
     wrong [N]. ``path``: U² and q as a function of the deflection.
     """
 
-    deflection: Array
-    squared: Array
-    stiffness: Array
+    deflection: AnyArray
+    squared: AnyArray
+    stiffness: AnyArray
     limits: dict[LimitKind, FamilyLimit]
     whole: bool
     off: float
-    rest: Array
+    rest: AnyArray
     path: CubicHermiteSpline
 
     def error(self, deflection: float) -> float:
@@ -95,7 +93,7 @@ class FamilyRise:
         return self.off / float(np.interp(deflection, self.deflection, np.abs(self.stiffness)))
 
 
-def rise(family: FilmFamily, row: Array, force: float, last: FamilyRise | None = None
+def rise(family: FilmFamily, row: AnyArray, force: float, last: FamilyRise | None = None
          ) -> FamilyRise | None:
     """A film with these parameters, (names,), under a force on its plate [N].
 
@@ -109,9 +107,9 @@ def rise(family: FilmFamily, row: Array, force: float, last: FamilyRise | None =
 
 def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
     """The way of a film, what ends it, and at which deflection; by a search for its limits."""
-    family, seen = film.family, list[tuple[Array, Margins]]()
+    family, seen = film.family, list[tuple[AnyArray, Margins]]()
 
-    def found(some: Array, squared: Array, near: Array | None) -> Margins:
+    def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> Margins:
         # Breakdown is looked for later: films go on beyond it.
         margins = family.margins(film.films, film.places, np.array([film.force]),
                                  np.array([np.inf]), True, some, squared, near)
@@ -170,7 +168,7 @@ def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, str | None, float] |
     return way, kind, end
 
 
-def _end(film: _Film, way: _Way, tension: Array, sound: Array) -> tuple[str | None, float]:
+def _end(film: _Film, way: _Way, tension: AnyArray, sound: AnyArray) -> tuple[str | None, float]:
     """First end of a film but for breakdown, and its deflection; infinite of none.
 
     Of states the least ``tension`` [Pa], and whether the film is firm in itself.
@@ -188,7 +186,7 @@ def _end(film: _Film, way: _Way, tension: Array, sound: Array) -> tuple[str | No
     return kind, place
 
 
-def _spaced(start: float, reach: float, count: int) -> Array:
+def _spaced(start: float, reach: float, count: int) -> AnyArray:
     """Deflections beyond a first one, closer where they begin."""
     share = np.linspace(0.0, 1.0, count + 1)[1:]
     return np.asarray(start + reach * share**_MORE_AND_MORE)
@@ -199,7 +197,7 @@ class _Film:
     """One film of a family, under a force on its plate [N]."""
 
     family: FilmFamily
-    row: Array
+    row: AnyArray
     force: float
 
     @cached_property
@@ -218,19 +216,19 @@ class _Film:
         return bool(self.family.box.holds(self.row[None])[0]
                     and self.family.force[0] <= self.force <= self.family.force[1])
 
-    def charged(self, squared: Array, q: Array, chords: int = 0) -> Charged:
+    def charged(self, squared: AnyArray, q: AnyArray, chords: int = 0) -> Charged:
         """States near equilibria, as :meth:`Films.charged` corrects them."""
         return self.films.charged(np.zeros(len(q), dtype=np.int64), np.full(len(q), self.force), q,
                                   squared, chords)
 
-    def squared(self, q: Array) -> Array:
+    def squared(self, q: AnyArray) -> AnyArray:
         """U² [V²] by which states q hold their plates, (states,)."""
         number, scale = np.zeros(len(q), dtype=np.int64), self.family.squared[1]
         without, by = (self.films.forces(number, q, np.full(len(q), squared))[:, 0]
                        for squared in (0.0, scale))
         return np.asarray(scale * (self.force - without) / (by - without))
 
-    def local(self, states: Array) -> Local:
+    def local(self, states: AnyArray) -> Local:
         """Stretches, stresses and fields of states, (states, 1 + shapes): U² and q."""
         return self.films.local(self.places, np.zeros(len(states), dtype=np.int64), states[:, 1:],
                                 states[:, 0])

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: What is added to the squares of least squares: where voltages hardly differ these say nothing,
 #: and a guess stays near the last value.

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import middles, quadrature, tabulated
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.fields import FieldsAlone
 from tympan.geometry.mesh import ELEMENTS
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +29,8 @@ class Sites(FieldsAlone):
     of the whole film; ``covered``, 1 under the electrode; ``turns``: the sign of det ∂X/∂ξ.
     """
 
-    cells: NDArray[np.int64]
-    nodes: NDArray[np.int64]
+    cells: Numbers
+    nodes: Numbers
     values: Array
     slopes: Array
     weights: Array
@@ -42,7 +39,7 @@ class Sites(FieldsAlone):
 
     @classmethod
     def of(cls, mesh: Discretisation, places: Array, weights: Array | None = None,
-           cells: NDArray[np.int64] | None = None) -> Sites:
+           cells: Numbers | None = None) -> Sites:
         """The same reference points, shape (2, count), in every element, or in some; element-major.
 
         Without ``weights`` of the points, shape (count,), they stand for no area.
@@ -69,7 +66,7 @@ class Sites(FieldsAlone):
         return cls.of(mesh, ELEMENTS[mesh.mesh.order].doflocs.T)
 
     @classmethod
-    def within(cls, mesh: Discretisation, cells: NDArray[np.int64], parts: int) -> Sites:
+    def within(cls, mesh: Discretisation, cells: Numbers, parts: int) -> Sites:
         """The middles of ``parts``² triangles in some elements."""
         return cls.of(mesh, middles(parts), cells=cells)
 
@@ -88,7 +85,7 @@ class Sites(FieldsAlone):
         size = int(self.nodes.max()) + 1, len(self.nodes)
         return coo_matrix((self.values.ravel(), (self.nodes.ravel(), points)), size).tocsr()
 
-    def some(self, points: NDArray[np.int64], shares: Array) -> Sites:
+    def some(self, points: Numbers, shares: Array) -> Sites:
         """Some of the points, each for ``shares`` times its own area."""
         chosen = {name: getattr(self, name)[points] for name in
                   ("cells", "nodes", "values", "slopes", "covered", "turns")}

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -24,10 +23,9 @@ from tympan.fem.results.firmness import firmness
 from tympan.fem.rig import Rig
 from tympan.fem.roots import cubic_roots
 from tympan.fem.transient.energy import load_work
+from tympan.geometry.arrays import Array
 from tympan.studies.force.follow import Followed, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
-
-Array = NDArray[np.float64]
 
 #: How far beyond a curve's interval a crossing found in it may be, relative to the interval.
 _BESIDE = 1e-6

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import held_plate, length
@@ -27,11 +26,10 @@ from tympan.fem.results.limit_states import (
     Sign,
 )
 from tympan.fem.roots import NoValueHere, root_between
+from tympan.geometry.arrays import Array
 from tympan.studies.case import LimitKind
 from tympan.studies.force.result import ForceCurve, ForceLimit
 from tympan.studies.path import Stop
-
-Array = NDArray[np.float64]
 
 #: Error of a displacement at which a limit is passed, relative to the frame: far below what a mesh
 #: leaves uncertain.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
@@ -13,10 +12,9 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.geometry.arrays import Array
 from tympan.studies.force.result import ForceLoop
 from tympan.studies.signals import Pieces
-
-Array = NDArray[np.float64]
 
 #: Errors of steps in time with which a loop is followed, one after the other, until its areas
 #: change by no more than a share: the finer run is some five times nearer. Areas are then within

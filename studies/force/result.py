@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN
+from tympan.geometry.arrays import Array
 from tympan.geometry.fields import Key
 from tympan.geometry.units import place_text
 from tympan.studies.case import Band, LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
@@ -194,9 +194,9 @@ class ForceResult(SpecimenRecord):
     warnings: Warnings = ()
 
     @property
-    def table(self) -> dict[str, NDArray[Any]]:
+    def table(self) -> dict[str, Array]:
         """The curves with the names of :data:`COLUMNS`, in SI."""
-        def column(name: str) -> NDArray[Any]:
+        def column(name: str) -> Array:
             return np.concatenate([np.asarray(getattr(curve, name)) for curve in self.curves])
 
         counts = [len(curve.force_N) for curve in self.curves]
@@ -210,7 +210,7 @@ class ForceResult(SpecimenRecord):
                                                "breakdown_share")}}
 
     @property
-    def loop_table(self) -> dict[str, NDArray[Any]]:
+    def loop_table(self) -> dict[str, Array]:
         """The loops with the names of :data:`LOOP_COLUMNS`, in SI."""
         rows: list[tuple[Any, ...]] = []
         for loop in self.loops:

@@ -8,10 +8,10 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.estimation.identifiability import (
     Identifiability,
@@ -29,8 +29,6 @@ from tympan.studies.lumped.equilibria import rest, settle
 from tympan.studies.lumped.remarks import of_loads, remark
 from tympan.studies.paper.table1 import known
 from tympan.studies.signals import Pieces
-
-Array = NDArray[np.float64]
 
 #: The search's variables are the constants' natural logarithms.
 CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.signals import Pieces, through
 
-Array = NDArray[np.float64]
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
 _LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded voltage
 

@@ -9,13 +9,13 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import ConeCircle
@@ -34,7 +34,6 @@ from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.remarks import is_cone, of_loads, remark, softness
 from tympan.studies.paper.table1 import known
 
-Array = NDArray[np.float64]
 Law = Literal["eq8", "film"]
 Sharing = Literal["each", "shared", "given"]
 Objective = Literal["deflection", "force", "printed"]
@@ -78,7 +77,7 @@ class StaticProblem:
     """
 
     actuators: tuple[Actuator, ...]
-    which: NDArray[np.int64]
+    which: Numbers
     mass: Array
     voltage: Array
     displacement: Array

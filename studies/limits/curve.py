@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import (
@@ -85,7 +85,7 @@ class CurveResult(SpecimenRecord):
     dofs: Unknowns
     wall_s: WallTime
     warnings: Warnings = ()
-    table: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
+    table: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-curve.csv`` and ``.json``."""

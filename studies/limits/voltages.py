@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -27,6 +26,7 @@ from tympan.fem.results.limit_states import (
 )
 from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
 from tympan.fem.roots import root_between
+from tympan.geometry.arrays import Array
 from tympan.geometry.fields import Key
 from tympan.studies.case import (
     Case,
@@ -45,8 +45,6 @@ from tympan.studies.case import (
 )
 from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
-
-Array = NDArray[np.float64]
 
 #: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
 _TRIED = 1.0

@@ -9,7 +9,6 @@ from operator import add
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
 from tympan.fem.membrane.biases import JoinedFilm
@@ -23,7 +22,6 @@ from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.paper.table1 import known
 
-Array = NDArray[np.float64]
 _SLIGHT = 1e-9  # by which weights may miss their sum or their bounds
 _STEP = 1e-30  # of a derivative by a complex step
 #: Shortest charging time [s], a thousandth of the fastest swing: what charges sooner does so at

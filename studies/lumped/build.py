@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
+from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
@@ -30,7 +30,6 @@ from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, wri
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 #: The kinematics compared, and what each took from the field model.
@@ -116,7 +115,7 @@ class BuildSettings:
         return LoadGrid(self.masses[:1], tuple(sorted({u[0], u[len(u) // 2], u[-1]})))
 
     @property
-    def fitted(self) -> NDArray[np.bool_]:
+    def fitted(self) -> Mask:
         """Mask of the loads that are fitted, shape (masses, voltages)."""
         return np.outer(np.isin(self.masses, self.fit.masses),
                         np.isin(self.voltages, self.fit.voltages))

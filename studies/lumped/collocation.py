@@ -12,13 +12,12 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.signals import Signal
 
-Array = NDArray[np.float64]
 #: Derivatives of an actuator's rates by p constants, (…, size, p), at states and voltages.
 Slopes = Callable[[Array, Array], Array]
 
@@ -61,7 +60,7 @@ class Motion:
     nodes: Array
     ends: Array
     slopes: Array
-    breaks: NDArray[np.bool_]
+    breaks: Mask
     stages: Array
     stage_slopes: Array
     creep: Array
@@ -110,7 +109,7 @@ class Motion:
         return np.asarray(np.maximum(np.append(sixth, 0.0), np.append(0.0, sixth)) * width**6
                           / 46080)
 
-    def _within(self, time: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    def _within(self, time: Array) -> tuple[Numbers, Array, Array]:
         """The step of each time, its width [s], and which share of it has passed."""
         at = np.clip(time, self.time[0], self.time[-1])
         step = np.clip(np.searchsorted(self.time, at, "right") - 1, 0, len(self.time) - 2)
@@ -280,7 +279,7 @@ class _Mesh:
         return np.asarray(self.time[:-1, None] + self.width[:, None] * _C)
 
     @cached_property
-    def piece(self) -> NDArray[np.int64]:
+    def piece(self) -> Numbers:
         middle = (self.time[1:] + self.time[:-1]) / 2
         return np.searchsorted(self.signal.breaks, middle, "right") - 1
 

@@ -8,14 +8,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from tympan.fem.roots import root_between
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import VoltageError
 from tympan.studies.lumped.actuator import Actuator
 
-Array = NDArray[np.float64]
 Balance = Callable[[Any], tuple[Any, Any]]
 _GRID = 4001
 _TOUCHING = 1e-9  # of the weight: a minimum of |balance| below it is a root the curve touches

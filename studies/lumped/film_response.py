@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.integrate import Stopped
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.studies.case import Case, Settings, solved_loading
@@ -22,8 +22,6 @@ from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import ModelResponse
 from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
 from tympan.studies.trace import Trace, unclosed
-
-Array = NDArray[np.float64]
 
 
 def film_deflections(film: ReducedFilm, signals: Sequence[Signal], masses: Sequence[float],

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
 from tympan.studies.files import write_arrays, write_csv, write_json
@@ -19,7 +20,6 @@ from tympan.studies.lumped.equilibria import rest
 if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
-Array = NDArray[np.float64]
 
 #: What drives the model: the voltage, or its square, with which the force goes.
 Input = Literal["U", "U2"]

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from tympan.fem.roots import root_between
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.studies.lumped.actuator import Actuator, flat_capacitance
@@ -29,7 +29,6 @@ from tympan.studies.lumped.remarks import origin, remark
 from tympan.studies.signals import Signal, lagging, nominal
 from tympan.studies.trace import Response, sample_count, unclosed, with_rest
 
-Array = NDArray[np.float64]
 _PRECISION = 1e-11  # of a response [m]
 _WINDOW = 4000  # steps of a first mesh that are solved at once
 _FINER = 8

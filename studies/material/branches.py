@@ -15,8 +15,8 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
@@ -37,8 +37,6 @@ from tympan.studies.material.fit import (
 )
 from tympan.studies.material.relaxation import BranchStress
 from tympan.studies.material.time_in_runs import time_in_runs
-
-Array = NDArray[Any]
 
 #: Most branches tried.
 MOST_BRANCHES = 4
@@ -94,12 +92,12 @@ class BranchFit:
     """
 
     law: LawFit
-    values: Array
+    values: AnyArray
     limits: tuple[Limits, ...]
     foretold: float | None
     correlation: float
-    stress: Array
-    half: Array
+    stress: AnyArray
+    half: AnyArray
     tried: dict[int, float | None]
     idle: bool = False
     at_bound: bool = False
@@ -203,7 +201,7 @@ def branch_lines(branches: Sequence[ViscousBranch]) -> str:
                    f'time = "{branch.time:.10g} s"\n' for branch in branches)
 
 
-def held_out_groups(coupons: Coupons) -> dict[str, Array]:
+def held_out_groups(coupons: Coupons) -> dict[str, AnyArray]:
     """Masks of the readings held out together: runs of a stretch level, of a rate, of a creep load.
 
     Of a kind of which there is one group only, none: nothing of it would remain.
@@ -230,7 +228,7 @@ def held_out_groups(coupons: Coupons) -> dict[str, Array]:
     return masks
 
 
-def _rate(time: Array, stretch: Array) -> float:
+def _rate(time: AnyArray, stretch: AnyArray) -> float:
     """Mean rate of stretching along the path [1/s], whatever rests there are."""
     steps, path = np.diff(time), np.abs(np.diff(stretch))
     moving = steps > 0
@@ -265,12 +263,12 @@ class TimedTests:
     rows: Any = ...
 
     @cached_property
-    def _stretches(self) -> tuple[Array, Array]:
+    def _stretches(self) -> tuple[AnyArray, AnyArray]:
         l1, l2 = self.coupons.in_plane
         return l1[self.rows], l2[self.rows]
 
     @cached_property
-    def read(self) -> Array:
+    def read(self) -> AnyArray:
         """Stress as read [Pa], shape (rows,)."""
         return np.asarray(self.coupons.stress[self.rows])
 
@@ -295,25 +293,25 @@ class TimedTests:
         return (["Pa"] * len(self.family.linear) + ["1"] * len(self.family.shape)
                 + ["Pa"] * count + ["s"] * count)
 
-    def natural(self, values: Array) -> Array:
+    def natural(self, values: AnyArray) -> AnyArray:
         """The unknowns, times themselves instead of their logarithms."""
         law, moduli, times = self.split(values)
         return np.concatenate([law, moduli, np.exp(times)])
 
-    def predict(self, values: Array) -> Array:
+    def predict(self, values: AnyArray) -> AnyArray:
         """Nominal stress [Pa]."""
         law, moduli, times = self.split(values)
         return np.asarray(self.family.stress(*self._stretches, law)
                           + self.stress.columns(times)[self.rows] @ moduli)
 
-    def jacobian(self, values: Array) -> Array:
+    def jacobian(self, values: AnyArray) -> AnyArray:
         """Its derivative by the unknowns."""
         law, moduli, times = self.split(values)
         return np.hstack([self.family.jacobian(*self._stretches, law),
                           self.stress.columns(times)[self.rows],
                           self.stress.slopes(times)[self.rows] * moduli])
 
-    def residual(self, values: Array) -> Array:
+    def residual(self, values: AnyArray) -> AnyArray:
         """Predicted minus read stress [Pa]."""
         return self.predict(values) - self.read
 
@@ -328,7 +326,7 @@ class TimedTests:
             lambda values: (self.residual(values) / unit, self.jacobian(values) / unit),
             np.array(low), np.array(high), tuple(range(linear)))
 
-    def best(self, count: int, starts: int) -> Array:
+    def best(self, count: int, starts: int) -> AnyArray:
         """The best minimum with a number of branches, these in order of their times."""
         shaped = len(self.family.shape)
         least, most = self.family.starts(largest_excess(*self.coupons.in_plane))
@@ -341,13 +339,13 @@ class TimedTests:
         order = np.argsort(times)
         return np.concatenate([self.family.ordered(law), moduli[order], times[order]])
 
-    def split(self, values: Array) -> tuple[Array, Array, Array]:
+    def split(self, values: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
         """The law's constants, moduli, and times or their logarithms."""
         law, branches = np.split(values, [self.laws])
         moduli, times = np.split(branches, 2)
         return law, moduli, times
 
-    def _scanned(self, count: int, shape: Array, best: int) -> Iterator[Array]:
+    def _scanned(self, count: int, shape: AnyArray, best: int) -> Iterator[AnyArray]:
         """Unknowns of so many of the best choices of times on a grid."""
         linear = len(self.family.linear)
         fast, slow = self.stress.bounds
@@ -432,7 +430,8 @@ def _overall(errors: dict[str, float | None]) -> float | None:
     return overall if np.isfinite(overall) else None
 
 
-def _held_out(tests: TimedTests, count: int, groups: dict[str, Array]) -> dict[str, float | None]:
+def _held_out(tests: TimedTests, count: int, groups: dict[str, AnyArray]) -> dict[str,
+              float | None]:
     """Root mean square error [Pa] on each group after a fit to the others."""
     errors: dict[str, float | None] = {}
     for label, tested in groups.items():
@@ -465,14 +464,14 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
                      at_bound=any(_bound_notes(tests, values)))
 
 
-def _idle(tests: TimedTests, values: Array, sigma: float) -> bool:
+def _idle(tests: TimedTests, values: AnyArray, sigma: float) -> bool:
     """Whether a branch does no more than the scatter of one reading, or two have the same time."""
     _, moduli, times = tests.split(values)
     sizes = np.linalg.norm(tests.stress.columns(times)[tests.rows] * moduli, axis=0)
     return bool((sizes < sigma).any() or (np.diff(times) < _SAME_TIME).any())
 
 
-def _bound_notes(tests: TimedTests, values: Array) -> Iterator[str]:
+def _bound_notes(tests: TimedTests, values: AnyArray) -> Iterator[str]:
     """Words for each branch whose time is at a bound of what the tests may see."""
     for number, time in enumerate(tests.split(values)[2], 1):
         for side, bound in zip(("less", "more"), tests.stress.bounds, strict=True):
@@ -481,7 +480,7 @@ def _bound_notes(tests: TimedTests, values: Array) -> Iterator[str]:
                                                       bound=float(np.exp(bound)))
 
 
-def _extrapolated(tests: TimedTests, values: Array) -> Iterator[str]:
+def _extrapolated(tests: TimedTests, values: AnyArray) -> Iterator[str]:
     """Note that the modulus at rest lies beyond the tests: no reading at rest, none late enough."""
     law, moduli, times = tests.split(values)
     ends = [float(tests.coupons.time[run[-1]]) for run in tests.coupons.timed_runs.values()]
@@ -494,7 +493,7 @@ def _extrapolated(tests: TimedTests, values: Array) -> Iterator[str]:
         yield NOTES["extrapolated"].format(longest=max(ends), share=100 * carried / abs(rest))
 
 
-def _limits(tests: TimedTests, values: Array, noise: Spread) -> tuple[Limits, ...]:
+def _limits(tests: TimedTests, values: AnyArray, noise: Spread) -> tuple[Limits, ...]:
     """95 % limits by profiles, as wide as correlated errors make them; none without meaning."""
     count = (len(values) - tests.laws) // 2
     if judged(tests.family, values[:tests.laws], tests.coupons)[1] is None:
@@ -509,8 +508,8 @@ def _limits(tests: TimedTests, values: Array, noise: Spread) -> tuple[Limits, ..
     return tuple(limits)
 
 
-def _law_at_rest(tests: TimedTests, values: Array, limits: tuple[Limits, ...],
-                 noise: Spread, residual: Array, jacobian: Array,
+def _law_at_rest(tests: TimedTests, values: AnyArray, limits: tuple[Limits, ...],
+                 noise: Spread, residual: AnyArray, jacobian: AnyArray,
                  errors: Mapping[str, float | None]) -> LawFit:
     law = slice(0, tests.laws)
     _, material, failing = judged(tests.family, values[law], tests.coupons)

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from tympan.fem.film.laws.invariants import first_invariant
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Material
 
-Array = NDArray[Any]
 Bounds = tuple[float, float]
 
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.admissibility import inadmissible_stretch
 from tympan.fem.results.fields import node_fields
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.case import Case, Settings, solve, solved
@@ -31,8 +31,6 @@ from tympan.studies.material.branches import BranchFit, TimedTests
 from tympan.studies.material.families import Family
 from tympan.studies.material.fit import LawFit, best_offered, coupon_noise, coupon_problem
 from tympan.studies.material.relaxation import BranchStress
-
-Array = NDArray[Any]
 
 #: Laws whose criterion is larger than the best one's by more do not count (Burnham and Anderson,
 #: *Model Selection and Multimodel Inference*, 2002, §2.6).
@@ -94,13 +92,13 @@ class _Candidate:
     """A fitted law: its unknowns, the law's first, with all else that was fitted beside them."""
 
     family: Family
-    best: Array
+    best: AnyArray
     problem: LeastSquares
     noise: Spread
-    jacobian: Array
+    jacobian: AnyArray
     range: tuple[float, float]
 
-    def law(self, unknowns: Array) -> Material | None:
+    def law(self, unknowns: AnyArray) -> Material | None:
         """The law of some unknowns, None where it is not admissible over the tests."""
         try:
             law = self.family.material(unknowns[:len(self.family.constants)])
@@ -113,12 +111,12 @@ class _Candidate:
 class _Visited:
     """Stretches that a film visits and its volume there [m³], and those when it is mounted."""
 
-    l1: Array
-    l2: Array
-    volume: Array
-    mounted: tuple[Array, Array]
+    l1: AnyArray
+    l2: AnyArray
+    volume: AnyArray
+    mounted: tuple[AnyArray, AnyArray]
 
-    def energies(self, family: Family, shape: Array) -> Array:
+    def energies(self, family: Family, shape: AnyArray) -> AnyArray:
         """Energy that the deflection stores by each linear constant [J/Pa]."""
         unit = np.eye(len(family.linear))
         laws = [family.make(tuple(row), tuple(value.item() for value in np.asarray(shape)))
@@ -127,7 +125,7 @@ class _Visited:
                                                - law.derivatives(*self.mounted)[0]))
                          for law in laws])
 
-    def energy(self, family: Family, constants: Array) -> tuple[float, Array]:
+    def energy(self, family: Family, constants: AnyArray) -> tuple[float, AnyArray]:
         """Energy [J] and its derivative by every constant."""
         linear, shape = np.split(constants, [len(family.linear)])
         columns = self.energies(family, shape)
@@ -225,7 +223,7 @@ def _candidate(coupons: Coupons, fit: LawFit | BranchFit, noise: float | None) -
 
 def _deflections(case: Case, settings: Settings, candidate: _Candidate, visited: _Visited
                  ) -> LawDeflection:
-    def deflection(unknowns: Array | None) -> float | None:
+    def deflection(unknowns: AnyArray | None) -> float | None:
         law = None if unknowns is None else candidate.law(unknowns)
         return None if law is None else solve(_with_law(case, law), settings).deflection_m
 
@@ -233,14 +231,14 @@ def _deflections(case: Case, settings: Settings, candidate: _Candidate, visited:
     return LawDeflection(deflection(candidate.best), deflection(stiff), deflection(soft))
 
 
-def _ends(candidate: _Candidate, visited: _Visited) -> tuple[Array, Array]:
+def _ends(candidate: _Candidate, visited: _Visited) -> tuple[AnyArray, AnyArray]:
     """Unknowns at both ends of the energy's 95 % limits, the stiffer ones first."""
     family, count = candidate.family, len(candidate.family.constants)
     base, slope = visited.energy(family, candidate.best[:count])
     row = np.zeros((1, len(candidate.best)))
     row[0, :count] = slope / base
 
-    def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
+    def evaluate(unknowns: AnyArray, near: Evaluation | None) -> Evaluation:
         values, share = unknowns[:-1], unknowns[-1]
         point = candidate.problem.at(values)
         with np.errstate(all="ignore"):
@@ -264,7 +262,7 @@ def _ends(candidate: _Candidate, visited: _Visited) -> tuple[Array, Array]:
     return stiff, soft
 
 
-def _reach(candidate: _Candidate, row: Array) -> float:
+def _reach(candidate: _Candidate, row: AnyArray) -> float:
     """Standard deviations of independent errors at the 95 % limit of correlated ones."""
     lengths = np.linalg.norm(candidate.jacobian, axis=0)
     safe = np.where(lengths > 0, lengths, 1.0)
@@ -275,11 +273,12 @@ def _reach(candidate: _Candidate, row: Array) -> float:
         candidate.noise.quantiles.max())
 
 
-def _last_law(candidate: _Candidate, problem: LeastSquares, start: Array, end: float) -> Array:
+def _last_law(candidate: _Candidate, problem: LeastSquares, start: AnyArray, end: float
+              ) -> AnyArray:
     """Unknowns at an energy, or at the last one on the way there that makes a law."""
     fixed = np.arange(len(start)) == len(start) - 1
 
-    def at(share: float) -> Array:
+    def at(share: float) -> AnyArray:
         begin = np.append(start[:-1], share)
         return minimise(problem, begin, fixed).unknowns[:-1]
 

@@ -8,9 +8,9 @@ from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.admissibility import inadmissible_stretch
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
@@ -24,7 +24,6 @@ from tympan.studies.files import words_beside
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
 T = TypeVar("T")
-Array = NDArray[Any]
 #: What to tell the reader, by key.
 NOTES = words_beside(__file__)
 
@@ -212,7 +211,7 @@ def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float |
                               list(runs_of_modes(coupons).values()), noise)
 
 
-def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Array]:
+def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Numbers]:
     """Numbers of the readings of each run of each mode, in order of the time or the stretch."""
     runs = {}
     for name, rows in coupons.series.items():

@@ -10,20 +10,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.memory import Memory
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.data.coupon import MODES, Coupons
 
-Array = NDArray[Any]
 #: Of every step its duration [s] and the stretch at its end; of every reading the step it ends.
-March = tuple[Array, Array, Array]
+March = tuple[AnyArray, AnyArray, AnyArray]
 
 #: Times per factor e of the grid between which the stress of a branch is looked up. Set by trial.
 _DENSITY = 5.0
@@ -83,11 +81,11 @@ class BranchStress:
     def _slope(self) -> BSpline:
         return self.spline.derivative()
 
-    def columns(self, log_times: Array) -> Array:
+    def columns(self, log_times: AnyArray) -> AnyArray:
         """Stress over modulus at logarithms of times, shape (readings, branches)."""
         return np.asarray(self.spline(log_times)).T
 
-    def slopes(self, log_times: Array) -> Array:
+    def slopes(self, log_times: AnyArray) -> AnyArray:
         """Derivative of the columns by the logarithms, shape (readings, branches)."""
         return np.asarray(self._slope(log_times)).T
 
@@ -104,7 +102,7 @@ def time_range(coupons: Coupons) -> tuple[float, float]:
     return max(fast, _SPAN * slow), slow
 
 
-def integrate_branches(coupons: Coupons, times: Array) -> tuple[Array, float]:
+def integrate_branches(coupons: Coupons, times: AnyArray) -> tuple[AnyArray, float]:
     """Stress over modulus of branches of these times [s], shape (readings, times), and its error.
 
     A test's film is unstretched before its time 0, stretched at once there to its first reading,
@@ -123,7 +121,7 @@ def integrate_branches(coupons: Coupons, times: Array) -> tuple[Array, float]:
     return result, error
 
 
-def _marched(coupons: Coupons, runs: list[Array], times: Array, fineness: int) -> Array:
+def _marched(coupons: Coupons, runs: list[AnyArray], times: AnyArray, fineness: int) -> AnyArray:
     """Stresses by so many parts of every step, all tests side by side, the shorter ones waiting."""
     marches = [_march(coupons, run, float(times.min()), fineness) for run in runs]
     durations, along = (np.stack(padded, axis=1) for padded in _side_by_side(marches))
@@ -144,14 +142,14 @@ def _marched(coupons: Coupons, runs: list[Array], times: Array, fineness: int) -
     return result
 
 
-def _side_by_side(marches: list[March]) -> tuple[list[Array], list[Array]]:
+def _side_by_side(marches: list[March]) -> tuple[list[AnyArray], list[AnyArray]]:
     """Durations and stretches of equal lengths: a test that is over stays as it is."""
     length = max(len(durations) for durations, *_ in marches)
     return ([np.pad(durations, (0, length - len(durations))) for durations, *_ in marches],
             [np.pad(along, (0, length - len(along)), "edge") for _, along, _ in marches])
 
 
-def _march(coupons: Coupons, run: Array, shortest: float, fineness: int) -> March:
+def _march(coupons: Coupons, run: AnyArray, shortest: float, fineness: int) -> March:
     """Steps of a test: their durations [s], the stretch at their ends, which ends are readings.
 
     The first one is the sudden stretch at time 0.
@@ -177,7 +175,7 @@ def _turns(before: float, after: float) -> bool:
     return (before < 0) != (after < 0) or large > _TURN * small
 
 
-def _shares(change: float, slowness: float, fineness: int) -> Array:
+def _shares(change: float, slowness: float, fineness: int) -> AnyArray:
     """Shares of an interval at which its steps end, from 0 to 1.
 
     After a change of rate, steps double from the shortest time of a branch on.
@@ -189,11 +187,11 @@ def _shares(change: float, slowness: float, fineness: int) -> Array:
     return np.append(within, 1.0)
 
 
-def _unit_film(times: Array) -> Film:
+def _unit_film(times: AnyArray) -> Film:
     """A film of branches of unit modulus, not stretched."""
     branches = tuple(ViscousBranch(1.0, time) for time in times.tolist())
     return Film(1e-3, (1.0, 1.0), NeoHooke(1.0), 1.0, branches=branches)
 
 
-def _strain(along: Array, across: Array) -> tuple[Array, Array, Array]:
+def _strain(along: AnyArray, across: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
     return along**2, across**2, np.zeros_like(along)

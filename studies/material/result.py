@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.layouts import Layout
 from tympan.studies.case import Case, Settings
@@ -62,8 +62,8 @@ class MaterialFitResult:
 
     numbers: dict[str, Any]
     coupons: Coupons
-    curves: Mapping[str, NDArray[Any]]
-    histories: Mapping[str, NDArray[Any]] | None = None
+    curves: Mapping[str, Array]
+    histories: Mapping[str, Array] | None = None
 
     def json(self) -> dict[str, Any]:
         """Result as a JSON object."""
@@ -180,9 +180,9 @@ def _fitted(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> 
     return MaterialFitResult(numbers, coupons, _curves(coupons, drawn))
 
 
-def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, NDArray[Any]]:
+def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, Array]:
     """Each law in each mode, up to the stretch it was tested to, or the other modes were."""
-    parts: dict[str, list[NDArray[Any]]] = {column.name: [] for column in CURVES}
+    parts: dict[str, list[Array]] = {column.name: [] for column in CURVES}
     for fit in fits:
         for mode in MODES:
             tested = coupons.stretch[coupons.mode == mode]

@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
+from tympan.geometry.arrays import AnyArray
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.estimation.correlation import Spread, independent_count
 from tympan.studies.files import words_beside
 from tympan.studies.material.relaxation import BranchStress
-
-Array = NDArray[Any]
 
 #: What to tell the reader, by key.
 WORDS = words_beside(__file__)
@@ -105,7 +103,7 @@ def time_in_runs(coupons: Coupons, stress: BranchStress | None = None) -> TimeIn
     return TimeInRuns(share, True, False, WORDS["not_shown"])
 
 
-def _places(coupons: Coupons) -> Array:
+def _places(coupons: Coupons) -> AnyArray:
     """Hat functions of stretch in each mode, shape (readings, functions).
 
     They are as fine as the readings of one monotonic stretch of a run, the finest: these any
@@ -122,7 +120,7 @@ def _places(coupons: Coupons) -> Array:
     return np.hstack(columns)
 
 
-def _knots(coupons: Coupons, rows: Array) -> Array:
+def _knots(coupons: Coupons, rows: AnyArray) -> AnyArray:
     """Stretches of the longest monotonic piece, and beyond its ends of the next longest."""
     timed = np.isfinite(coupons.time)
     pieces = [coupons.stretch[rows[~timed[rows]]]] if not timed[rows].all() else []
@@ -137,7 +135,7 @@ def _knots(coupons: Coupons, rows: Array) -> Array:
     return knots
 
 
-def _monotonic(stretch: Array) -> list[Array]:
+def _monotonic(stretch: AnyArray) -> list[AnyArray]:
     """Pieces of a run between its turns; scatter is no turn."""
     slack = max(_SLACK * float(np.ptp(stretch)), _SAME_STRETCH)
     pieces, begin, extreme, way = [], 0, 0, 0
@@ -153,7 +151,7 @@ def _monotonic(stretch: Array) -> list[Array]:
     return [*pieces, stretch[begin:]]
 
 
-def _shown(read: Array, branches: Array, basis: Array, coupons: Coupons) -> bool:
+def _shown(read: AnyArray, branches: AnyArray, basis: AnyArray, coupons: Coupons) -> bool:
     """Whether branches lower what stretch leaves of the readings beyond chance.
 
     Branches of all times together, none pulling back, so that what remains is scatter.
@@ -186,14 +184,14 @@ def _described(coupons: Coupons) -> str:
     return f"{count} at {span}"
 
 
-def _rate(coupons: Coupons, run: Array) -> float:
+def _rate(coupons: Coupons, run: AnyArray) -> float:
     duration = float(np.ptp(coupons.time[run]))
     return float(np.ptp(coupons.stretch[run])) / duration if duration > 0 else 0.0
 
 
 def _needed(coupons: Coupons) -> list[str]:
     """Runs that would tell time from stretch: by the longest ramp there is."""
-    ramps: Sequence[Array] = [run for run in coupons.timed_runs.values()
+    ramps: Sequence[AnyArray] = [run for run in coupons.timed_runs.values()
                               if np.ptp(coupons.stretch[run]) > _UNSTRETCHED
                               and np.ptp(coupons.time[run]) > 0]
     if not ramps:

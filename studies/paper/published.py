@@ -6,11 +6,9 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.data.dataset import read_dataset
-
-Array = NDArray[np.float64]
 
 #: Rows of all tables here: the masses on the plate [kg].
 MASSES = (17.9e-3, 22.45e-3)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
@@ -23,7 +23,6 @@ from tympan.studies.replica.missing_parameters import (
 )
 from tympan.studies.signals import Pieces, Sine, random_steps, step
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 Reading = Literal["rest", "levels"]
 

@@ -13,12 +13,12 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import DEFAULT, MATERIALS
+from tympan.geometry.arrays import Array
 from tympan.geometry.outlines import area
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
@@ -38,7 +38,6 @@ from tympan.studies.replica.missing_parameters import (
     smallest_worst,
 )
 
-Array = NDArray[np.float64]
 Values = dict[str, Any]
 _VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 15)
 _SIZES = np.array([*[50e3] * 6, 5.0])  # of Eq. (8)'s constants [Pa] and ε_r

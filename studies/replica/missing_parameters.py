@@ -8,9 +8,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import NonlinearConstraint, least_squares, minimize
 
+from tympan.geometry.arrays import Array
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
@@ -19,7 +19,6 @@ from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Signal
 
-Array = NDArray[np.float64]
 _START = np.array([8.0, 0.5, 0.5])
 _BOUNDS = np.array([(1.0, 15.0), (0.0, 1.0), (0.0, 1.0)])
 _SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])  # (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses

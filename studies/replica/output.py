@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.alpha import alpha
 from tympan.studies.columns import Column, read_own_sheet
@@ -29,7 +29,6 @@ from tympan.studies.replica.missing_parameters import (
 )
 from tympan.studies.study import default_study
 
-Array = NDArray[np.float64]
 #: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
 CURVES = {
     "static": ("mass_g", "specimen", "voltage_kV", "distance_mm"),

@@ -15,11 +15,9 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.fields import Key
-
-Array = NDArray[np.float64]
 
 #: Degrees of the root of the excess that are tried.
 _DEGREES = range(2, 11)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.columns import Column
 from tympan.geometry.fields import Key
 from tympan.studies.case import SpecimenRecord, Unknowns, WallTime, Warnings
@@ -85,7 +85,7 @@ class SenseResult(SpecimenRecord):
     wall_s: WallTime
     warnings: Warnings = ()
 
-    def sensed(self, capacitance: Any, voltage: Any) -> NDArray[np.float64]:
+    def sensed(self, capacitance: Any, voltage: Any) -> Array:
         """Deflection [m] of capacitances [F] at nominal voltages [V], by the polynomial.
 
         NaN beyond the curves.
@@ -93,7 +93,7 @@ class SenseResult(SpecimenRecord):
         return self.inverse.deflection(capacitance, voltage)
 
     @property
-    def table(self) -> dict[str, NDArray[Any]]:
+    def table(self) -> dict[str, Array]:
         """The curves with the names of :data:`COLUMNS`, in SI."""
         names = {"capacitance": "capacitance_F", "displacement": "displacement_m",
                  "force": "force_N", "tense": "tense",

@@ -8,7 +8,6 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.derivatives.quantities import named_quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
@@ -16,6 +15,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
@@ -26,8 +26,6 @@ from tympan.studies.force.force import ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
 from tympan.studies.sense.inverse import Sampled, fit_inverse
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
-
-Array = NDArray[np.float64]
 
 #: Rows of the table of each voltage where their number is not given.
 USUAL_POINTS = 21

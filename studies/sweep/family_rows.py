@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.films.family import FamilyStates, FilmFamily
 from tympan.studies.films.many_films import Films
-
-Array = NDArray[Any]
 
 #: The largest error of a row, as a share of its number, that is not left to finite elements.
 EXACT = 1e-4
@@ -47,7 +44,7 @@ class FamilyRows:
         return cls(family, films, rig, forces, voltages, states)
 
     @property
-    def sure(self) -> NDArray[np.bool_]:
+    def sure(self) -> Mask:
         """Mask of the states that the family vouches for, (films, masses and voltages)."""
         states = self.states
         # Of states that are none comparisons are false.

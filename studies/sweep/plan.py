@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.interruption import signals_wait
 from tympan.geometry.read_file import file_text
@@ -32,7 +32,6 @@ from tympan.studies.tolerance.given import Tolerances
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
 Choice = dict[str, Any]
 
-Array = NDArray[np.float64]
 
 #: Ways to sample ranges.
 METHODS = ("random", "latin_hypercube", "sobol")

@@ -13,12 +13,11 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
@@ -35,8 +34,6 @@ from tympan.studies.sweep.task import (
     TaskResult,
     digest_of,
 )
-
-Array = NDArray[Any]
 
 #: Equilibria and, for each specimen, meshes, which cost as much as so many, from which on a family
 #: is worth its making: that takes as long as finite elements of some 1000 of them.

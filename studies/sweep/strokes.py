@@ -12,16 +12,13 @@ film have one cause and cancel where the voltage is low.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import AnyArray, Mask
 from tympan.studies.films.many_films import Films
 from tympan.studies.force.cycle import Corner, PlateLoad, exchanged
 from tympan.studies.sweep.family_rows import TENSE, FamilyRows
-
-Array = NDArray[Any]
 
 #: How far deflections are from 0 to that with voltage, at which curves of finite elements end.
 WIDER = 1.1
@@ -38,11 +35,11 @@ class Strokes:
     ``blocked`` force [N], ``work`` under the load, ``ideal`` work, energy ``given`` [J].
     """
 
-    blocked: Array
-    work: Array
-    ideal: Array
-    given: Array
-    sure: NDArray[np.bool_]
+    blocked: AnyArray
+    work: AnyArray
+    ideal: AnyArray
+    given: AnyArray
+    sure: Mask
 
 
 def strokes(rows: FamilyRows) -> Strokes:
@@ -82,14 +79,15 @@ def strokes(rows: FamilyRows) -> Strokes:
     return found
 
 
-def _exact(rows: FamilyRows, number: Array, corners: list[_States], ideal: Array, some: Array,
-           group: Array) -> NDArray[np.bool_]:
+def _exact(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: AnyArray,
+           some: AnyArray,
+           group: AnyArray) -> Mask:
     """Mask of some rows whose numbers have a small error, as far as estimates say.
 
     Of each film under each mass, a ``group``, the highest voltage says so. Where the error is large
     there, every row has its own.
     """
-    def off(chosen: Array) -> Array:
+    def off(chosen: AnyArray) -> AnyArray:
         states = [corner.some(chosen) for corner in corners]
         return _off(rows, number[chosen], states, ideal[chosen])
 
@@ -100,7 +98,7 @@ def _exact(rows: FamilyRows, number: Array, corners: list[_States], ideal: Array
     return np.asarray(share <= ESTIMATED)
 
 
-def _off(rows: FamilyRows, number: Array, corners: list[_States], ideal: Array) -> Array:
+def _off(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: AnyArray) -> AnyArray:
     """Estimated errors of rows' numbers, relative: the largest of the forces' and of the work's."""
     errors = [rows.family.error(rows.films, number, corner.q, corner.force, corner.squared,
                                 corner.stiffness) for corner in corners]
@@ -116,7 +114,7 @@ def _off(rows: FamilyRows, number: Array, corners: list[_States], ideal: Array) 
     return np.asarray(np.abs(shares).max(0))
 
 
-def _tense(rows: FamilyRows, number: Array, corner: _States) -> NDArray[np.bool_]:
+def _tense(rows: FamilyRows, number: AnyArray, corner: _States) -> Mask:
     """Mask of states in which the film is in tension everywhere and firm."""
     extremes = rows.films.extremes(rows.films.at(rows.family.looked_at), number, corner.q,
                                    corner.squared)
@@ -130,36 +128,38 @@ class _States:
     ``force`` on the plate [N], that of a spring included, and the plate's ``stiffness`` [N/m].
     """
 
-    q: Array
-    squared: Array
-    force: Array
-    stiffness: Array
+    q: AnyArray
+    squared: AnyArray
+    force: AnyArray
+    stiffness: AnyArray
 
     @property
-    def deflection(self) -> Array:
+    def deflection(self) -> AnyArray:
         """Deflections of the plates [m]."""
         return np.asarray(self.q[:, 0])
 
-    def some(self, chosen: Array) -> _States:
+    def some(self, chosen: AnyArray) -> _States:
         """Some of the states."""
         return _States(self.q[chosen], self.squared[chosen], self.force[chosen],
                        self.stiffness[chosen])
 
     @classmethod
-    def held(cls, films: Films, number: Array, near: Array, squared: Array) -> _States:
+    def held(cls, films: Films, number: AnyArray, near: AnyArray, squared: AnyArray) -> _States:
         """Films whose plates are held where states have them."""
         balance = films.balanced(number, np.zeros(len(number)), squared, near, held=True)
         q = np.where(balance.sound[:, None], balance.q, np.nan)
         return cls._corrected(films, number, q, squared, None)
 
     @classmethod
-    def loaded(cls, films: Films, number: Array, near: Array, squared: Array, load: Array
+    def loaded(cls, films: Films, number: AnyArray, near: AnyArray, squared: AnyArray,
+               load: AnyArray
                ) -> _States:
         """Films under loads [N], from their states."""
         return cls._corrected(films, number, near, squared, load)
 
     @classmethod
-    def _corrected(cls, films: Films, number: Array, q: Array, squared: Array, load: Array | None
+    def _corrected(cls, films: Films, number: AnyArray, q: AnyArray, squared: AnyArray,
+                   load: AnyArray | None
                    ) -> _States:
         """States corrected once by their own tangents, with plates held where there is no load."""
         q, force, stiffness = q.copy(), *np.full((2, len(q)), np.nan)
@@ -183,7 +183,7 @@ class _States:
                 q[part, 1:] -= rise[:, None] * beside[..., 1]
         return cls(q, squared, force if load is None else load, stiffness)
 
-    def energies(self, films: Films, number: Array) -> Corner:
+    def energies(self, films: Films, number: AnyArray) -> Corner:
         """The films at a corner of the cycle, their weight and gas included."""
         capacitance, energy = films.stored(number, self.q, self.squared)
         potential = energy - (films.weight[number] * self.q).sum(1)

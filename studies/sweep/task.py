@@ -15,10 +15,10 @@ from itertools import chain
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import write
 from tympan.geometry.process.folder import temporary_folder
@@ -98,7 +98,7 @@ class PackedResult:
     nan where there is none; ``texts`` by column, warnings of a row joined with " | ".
     """
 
-    numbers: NDArray[np.float64]
+    numbers: Array
     texts: Mapping[str, tuple[str, ...]]
     answers: Mapping[str, list[Record]]
 

@@ -8,9 +8,9 @@ from functools import singledispatch
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Band, Case, CaseResult, Settings
@@ -19,8 +19,6 @@ from tympan.studies.limits import CurveResult
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Copies, Scattered
 from tympan.studies.tolerance.given import Tolerances, causes
-
-Array = NDArray[Any]
 
 #: Films of a band, a power of two for Sobol's sequence: its edges are known to some 5 % of its
 #: width.

@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.films.box import STIFFNESS, Box
@@ -19,8 +19,6 @@ from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.films.many_films import Films
 from tympan.studies.tolerance.given import AMPLIFIER, FACTORS, LOAD, Cause
 from tympan.studies.tolerance.shares import Design
-
-Array = NDArray[Any]
 
 #: How near a family is to finite elements, relative: a quantile of 10,000 films that scatter by
 #: some 5 % is known to 1e-3. With 1e-4 films take a third more time.

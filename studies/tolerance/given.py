@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf, gamma
 
 from tympan.fem.film.library import MATERIALS, material_name
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks, checks_types, field_at, read
 from tympan.geometry.paths import at, with_numbers
@@ -24,8 +24,6 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule, Table
 from tympan.studies.films.box import STIFFNESS, varying
 from tympan.studies.wanted import Bound, table_bounds, wanted_bounds
-
-Array = NDArray[Any]
 
 _SHARE: Rule = (lambda x: 0 <= x <= 0.3, "must be a relative standard deviation from 0 to 0.3")
 _SHAPE: Rule = (lambda x: x == 0 or 2 <= x <= 200, "must be 0 or from 2 to 200")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Mask
 from tympan.geometry.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
 from tympan.studies.films.first_limits import KINDS, label_of
@@ -86,7 +86,7 @@ class Spread:
 _Z = 1.959963984540054
 
 #: Number of independent films for a mask of films.
-Independent = Callable[[NDArray[np.bool_]], float]
+Independent = Callable[[Mask], float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +98,7 @@ class Chance:
     high: Annotated[float, Key("upper 95 % limit")]
 
     @classmethod
-    def of(cls, some: NDArray[np.bool_], independent: Independent = len) -> Chance:
+    def of(cls, some: Mask, independent: Independent = len) -> Chance:
         """Share of films, a mask, which know it as well as so many ``independent`` ones do."""
         share, count = float(some.mean()), independent(some)
         middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
@@ -141,7 +141,7 @@ class FilmFailure:
         return f"in {share} of the films {self.label} comes before {voltage}"
 
     @classmethod
-    def of(cls, films: FamilyFilms, lost: NDArray[np.bool_], voltage: float,
+    def of(cls, films: FamilyFilms, lost: Mask, voltage: float,
            independent: Independent = len) -> tuple[FilmFailure, ...]:
         """Failures of ``lost`` films, a mask, on the way to a nominal voltage; the usual first."""
         met = np.full(len(lost), len(KINDS))
@@ -173,7 +173,7 @@ class WantedBound:
     missed: Annotated[Chance, Key("films that reach the voltage and miss it")]
 
     @classmethod
-    def of(cls, bound: Bound, kept: NDArray[np.bool_], reached: NDArray[np.bool_],
+    def of(cls, bound: Bound, kept: Mask, reached: Mask,
            independent: Independent = len) -> WantedBound:
         """Bound that some films keep, a mask."""
         return cls(name=bound.name, sense="at least" if bound.least else "at most",

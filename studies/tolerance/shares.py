@@ -10,12 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from tympan.geometry.arrays import Array, Mask, Numbers
 
 #: Standard deviations of a share within its limits of 95 %.
 _LIMITS = 1.96
@@ -29,7 +27,7 @@ class Design:
     """
 
     uniform: Array
-    groups: NDArray[np.bool_]
+    groups: Mask
 
     @classmethod
     def drawn(cls, groups: Sequence[Sequence[bool]], count: int, seed: int) -> Design:
@@ -49,14 +47,14 @@ class Design:
         """All points, (samples × size, inputs)."""
         return self.uniform.reshape(-1, self.uniform.shape[2])
 
-    def part(self, share: float) -> tuple[Design, NDArray[np.int64]]:
+    def part(self, share: float) -> tuple[Design, Numbers]:
         """The first of the points, a power of two's part of them, and their numbers."""
         samples, size, _ = self.uniform.shape
         count = max(16, round(share * size))
         numbers = size * np.arange(samples)[:, None] + np.arange(count)
         return replace(self, uniform=self.uniform[:, :count]), numbers.ravel()
 
-    def independent(self, some: NDArray[np.bool_]) -> float:
+    def independent(self, some: Mask) -> float:
         """Number of independent films that know a share of films as well as those at all points.
 
         ``some``: a mask of them. The films of a row share inputs, so that they are alike: what

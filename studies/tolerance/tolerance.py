@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.geometry.arrays import AnyArray, Mask
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
@@ -35,8 +35,6 @@ from tympan.studies.tolerance.result import (
 )
 from tympan.studies.tolerance.shares import Design
 from tympan.studies.wanted import BREAKDOWN, LIMIT, SCATTERING, TENSION, Bound
-
-Array = NDArray[Any]
 
 _FILMS: Rule = (lambda x: 100 <= x <= 1_000_000,
                 "must be a whole number from 100 to 1000000")
@@ -185,7 +183,7 @@ class Drawn:
         return cls(copies, found, design, mass, voltage, first)
 
     @property
-    def rows(self) -> Array:
+    def rows(self) -> AnyArray:
         """Parameters of the films, (films, names)."""
         return self.copies.drawn.rows
 
@@ -195,12 +193,12 @@ class Drawn:
         return self.copies.family
 
     @property
-    def forces(self) -> Array:
+    def forces(self) -> AnyArray:
         """Forces on their plates [N], (films,)."""
         return self.copies.forces(self.mass)
 
     @property
-    def voltages(self) -> Array:
+    def voltages(self) -> AnyArray:
         """Voltages across them [V], (films,)."""
         return self.copies.across(self.voltage)[:, 0]
 
@@ -209,13 +207,13 @@ class Drawn:
         """Number of films beside the nominal one."""
         return len(self.rows) - 1
 
-    def solved(self) -> dict[str, Array]:
+    def solved(self) -> dict[str, AnyArray]:
         """Quantities of all films by key; nan of those that do not reach the voltage."""
         parts = list(map(self._solved, self.copies.parts()))
         return {key: np.concatenate([part[key] for part in parts])
                 for key in QUANTITIES if key in parts[0]}
 
-    def _solved(self, copies: Copies) -> dict[str, Array]:
+    def _solved(self, copies: Copies) -> dict[str, AnyArray]:
         forces = copies.forces(self.mass)
         rest = copies.rests(forces)
         plated = self.family.box.specimen.plate is not None
@@ -231,16 +229,16 @@ class Drawn:
         return values
 
     @staticmethod
-    def reached(values: dict[str, Array]) -> NDArray[np.bool_]:
+    def reached(values: dict[str, AnyArray]) -> Mask:
         """Mask of the films that reach the voltage, the nominal one left out."""
         return np.isfinite(values["deflection_m"][1:])
 
-    def fails(self, reached: NDArray[np.bool_]) -> tuple[FilmFailure, ...]:
+    def fails(self, reached: Mask) -> tuple[FilmFailure, ...]:
         """First limits of the films that do not reach the voltage."""
         films = self.copies.loaded(self.mass, self.voltage).part(slice(1, None))
         return FilmFailure.of(films, ~reached, self.voltage, self.design.independent)
 
-    def wanted(self, case: ToleranceCase, reached: NDArray[np.bool_]
+    def wanted(self, case: ToleranceCase, reached: Mask
                ) -> tuple[tuple[WantedBound, ...], Chance | None]:
         """Films that keep each of the bounds that are wanted, and all together, if there are any.
 
@@ -264,7 +262,7 @@ class Drawn:
         share = states.error / np.abs(states.deflection)
         return float(np.nanmax(share)) if np.isfinite(share).any() else None
 
-    def excuse(self, values: dict[str, Array], case: ToleranceCase, settings: Settings
+    def excuse(self, values: dict[str, AnyArray], case: ToleranceCase, settings: Settings
                ) -> list[str]:
         """Why the film without scatter does not reach the voltage, by finite elements."""
         if np.isfinite(values["deflection_m"][0]):
@@ -274,7 +272,7 @@ class Drawn:
         return ["the film without scatter does not reach the voltage: "
                 + "; ".join(found.warnings)]
 
-    def spreads(self, values: dict[str, Array], reached: NDArray[np.bool_]) -> dict[str, Spread]:
+    def spreads(self, values: dict[str, AnyArray], reached: Mask) -> dict[str, Spread]:
         """Distributions by key; none where hardly any film reaches the voltage."""
         if reached.sum() < _BINS:
             return {}
@@ -291,7 +289,7 @@ class Drawn:
                    for voltage in across.tolist()]
         return Limited(self, design, np.array(nominal), found.kind)
 
-    def spread(self, values: Array, design: Design) -> Spread:
+    def spread(self, values: AnyArray, design: Design) -> Spread:
         """Scatter of values of the nominal film and those of a design, nan left out."""
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
@@ -310,7 +308,7 @@ class Drawn:
             shares=shares, interactions=rest, bins=tuple(bins.tolist()),
             counts=tuple(counts.tolist()))
 
-    def _shares(self, films: Array, design: Design
+    def _shares(self, films: AnyArray, design: Design
                 ) -> tuple[tuple[VarianceShare, ...], float, float]:
         """Shares of the causes, that of all that films of a batch do not share, and the rest."""
         found = design.shares(films)
@@ -329,11 +327,11 @@ class Limited:
 
     drawn: Drawn
     design: Design
-    voltage: Array
-    kind: Array
+    voltage: AnyArray
+    kind: AnyArray
 
     @property
-    def _met(self) -> NDArray[np.bool_]:
+    def _met(self) -> Mask:
         return np.asarray(np.isfinite(self.voltage[1:]))
 
     def record(self) -> FilmLimits:
@@ -392,7 +390,7 @@ def _without_air(rig: Rig) -> list[str]:
     return ["frequencies are those without air: the rig's air makes them lower"] if rig.air else []
 
 
-def _missed(reached: NDArray[np.bool_]) -> list[str]:
+def _missed(reached: Mask) -> list[str]:
     if reached.mean() >= 1 - _MISSED:
         return []
     if reached.sum() < _BINS:

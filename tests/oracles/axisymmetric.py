@@ -47,13 +47,14 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import brentq
 
-FloatArray = NDArray[np.float64]
-EnergyLaw = Callable[[FloatArray, FloatArray], FloatArray]
+from tympan.geometry.arrays import Array
+
+EnergyLaw = Callable[[Array, Array], Array]
 
 _DEGREES = (24, 40, 64, 96)  # polynomial degrees tried in turn until the expansion is resolved
 _RESOLVED = 1e-12  # size of the last coefficients, relative to the outer radius
@@ -84,17 +85,17 @@ class Material(Protocol):
     shape.
     """
 
-    def energy(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
+    def energy(self, l1: Array, l2: Array) -> Array: ...
 
-    def w1(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
+    def w1(self, l1: Array, l2: Array) -> Array: ...
 
-    def w2(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
+    def w2(self, l1: Array, l2: Array) -> Array: ...
 
-    def w11(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
+    def w11(self, l1: Array, l2: Array) -> Array: ...
 
-    def w12(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
+    def w12(self, l1: Array, l2: Array) -> Array: ...
 
-    def w22(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
+    def w22(self, l1: Array, l2: Array) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -116,39 +117,39 @@ class Ogden:
         if 0.0 in self.alpha:
             raise ValueError("alpha must not be zero")
 
-    def energy(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def energy(self, l1: Array, l2: Array) -> Array:
         """``W`` [Pa]."""
         total = 0.0 * l1
         for mu, a in zip(self.mu, self.alpha, strict=True):
             total = total + mu / a * (l1**a + l2**a + (l1 * l2) ** -a - 3.0)
         return total
 
-    def w1(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w1(self, l1: Array, l2: Array) -> Array:
         """``dW/dl1 = sum mu (l1^a - l3^a) / l1`` [Pa]."""
         total = 0.0 * l1
         for mu, a in zip(self.mu, self.alpha, strict=True):
             total = total + mu * (l1**a - (l1 * l2) ** -a)
         return total / l1
 
-    def w2(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w2(self, l1: Array, l2: Array) -> Array:
         """``dW/dl2`` [Pa]; the law is symmetric."""
         return self.w1(l2, l1)
 
-    def w11(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w11(self, l1: Array, l2: Array) -> Array:
         """``d2W/dl1^2 = sum mu ((a - 1) l1^a + (a + 1) l3^a) / l1^2`` [Pa]."""
         total = 0.0 * l1
         for mu, a in zip(self.mu, self.alpha, strict=True):
             total = total + mu * ((a - 1.0) * l1**a + (a + 1.0) * (l1 * l2) ** -a)
         return total / l1**2
 
-    def w12(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w12(self, l1: Array, l2: Array) -> Array:
         """``d2W/(dl1 dl2) = sum mu a l3^a / (l1 l2)`` [Pa]."""
         total = 0.0 * l1
         for mu, a in zip(self.mu, self.alpha, strict=True):
             total = total + mu * a * (l1 * l2) ** -a
         return total / (l1 * l2)
 
-    def w22(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w22(self, l1: Array, l2: Array) -> Array:
         """``d2W/dl2^2`` [Pa]; the law is symmetric."""
         return self.w11(l2, l1)
 
@@ -172,32 +173,32 @@ class EnergyFunction:
     first: EnergyLaw
     second: EnergyLaw
 
-    def energy(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def energy(self, l1: Array, l2: Array) -> Array:
         """``W`` [Pa]."""
         return self.function(l1, l2)
 
-    def w1(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w1(self, l1: Array, l2: Array) -> Array:
         """``dW/dl1`` [Pa]."""
         return self.first(l1, l2)
 
-    def w2(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w2(self, l1: Array, l2: Array) -> Array:
         """``dW/dl2`` [Pa]."""
         return self.second(l1, l2)
 
-    def w11(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w11(self, l1: Array, l2: Array) -> Array:
         """``d2W/dl1^2`` [Pa]."""
         return _difference(lambda h: self.first(l1 + h, l2))
 
-    def w12(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w12(self, l1: Array, l2: Array) -> Array:
         """``d2W/(dl1 dl2)`` [Pa]."""
         return _difference(lambda h: self.first(l1, l2 + h))
 
-    def w22(self, l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def w22(self, l1: Array, l2: Array) -> Array:
         """``d2W/dl2^2`` [Pa]."""
         return _difference(lambda h: self.second(l1, l2 + h))
 
 
-def _difference(function: Callable[[float], FloatArray], step: float = 1e-3) -> FloatArray:
+def _difference(function: Callable[[float], Array], step: float = 1e-3) -> Array:
     """Five-point central difference of ``function`` at 0."""
     inner = function(step) - function(-step)
     outer = function(2.0 * step) - function(-2.0 * step)
@@ -224,7 +225,7 @@ class Film:
     permittivity_exponent: float = 0.0
     eps0: float = 8.8541878128e-12
     relaxed: bool = False
-    coverage: Callable[[FloatArray], FloatArray] | None = None
+    coverage: Callable[[Array], Array] | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.inner < self.outer:
@@ -258,17 +259,17 @@ class EnergyDerivatives(NamedTuple):
     """``Psi`` and its derivatives by the stretches; ``q*`` are derivatives by ``q = U^2`` [Pa,
     Pa/V^2]."""
 
-    value: FloatArray
-    d1: FloatArray
-    d2: FloatArray
-    d11: FloatArray
-    d12: FloatArray
-    d22: FloatArray
-    q1: FloatArray
-    q2: FloatArray
+    value: Array
+    d1: Array
+    d2: Array
+    d11: Array
+    d12: Array
+    d22: Array
+    q1: Array
+    q2: Array
 
 
-def energy_derivatives(film: Film, l1: FloatArray, l2: FloatArray,
+def energy_derivatives(film: Film, l1: Array, l2: Array,
                        squared_voltage: float) -> EnergyDerivatives:
     """Energy per virgin volume, elastic plus electrical, relaxed if the film is, at ``U^2`` [V^2].
     """
@@ -290,7 +291,7 @@ def energy_derivatives(film: Film, l1: FloatArray, l2: FloatArray,
                                for there, here in zip(wrinkled, plain, strict=True)))
 
 
-def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> FloatArray:
+def natural_width(film: Film, l1: Array, l2: Array, squared_voltage: float) -> Array:
     """Smallest root ``n > l2`` of ``Psi_2(l1, n) = 0``, from ``Psi_2(l1, l2) < 0``; nan where there
     is none."""
     with np.errstate(all="ignore"):  # points without a root end in nan
@@ -310,7 +311,7 @@ def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: f
         return np.where(residual < 1e-9 * np.abs(film.material.w1(l1, width)), width, np.nan)
 
 
-def _plain(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> EnergyDerivatives:
+def _plain(film: Film, l1: Array, l2: Array, squared_voltage: float) -> EnergyDerivatives:
     """Energy per virgin volume without relaxation."""
     m = 2.0 - film.permittivity_exponent
     factor = 0.5 * film.eps0 * film.relative_permittivity / film.thickness**2
@@ -332,10 +333,10 @@ def _plain(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -
 class _Profile(NamedTuple):
     """Stretches and deformed shape at some radii."""
 
-    lambda1: FloatArray
-    lambda2: FloatArray
-    radius: FloatArray
-    height: FloatArray
+    lambda1: Array
+    lambda2: Array
+    radius: Array
+    height: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,7 +363,7 @@ class Solution:
     stiffness: float
     stable: bool
     stable_held: bool
-    profile: Callable[[FloatArray], _Profile] = field(repr=False)
+    profile: Callable[[Array], _Profile] = field(repr=False)
 
     def _at(self, radius: ArrayLike) -> _Profile:
         mounted = np.asarray(radius, dtype=np.float64)
@@ -372,39 +373,39 @@ class Solution:
         flat = np.clip(mounted.ravel(), self.film.inner, self.film.outer)
         return _Profile(*(value.reshape(mounted.shape) for value in self.profile(flat)))
 
-    def lambda1(self, radius: ArrayLike) -> FloatArray:
+    def lambda1(self, radius: ArrayLike) -> Array:
         """Meridional stretch ``l1 = lp sqrt(r'^2 + z'^2)`` [-]."""
         return self._at(radius).lambda1
 
-    def lambda2(self, radius: ArrayLike) -> FloatArray:
+    def lambda2(self, radius: ArrayLike) -> Array:
         """Circumferential stretch ``l2 = lp r / R`` [-]."""
         return self._at(radius).lambda2
 
-    def r(self, radius: ArrayLike) -> FloatArray:
+    def r(self, radius: ArrayLike) -> Array:
         """Deformed radius [m]."""
         return self._at(radius).radius
 
-    def z(self, radius: ArrayLike) -> FloatArray:
+    def z(self, radius: ArrayLike) -> Array:
         """Deformed height [m], positive along the load."""
         return self._at(radius).height
 
-    def sigma1(self, radius: ArrayLike) -> FloatArray:
+    def sigma1(self, radius: ArrayLike) -> Array:
         """Meridional true mechanical stress ``l1 dW/dl1`` [Pa], without the Maxwell part."""
         at = self._at(radius)
         return at.lambda1 * self.film.material.w1(at.lambda1, at.lambda2)
 
-    def sigma2(self, radius: ArrayLike) -> FloatArray:
+    def sigma2(self, radius: ArrayLike) -> Array:
         """Circumferential true mechanical stress ``l2 dW/dl2`` [Pa], without the Maxwell part."""
         at = self._at(radius)
         return at.lambda2 * self.film.material.w2(at.lambda1, at.lambda2)
 
-    def total1(self, radius: ArrayLike) -> FloatArray:
+    def total1(self, radius: ArrayLike) -> Array:
         """Meridional true stress with the Maxwell part, ``l1 dPsi/dl1`` [Pa]."""
         at = self._at(radius)
         psi = energy_derivatives(self.film, at.lambda1, at.lambda2, self.voltage**2)
         return at.lambda1 * psi.d1
 
-    def total2(self, radius: ArrayLike) -> FloatArray:
+    def total2(self, radius: ArrayLike) -> Array:
         """Circumferential true stress with the Maxwell part, ``l2 dPsi/dl2`` [Pa]."""
         at = self._at(radius)
         psi = energy_derivatives(self.film, at.lambda1, at.lambda2, self.voltage**2)
@@ -420,7 +421,7 @@ class _State:
     held.  ``tangent_w`` and ``tangent_q`` are ``dc/dw`` and ``dc/dq``.
     """
 
-    c: FloatArray
+    c: Array
     deflection: float
     q: float
     energy: float
@@ -428,8 +429,8 @@ class _State:
     stiffness: float
     sensitivity: float
     held: bool
-    tangent_w: FloatArray
-    tangent_q: FloatArray
+    tangent_w: Array
+    tangent_q: Array
 
     @property
     def stable(self) -> bool:
@@ -463,14 +464,14 @@ class RitzExpansion:
         scale = 2.0 * math.pi * film.thickness / film.prestretch**2
         self.weight = scale * self.radius**2 * self.half_log * weight
 
-    def _basis(self, xi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _basis(self, xi: Array) -> tuple[Array, Array]:
         """``B_k`` and ``dB_k/dx`` at the points ``xi`` (rows)."""
-        p: FloatArray = np.asarray(legendre.legvander(xi, self.degree), dtype=np.float64)
+        p: Array = np.asarray(legendre.legvander(xi, self.degree), dtype=np.float64)
         k = np.arange(1, self.degree)
         bubble = (p[:, 2:] - p[:, :-2]) / (2.0 * k + 1.0)
         return bubble, p[:, 1:-1] / self.half_log
 
-    def profile(self, c: FloatArray, deflection: float, radius: FloatArray) -> _Profile:
+    def profile(self, c: Array, deflection: float, radius: Array) -> _Profile:
         """Stretches and shape at the mounted radii ``radius`` (1-d)."""
         xi = np.log(radius / self.film.inner) / self.half_log - 1.0
         bubble, slope = self._basis(np.clip(xi, -1.0, 1.0))
@@ -478,13 +479,13 @@ class RitzExpansion:
 
     def _kinematics(
         self,
-        c: FloatArray,
+        c: Array,
         deflection: float,
-        xi: FloatArray,
-        radius: FloatArray,
-        bubble: FloatArray,
-        slope: FloatArray,
-    ) -> tuple[_Profile, FloatArray, FloatArray]:
+        xi: Array,
+        radius: Array,
+        bubble: Array,
+        slope: Array,
+    ) -> tuple[_Profile, Array, Array]:
         """Profile with the slopes ``dr/dx`` and ``dz/dx``."""
         count = self.degree - 1
         r = radius + bubble @ c[:count]
@@ -495,8 +496,8 @@ class RitzExpansion:
         return _Profile(lp * np.hypot(r_x, z_x) / radius, lp * r / radius, r, z), r_x, z_x
 
     def derivatives(
-        self, c: FloatArray, deflection: float, q: float
-    ) -> tuple[float, FloatArray, FloatArray, FloatArray] | None:
+        self, c: Array, deflection: float, q: float
+    ) -> tuple[float, Array, Array, Array] | None:
         """``Pi``, its gradient and Hessian by ``(c, w)``, and the derivative of the gradient by ``q
         = U^2``.
 
@@ -548,7 +549,7 @@ class RitzExpansion:
         hessian[-1, -1] += slope_w**2 * geometric.sum()
         return value, gradient, hessian, mixed
 
-    def equilibrium(self, c: FloatArray, deflection: float, q: float) -> _State | None:
+    def equilibrium(self, c: Array, deflection: float, q: float) -> _State | None:
         """Newton iteration at given deflection and ``q = U^2`` from the guess ``c``; None if it
         fails."""
         for _ in range(12):
@@ -600,7 +601,7 @@ class RitzExpansion:
                 return self._state(c, w, q)
         return None
 
-    def _state(self, c: FloatArray, deflection: float, q: float) -> _State | None:
+    def _state(self, c: Array, deflection: float, q: float) -> _State | None:
         now = self.derivatives(c, deflection, q)
         if now is None:
             return None
@@ -656,7 +657,7 @@ class RitzExpansion:
     def solution(self, state: _State, sign: float) -> Solution:
         """The public face of a state; ``sign = -1`` mirrors it (z to -z, w to -w, F to -F)."""
 
-        def profile(radius: FloatArray) -> _Profile:
+        def profile(radius: Array) -> _Profile:
             at = self.profile(state.c, state.deflection, radius)
             return at._replace(height=sign * at.height)
 
@@ -904,7 +905,7 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0,
     lp, a, span = film.prestretch, film.inner, film.log_ratio
     q = voltage**2
 
-    def rate(x: float, y: FloatArray) -> list[Any]:
+    def rate(x: float, y: Array) -> list[Any]:
         l1, l2, angle = y[0], y[1], y[2]
         psi = energy_derivatives(film, l1, l2, q)
         sine, cosine = math.sin(angle), math.cos(angle)
@@ -912,7 +913,7 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0,
         l1_x = (psi.d2 * cosine - psi.d1 - psi.d12 * l2_x) / psi.d11
         return [l1_x, l2_x, -psi.d2 / psi.d1 * sine, -math.exp(x) * l1 * sine / lp]
 
-    def trajectory(start: FloatArray, dense: bool = False) -> Any:
+    def trajectory(start: Array, dense: bool = False) -> Any:
         first = [start[0], lp, start[1], deflection / a]  # the height is scaled with a
         result = solve_ivp(
             rate, (0.0, span), first, method="DOP853", rtol=tolerance, atol=tolerance / 10,
@@ -922,7 +923,7 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0,
             raise ArithmeticError(f"shooting failed: {result.message}")
         return result
 
-    def miss(start: FloatArray) -> FloatArray:
+    def miss(start: Array) -> Array:
         end = trajectory(start).y[:, -1]
         return np.array([end[1] / lp - 1.0, end[3]])
 
@@ -941,7 +942,7 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0,
 
     path = trajectory(start, dense=True).sol
 
-    def profile(radius: FloatArray) -> _Profile:
+    def profile(radius: Array) -> _Profile:
         l1, l2, _, height = path(np.log(radius / a))
         return _Profile(l1, l2, l2 * radius / lp, a * height)
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import default_rng
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
 from tests.oracles.potential import potential
@@ -22,8 +21,7 @@ from tympan.fem.membrane.loading import GUIDES
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
 from tympan.fem.results.fields import whole
-
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 _STEP = 1e-30
 

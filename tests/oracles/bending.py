@@ -15,11 +15,10 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
-FloatArray = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 
 class Bent(NamedTuple):
@@ -66,20 +65,20 @@ class Strip:
 
         Loads of the sides are the flat film's tension on average.
         """
-        def slopes(_: float, state: FloatArray) -> list[float]:
+        def slopes(_: float, state: Array) -> list[float]:
             radius, across_force = state[:2]
             along = self.prestretch * curvature * radius
             across = self._across(across_force, along)
             pull = max(self._nominal(along, across), 0.0)
             return [across / self.prestretch, curvature * pull, pull * radius, float(pull == 0)]
 
-        def profile(unknowns: FloatArray) -> FloatArray:
+        def profile(unknowns: Array) -> Array:
             start = [unknowns[0] / curvature, unknowns[1] * self.tension, 0.0, 0.0]
             solution = solve_ivp(slopes, (0, self.width), start, rtol=1e-10, atol=1e-13,
                                  max_step=self.width / 100)
             return np.column_stack([start, solution.y[:, -1]])
 
-        def miss(unknowns: FloatArray) -> list[float]:
+        def miss(unknowns: Array) -> list[float]:
             (_, inner), (_, outer) = profile(unknowns)[:2].T
             return [(outer - inner) / (curvature * force) - 1,
                     (outer + inner) / (2 * self.tension) - 1]

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
+
 _VACUUM = 8.8541878128e-12
 
 

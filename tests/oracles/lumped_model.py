@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0, g
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
+
 _STEP = 1e-30
 
 

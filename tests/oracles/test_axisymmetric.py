@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
 from tests.oracles.axisymmetric import (
     EnergyFunction,
@@ -24,6 +23,7 @@ from tests.oracles.axisymmetric import (
     solve_deflection,
     solve_load,
 )
+from tympan.geometry.arrays import Array
 
 A, B, T, LP, EPSR = 0.010, 0.045, 1e-3, math.sqrt(5.0), 4.7
 GRAVITY = 9.81
@@ -184,7 +184,7 @@ def test_quadratic_energy_is_solved_exactly() -> None:
 # ---------------------------------------------------------------------------------
 
 
-def quadrature(solution: Solution, scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def quadrature(solution: Solution, scale: float) -> tuple[Array, Array]:
     """Radii and weights [J per Pa of energy density] of a Gauss rule over the film volume."""
     xi, weight = legendre.leggauss(60)
     half = 0.5 * (solution.film.outer - solution.film.inner)

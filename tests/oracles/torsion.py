@@ -12,10 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-FloatArray = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 
 class Turned(NamedTuple):
@@ -33,7 +32,7 @@ def turned_hub(mu: float, prestretch: float, thickness: float, inner: float, out
     area = 2 * np.pi * middle * width
     weight, square = area * thickness / prestretch**2, prestretch**2
 
-    def energy(unknowns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    def energy(unknowns: Array) -> tuple[float, Array, Array]:
         """Energy [J], its derivatives by r and theta of all nodes, where it is wrinkled."""
         radius = np.concatenate([[inner], inner * unknowns[: count - 1], [outer]])
         turn = np.concatenate([[angle], unknowns[count - 1 :], [0.0]])
@@ -62,7 +61,7 @@ def turned_hub(mu: float, prestretch: float, thickness: float, inner: float, out
         by[1, :-1] -= by_slope / width
         return float(weight @ value), by, loose
 
-    def scaled(unknowns: FloatArray) -> tuple[float, FloatArray]:
+    def scaled(unknowns: Array) -> tuple[float, Array]:
         value, by, _ = energy(unknowns)
         return 1e3 * value, 1e3 * np.concatenate([inner * by[0, 1:-1], by[1, 1:-1]])
 

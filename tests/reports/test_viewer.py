@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.explore.browser import pixels
 from tests.support.specimens import circular, specimen_toml
 from tympan.fem.film.library import load_specimen
+from tympan.geometry.arrays import AnyArray, Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, Polygon
 from tympan.geometry.specimen import Plate
@@ -53,7 +54,7 @@ def films() -> dict[str, FilmSurface]:
     return {name: filmed(item) for name, item in (("</script>", standing), ("circle", circle))}
 
 
-def decoded(item: dict[str, Any], columns: int = 1) -> NDArray[Any]:
+def decoded(item: dict[str, Any], columns: int = 1) -> AnyArray:
     """An array as the page has it."""
     values = np.frombuffer(b64decode(item["data"]), np.dtype(item["type"]).newbyteorder("<"))
     return values.reshape(-1, columns) if columns > 1 else values
@@ -121,7 +122,7 @@ def test_rims_are_the_frame_and_the_plate(films: dict[str, FilmSurface]) -> None
             assert (np.unique(edges, return_counts=True)[1] == 2).all()
 
 
-def area_of(corners: NDArray[np.float64]) -> float:
+def area_of(corners: Array) -> float:
     """Of triangles, shape (n, 3, 2)."""
     (x, y) = np.moveaxis(corners[:, 1:] - corners[:, :1], -1, 0)
     return float(0.5 * np.abs(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]).sum())

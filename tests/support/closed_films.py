@@ -13,17 +13,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.ranges import Ranges
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.films.first_limits import KINDS
-
-Array = NDArray[Any]
 
 #: Tension of the film without voltage [N/m], and what a voltage takes from it [N/m/V²].
 TAUT, SOFTER = 20.0, 4e-7
@@ -38,25 +36,25 @@ class ClosedFilms:
     """Films of designs under a load [N] and voltages [V], (films,), as ``Loaded`` has them."""
 
     specimens: Sequence[Specimen]
-    radii: tuple[Array, Array]
+    radii: tuple[AnyArray, AnyArray]
     load: float
-    voltage: Array
+    voltage: AnyArray
     margin: float
-    taut: Array
-    amplifier: Array
+    taut: AnyArray
+    amplifier: AnyArray
 
     @property
-    def across(self) -> Array:
+    def across(self) -> AnyArray:
         """Voltages of the states, (films, states)."""
         levels = [0.0, 1.0, self.margin] if self.margin > 1 else [0.0, 1.0]
         return np.outer(self.voltage * self.amplifier, levels)
 
     @property
-    def tension(self) -> Array:
+    def tension(self) -> AnyArray:
         return (self.taut[:, None] - SOFTER * self.across**2) / THIN
 
     @property
-    def _compliance(self) -> Array:
+    def _compliance(self) -> AnyArray:
         """Deflection over force [m/N]."""
         outer, inner = self.radii
         least = 0.1 * TAUT / THIN  # what is left of it where tension is lost
@@ -65,52 +63,52 @@ class ClosedFilms:
         return np.log(outer / inner)[:, None] / (2 * np.pi * THIN * carried)
 
     @property
-    def deflection(self) -> Array:
+    def deflection(self) -> AnyArray:
         return self.load * self._compliance
 
     @property
-    def capacitance(self) -> Array:
+    def capacitance(self) -> AnyArray:
         outer, inner = self.radii
         flat = 8.854e-12 * 4.7 * np.pi * (outer**2 - inner**2) / THIN
         return flat[:, None] * (1 + self.deflection**2 / outer[:, None]**2)
 
     @property
-    def force(self) -> Array:
+    def force(self) -> AnyArray:
         return np.full_like(self.across, self.load)
 
     @property
-    def stress(self) -> Array:
+    def stress(self) -> AnyArray:
         return self.tension + self.load / (2 * np.pi * self.radii[1][:, None] * THIN)
 
     @property
-    def electric(self) -> Array:
+    def electric(self) -> AnyArray:
         return self.across / THIN
 
     @property
-    def breakdown(self) -> Array:
+    def breakdown(self) -> AnyArray:
         return self.electric / STRENGTH
 
     @property
-    def blocked_force(self) -> Array:
+    def blocked_force(self) -> AnyArray:
         return self.load * (1 - self.tension[:, 1] / self.tension[:, 0])
 
     @property
-    def frequency(self) -> Array:
+    def frequency(self) -> AnyArray:
         return np.asarray(1 / (2 * np.pi * np.sqrt(self._compliance[:, 1] * self.load / 9.80665)))
 
     @property
-    def first_limit(self) -> Array:
+    def first_limit(self) -> AnyArray:
         return np.minimum(np.sqrt(self.taut / SOFTER), STRENGTH * THIN) / self.amplifier
 
     @property
-    def limit(self) -> Array:
+    def limit(self) -> AnyArray:
         return np.sqrt(self.taut / SOFTER) / self.across[:, 1]
 
     @property
-    def sound(self) -> Array:
+    def sound(self) -> AnyArray:
         return np.isfinite(self.deflection[:, :2]).all(1)
 
-    def failures(self, some: Array) -> Array:
+    def failures(self, some: AnyArray) -> AnyArray:
         """All of them lose tension."""
         return np.full(int(some.sum()), KINDS.index("tension"))
 
@@ -127,7 +125,7 @@ class ClosedSpace(Ranges):
         return self.variables
 
     @cached_property
-    def random(self) -> tuple[Array, ClosedFilms]:
+    def random(self) -> tuple[AnyArray, ClosedFilms]:
         """Shares of random films, and these."""
         x = qmc.Sobol(len(self.variables), seed=np.random.default_rng(1)).random_base2(6)
         return x, self.films(self.values(x))
@@ -136,32 +134,32 @@ class ClosedSpace(Ranges):
     def inputs(self) -> int:
         return len(SCATTER)
 
-    def load(self, values: Array) -> float:
+    def load(self, values: AnyArray) -> float:
         return self.requirements.mass
 
-    def voltage(self, values: Array) -> float:
+    def voltage(self, values: AnyArray) -> float:
         return next((float(value) for each, value in zip(self.variables, values, strict=True)
                      if each.key == "voltage"), self.requirements.voltage)
 
-    def rig(self, values: Array) -> Rig:
+    def rig(self, values: AnyArray) -> Rig:
         return self.requirements.rig
 
     def hold(self, specimen: Specimen) -> bool:
         return False
 
-    def films(self, values: Array) -> ClosedFilms:
+    def films(self, values: AnyArray) -> ClosedFilms:
         """Films without scatter."""
         return self._films(np.asarray(values), np.full((1, len(SCATTER)), 0.5))
 
-    def scattered(self, designs: Array, points: Array) -> ClosedFilms:
+    def scattered(self, designs: AnyArray, points: AnyArray) -> ClosedFilms:
         """Films about designs, whose copies follow one another."""
         return self._films(np.atleast_2d(designs), points)
 
-    def exact(self, values: Array, settings: Settings) -> ClosedFilms:
+    def exact(self, values: AnyArray, settings: Settings) -> ClosedFilms:
         """The film without scatter."""
         return self.films(values[None])
 
-    def _films(self, designs: Array, points: Array) -> ClosedFilms:
+    def _films(self, designs: AnyArray, points: AnyArray) -> ClosedFilms:
         factors = np.exp(SCATTER * norm.ppf(np.clip(points, 1e-6, 1 - 1e-6)))
         taut, amplifier = np.tile(factors, (len(designs), 1)).T
         built, count = [self.built(each) for each in designs], len(points)

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.diagnosis.evidence.kind import Evidence, Shown
 from tympan.studies.diagnosis.evidence.registry import REST
 from tympan.studies.diagnosis.fits.first_order import Tangent
@@ -21,8 +21,6 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, parameters_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
 from tympan.studies.paper.actuators import actuators
-
-Array = NDArray[np.float64]
 
 #: Noise of a reading [m].
 SIGMA = 10e-6
@@ -36,7 +34,7 @@ SOFTNESS, RISES = np.array([0.12e-3, 0.10e-3, 0.08e-3]), np.array([0.9, 0.7, 0.5
 class Rows:
     """Rows of a table: specimen, mass, U² and time over their largest, and the deflection [m]."""
 
-    specimen: NDArray[np.int64]
+    specimen: Numbers
     load: Array
     squared: Array
     time: Array

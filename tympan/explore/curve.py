@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Template
-from numpy.typing import NDArray
 
 from tympan.explore.session import FollowedCurve, Readings
+from tympan.geometry.arrays import Array
 from tympan.reports.figures.curve import VoltageCurve
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.template import template
-
-Array = NDArray[Any]
 
 #: Width of the picture in its own units, about pixels: the page scales it to its column.
 _WIDTH = 560

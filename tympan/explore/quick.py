@@ -9,16 +9,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.explore.latest import Answer, Pause
 from tympan.explore.session import Bands, Blocked, FollowedCurve, Off
 from tympan.explore.view import FilmView, controls, value_of
 from tympan.fem.results.limit_states import PULL_IN
 from tympan.fem.rig import MOST_VOLTAGE, Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_arrays
 from tympan.studies.case import Limit, Limits, Settings
@@ -29,8 +28,6 @@ from tympan.studies.limits.curve import CURVES, CurveResult, MassCurve
 from tympan.studies.tolerance.bands import bands, drawn
 from tympan.studies.tolerance.drawn import Copies
 from tympan.studies.tolerance.given import FACTORS, Tolerances
-
-Array = NDArray[Any]
 
 #: How far the numbers of the films may be from those of the view, relative: some 20 steps of a
 #: slider. Films farther away would take more shapes than are quick.

@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.explore.view import FilmView
 from tympan.fem.derivatives.shape import motion_between, moved_by
@@ -21,6 +19,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE
 from tympan.fem.results.fields import Unfolding
 from tympan.fem.rig import DIRECTIONS, Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen
@@ -43,8 +42,6 @@ from tympan.studies.force import blocked_force
 from tympan.studies.limits import CurveResult, curve
 from tympan.studies.tolerance.bands import banded
 from tympan.studies.tolerance.given import Tolerances, of_library
-
-Array = NDArray[Any]
 
 #: By how much numbers may differ, relative, where a mesh moves with them.
 _LITTLE = 0.2

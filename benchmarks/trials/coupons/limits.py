@@ -15,18 +15,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from tympan.geometry.arrays import Array
 from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.material.branches import BranchFit, TimedTests, fit_branches
 from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.relaxation import BranchStress
-
-Array = NDArray[np.float64]
 
 #: Of law and branches [Pa, s], and in the order of a fit's unknowns.
 LAW, BRANCHES = 13.4e3, ((31.2e3, 6.5), (11.6e3, 140.0))

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 MODULUS, THICKNESS, PERMITTIVITY, VOLTAGE = 20e3, 1e-3, 4.7, 6e3
 #: What a laboratory writes in dataset.toml.

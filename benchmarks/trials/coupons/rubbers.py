@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta
 
 from benchmarks.trials.coupons.limits import by_dop853, coupons_of
@@ -39,8 +38,6 @@ from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.film import FilmDeflection, film_deflection
 from tympan.studies.material.fit import best_offered, compare
 from tympan.studies.material.time_in_runs import time_in_runs
-
-Array = NDArray[np.float64]
 
 #: Laws that a strip can have, and how many; those of a film about its mounted state have none.
 LAWS = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "arruda_boyce", "ogden", "stiffened",

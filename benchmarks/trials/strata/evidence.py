@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from benchmarks.trials.axisymmetric_readings import pulled, round_ramps
 from benchmarks.trials.synthetic_trials import (
-    Array,
     Design,
     Truth,
     look_alike,
@@ -31,13 +29,13 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import FILES
 from tympan.studies.modes import heaving_frequency
 
-Numbers = NDArray[np.int64]
 #: SI values by column name, shape (rows,) each.
 Columns = dict[str, Any]
 

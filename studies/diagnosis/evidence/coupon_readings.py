@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import slips_of_unit
@@ -21,9 +21,6 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly,
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, root_of
 from tympan.studies.files import words_beside
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: What is done to readings, and what is wrong with them, in words.
 WORDS = words_beside(__file__)

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import AnyArray, Array, Mask, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import MODES, Coupons
@@ -35,9 +35,6 @@ from tympan.studies.effects import Setup, Use, extended
 from tympan.studies.effects.effect import Quantity
 from tympan.studies.material.branches import held_out_groups
 from tympan.studies.material.relaxation import BranchStress
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: 0 °C [K].
 ICE = 273.15
@@ -130,7 +127,7 @@ class CouponTests(Evidence):
                 if np.abs(values).max(initial=0.0) > 0}
 
     def splits(self, setup: Setup, table: ReadingTable
-               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+               ) -> tuple[list[Split], dict[str, AnyArray]]:
         coupons, reading = self.coupons, self.rows[table.point]
         mode, warmth = coupons.mode[reading], coupons.degrees[reading]
         voltage = coupons.volts[reading]
@@ -158,7 +155,7 @@ class CouponTests(Evidence):
         return self.feel(cause)
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
-                ) -> Mapping[str, NDArray[Any]]:
+                ) -> Mapping[str, AnyArray]:
         """Values by the columns of strips.csv."""
         coupons, row = self.coupons, self.rows
         return {"line": table.line, "specimen": np.array(names, str)[self.film[row]],
@@ -190,7 +187,7 @@ class CouponTests(Evidence):
         whole, law = (self.shown(setup)[0] for setup in (best, uncharged))
         return np.asarray(BATCH * np.stack([law, law - whole], axis=1)[self.rows])
 
-    def shown(self, setup: Setup) -> tuple[Array, NDArray[np.bool_]]:
+    def shown(self, setup: Setup) -> tuple[Array, Mask]:
         """Stress of each reading [Pa] and whether such a strip has an equilibrium, (readings,)."""
         stress, possible = np.zeros(len(self.coupons)), np.ones(len(self.coupons), bool)
         for number, specimen in enumerate(setup.specimens):
@@ -327,7 +324,7 @@ class CouponPrediction:
         self.tests, self.hypothesis, self.unknowns, self.rows = tests, hypothesis, unknowns, rows
         self.bounds = bounds
         self.extended, possible = self._shown(unknowns)
-        self.possible: NDArray[np.bool_] = possible[tests.rows[rows]]
+        self.possible: Mask = possible[tests.rows[rows]]
         self.short = np.zeros(len(rows), bool)
         #: No plate moves.
         self.heave = np.zeros(len(rows))
@@ -349,7 +346,7 @@ class CouponPrediction:
         """Stress of each row [Pa], nan where a strip has no equilibrium."""
         return np.where(self.possible, self.extended, np.nan)
 
-    def _shown(self, unknowns: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _shown(self, unknowns: Array) -> tuple[Array, Mask]:
         """Stress of each row, and which readings have an equilibrium."""
         tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
         felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
@@ -391,7 +388,7 @@ def _legendre(values: Array) -> Array:
     return np.asarray(legendre.legvander(share, degree if span > 0 else 0), float)
 
 
-def _times(values: Array | NDArray[np.bool_], columns: Array) -> Array:
+def _times(values: Array | Mask, columns: Array) -> Array:
     """Columns times a contrast, of mean 0 and spread 1; none where values are alike."""
     contrast = np.asarray(values, float) - np.mean(values)
     spread = float(contrast.std())

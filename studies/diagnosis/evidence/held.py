@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of
@@ -15,8 +15,6 @@ from tympan.studies.diagnosis.patterns.reading_patterns import smooth
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Quantity
-
-Array = NDArray[np.float64]
 
 #: Polynomials in the heave that a loop's width follows: it opens and closes where the way turns.
 _OF_A_LOOP = 3
@@ -43,7 +41,7 @@ class Held(PlateEvidence):
                      run=read.run, file=read.file.name, line=read.line,
                      given=~np.isnan(read.sigma))], []
 
-    def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
+    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
         shown = films.rig.gauged(films.force, films.stiffness, heave)
         return np.asarray(shown[films.table.state[rows]])
 

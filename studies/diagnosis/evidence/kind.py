@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors
@@ -18,9 +19,6 @@ from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.effects.effect import Quantity
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 #: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
 #: source.
@@ -31,7 +29,7 @@ CHANNEL = 0.01
 FEWEST = 5
 
 #: What is held out: its kind, such as "shape" or "mode", its name, and the rows.
-Split = tuple[str, str, Rows]
+Split = tuple[str, str, Mask]
 
 
 class Shown(Protocol):
@@ -43,9 +41,9 @@ class Shown(Protocol):
     """
 
     @property
-    def possible(self) -> Rows: ...
+    def possible(self) -> Mask: ...
     @property
-    def short(self) -> Rows: ...
+    def short(self) -> Mask: ...
     @property
     def heave(self) -> Array: ...
     @property
@@ -133,7 +131,7 @@ class Evidence(Protocol):
         """Columns by name; a misfit of rows, all of this kind, may be a combination of them."""
 
     def splits(self, setup: Setup, table: ReadingTable
-               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+               ) -> tuple[list[Split], dict[str, Array]]:
         """Splits that hold out rows; and by kind of split the level of each row, shape (rows,)."""
         return [], {}
 
@@ -151,7 +149,7 @@ class Evidence(Protocol):
         return extended(setup.with_films(lambda film: with_factors(film, *factors)), uses)
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
-                ) -> Mapping[str, NDArray[Any]] | None:
+                ) -> Mapping[str, Array] | None:
         """Columns of a file of its own, with what models say of each row; None without one."""
         return None
 
@@ -159,7 +157,7 @@ class Evidence(Protocol):
         """The specimens that are worth a file."""
         return setup.specimens
 
-    def wrote(self, files: NDArray[np.str_]) -> Rows:
+    def wrote(self, files: NDArray[np.str_]) -> Mask:
         """Mask of the names of files, whatever their formats, that are of this kind's."""
         stems = [name.partition(".")[0] for name in files.tolist()]
         return np.isin(np.array(stems, str), [Path(name).stem for name in self.files])
@@ -187,7 +185,7 @@ class Films(Protocol):
     def tilt(self, heave: Array) -> Array: ...
     def force(self, heave: Array) -> Array: ...
     def stiffness(self, heave: Array) -> Array: ...
-    def swing(self, stiffness: Array) -> NDArray[Any]: ...
+    def swing(self, stiffness: Array) -> Array: ...
     def scanned(self, number: int, state: int, heave: Array) -> Array: ...
 
 
@@ -209,7 +207,7 @@ class PlateEvidence(Evidence, Protocol):
         """
         return [], []
 
-    def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
+    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
         """Predicted readings of rows of one of its kinds, at these deflections of states [m]."""
 
     def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
@@ -227,7 +225,7 @@ def numbers_of(setup: Setup, names: NDArray[np.str_]) -> list[int]:
     return [numbers[name] for name in names.tolist()]
 
 
-def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Rows:
+def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
     """Mask of the rows of a table that are of some kinds of evidence."""
     return np.isin(table.kind, [name for kind in evidence for name in kind.kinds])
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import clock_runs_back, findings
 from tympan.studies.data.dataset import CHANNELS, Dataset
@@ -23,9 +22,6 @@ from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable, States, rows
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Quantity
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: Least noise of a tilt [rad]. No source.
 TILT = 1e-4
@@ -71,14 +67,14 @@ class Rest(PlateEvidence):
         shown[late] -= (1 + rig.sensor_gain) * films.behind[at[late]] * jump
         return shown
 
-    def shares(self, films: Films, rows: NDArray[np.bool_]) -> tuple[Array, Array]:
+    def shares(self, films: Films, rows: Mask) -> tuple[Array, Array]:
         """Shares of the heaves of both states that rows of two show, by the sensor's gain."""
         table = films.table
         ranges, late = table.kind[rows] == "range", films.behind[table.state[rows]]
         return np.where(ranges, 1.0, 1 - late), np.where(ranges, -1.0, late)
 
     def splits(self, setup: Setup, table: ReadingTable
-               ) -> tuple[list[Split], dict[str, NDArray[Any]]]:
+               ) -> tuple[list[Split], dict[str, Array]]:
         specimens = setup.specimens
         frames = [(specimen.frame, specimen.plate) for specimen in specimens]
         shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
@@ -108,7 +104,7 @@ class Rest(PlateEvidence):
         return {quantity for quantity, told in there.items() if told}
 
 
-def _static(readings: Sheet, setup: Setup, sigma: Array, used: NDArray[np.bool_]
+def _static(readings: Sheet, setup: Setup, sigma: Array, used: Mask
             ) -> list[ReadingTable]:
     direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
     elapsed = np.nan_to_num(readings.elapsed) * (clock_runs_back(readings) is None)
@@ -133,7 +129,7 @@ def _static(readings: Sheet, setup: Setup, sigma: Array, used: NDArray[np.bool_]
     return tables
 
 
-def _held(states: States, dwell: Array, turn: NDArray[np.int64]) -> States:
+def _held(states: States, dwell: Array, turn: Numbers) -> States:
     """States with what their runs went through before, where all say how long they were held."""
     passages, place = states.passage, np.arange(len(states))
     for run in states[turn].of_run:

@@ -8,8 +8,8 @@ from functools import reduce
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.ramps import groups
@@ -26,9 +26,6 @@ from tympan.studies.diagnosis.reading_table import (
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Quantity
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: Kinds of rows: the components of displacements at places, deflections last.
 COMPONENTS = ("film_x", "film_y", "film")
@@ -164,7 +161,7 @@ def _sigma(dataset: Dataset, sheet: Sheet) -> Array:
     return np.where(np.isnan(sheet.sigma), rest, sheet.sigma)
 
 
-def _columns(scan: Scan, point: NDArray[np.int64], predicted: Array) -> Array:
+def _columns(scan: Scan, point: Numbers, predicted: Array) -> Array:
     """Columns of some places of one scan."""
     place = scan.place[point] / np.abs(scan.place).max()
     basis = legendre.legvander2d(place[:, 0], place[:, 1], (_DEGREE, _DEGREE))

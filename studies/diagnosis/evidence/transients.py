@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.data.checked_runs import CheckedRun
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.sampled_run import WORDS, SampledRun
@@ -18,8 +18,6 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import BlockMeans, block_means
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
 _APART_FROM_USUAL = 4.0
@@ -69,7 +67,7 @@ class Transients(PlateEvidence):
         table = reduce(ReadingTable.joined, tables)
         return [table.with_noise(_with_times_of_jumps(table.noise, table.lengths, parts))], remarks
 
-    def shown(self, films: Films, kind: str, rows: NDArray[np.int64], heave: Array) -> Array:
+    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
         stiffness, mass = films.stiffness(heave), films.moving
         # Branches take energy by the imaginary part of the stiffness.
         loss = stiffness * films.swing(stiffness).imag
@@ -91,7 +89,7 @@ def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
     return None
 
 
-def _with_times_of_jumps(noise: Noise, lengths: NDArray[np.bool_],
+def _with_times_of_jumps(noise: Noise, lengths: Mask,
                          runs: Sequence[tuple[CheckedRun, BlockMeans]]) -> Noise:
     """Add an error in common for the time of each jump, and one for those of all jumps.
 

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr, ndtri
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, parameters_of
-
-Array = NDArray[np.float64]
 
 #: Points of quadrature in one size, in each of two, of three or more: all their products are
 #: summed.

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.evidence.kind import Predicts, Rows, Shown
+from tympan.geometry.arrays import Array, Mask
+from tympan.studies.diagnosis.evidence.kind import Predicts, Shown
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import with_sizes
 from tympan.studies.diagnosis.hypothesis import (
@@ -25,8 +25,6 @@ from tympan.studies.diagnosis.hypothesis import (
     unknown_count,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +66,12 @@ class Tangent:
         return self.extended
 
     @property
-    def possible(self) -> Rows:
+    def possible(self) -> Mask:
         """Mask of the states of equilibrium: all."""
         return np.ones(len(self.heave), bool)
 
     @property
-    def short(self) -> Rows:
+    def short(self) -> Mask:
         """Mask of the states out of the model's reach: none."""
         return np.zeros(len(self.heave), bool)
 
@@ -93,7 +91,7 @@ class FirstOrder:
 
     whole: Predicts
     tangents: Mapping[Hypothesis, Tangent]
-    rows: Rows
+    rows: Mask
     exact: frozenset[Hypothesis] = frozenset()
 
     @classmethod

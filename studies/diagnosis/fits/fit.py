@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, sizes_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 #: What is known beforehand of the logarithms of the factors on stiffness and permittivity, as
 #: standard deviations: sources on one tape differ by a factor of 1.7 in stiffness, and from 2.6 to
@@ -95,7 +93,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def stopped(self) -> NDArray[np.bool_]:
+    def stopped(self) -> Mask:
         """Mask of unknowns that would go on, were they not at a bound."""
         low, high = self.bounds
         return np.asarray(((self.unknowns <= low) & (self.slope > 0))

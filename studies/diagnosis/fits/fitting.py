@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model, Predicts
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of
@@ -28,8 +28,6 @@ from tympan.studies.estimation.least_squares import (
     minimise,
 )
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 #: Most steps of a fit. A bound of the cost.
 _ITERATIONS = 40

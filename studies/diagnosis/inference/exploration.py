@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, with_sizes
@@ -24,8 +24,6 @@ from tympan.studies.diagnosis.hypothesis import (
 )
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
-
-Array = NDArray[np.float64]
 
 #: Size of one effect at which a fit starts besides none, as a share of what is sampled: near to the
 #: end, not on it.

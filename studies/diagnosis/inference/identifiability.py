@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -15,8 +15,6 @@ from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by,
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Knowable
 from tympan.studies.effects import EffectParameter
-
-Array = NDArray[np.float64]
 
 #: What causes do to readings over noise that stiffness and permittivity do not take up: columns of
 #: their parameters at a typical size, shape (rows, parameters).

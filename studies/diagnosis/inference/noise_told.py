@@ -15,15 +15,12 @@ from itertools import product
 from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Memory, Noise
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: Share of readings that are off by themselves, beforehand: careful hands write one in a hundred.
 SLIPS = 0.01
@@ -102,7 +99,7 @@ class Told:
             noise = replace(noise, memory=replace(self.chain, clock=clock, share=share))
         return noise.with_off(self.off) if self.off.any() else noise
 
-    def __getitem__(self, rows: NDArray[np.bool_]) -> Told:
+    def __getitem__(self, rows: Mask) -> Told:
         """Part for some readings."""
         return replace(self, off=self.off[rows], own=self.own[rows],
                        chain=self.chain and self.chain[rows])

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
@@ -27,9 +27,6 @@ from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import STATED, Noise
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by, without
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS
-
-Array = NDArray[np.float64]
 
 #: Probability before any data that nothing is wrong: as probable as that something is.
 NOTHING = 0.5

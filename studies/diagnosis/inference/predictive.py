@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Predicts
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.reading_table import ReadingTable
-
-Array = NDArray[np.float64]
 
 #: The share of readings that a band is to hold.
 SHARE = 0.95

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import svd
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array, Mask
 
 #: What is left of a pattern's column, as a share, below which the readings do not tell its
 #: direction.
@@ -18,7 +17,7 @@ _MOVED = 1e-4
 _UNSEEN = 1e-2
 
 
-def told_apart(taken: Array, columns: Array) -> NDArray[np.bool_]:
+def told_apart(taken: Array, columns: Array) -> Mask:
     """Columns of which enough is left beside what is taken to tell their direction."""
     sizes, rest = (np.linalg.norm(part, axis=0) for part in (columns, without(taken, columns)))
     return np.asarray((rest > RANK * sizes) & (rest > _UNSEEN))

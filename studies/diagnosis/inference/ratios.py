@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Ratio
-
-Array = NDArray[np.float64]
 
 #: A stroke as read and as simulated, and the standard deviation of the one read [m].
 Stroke = tuple[float, float, float]
@@ -66,7 +64,7 @@ def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], S
     return strokes
 
 
-def _mean(table: ReadingTable, predicted: Array, rows: NDArray[np.bool_]) -> Stroke:
+def _mean(table: ReadingTable, predicted: Array, rows: Mask) -> Stroke:
     """Means over some rows, and the standard deviation of the one read."""
     return (float(table.value[rows].mean()), float(predicted[rows].mean()),
             float(np.sqrt(np.sum(table.sigma[rows]**2)) / rows.sum()))

@@ -15,15 +15,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Hypothesis
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
-Rows = NDArray[np.bool_]
 
 #: The share of χ² beyond noise that other labels must leave at most: a third of what is missed.
 _LEFT = 0.1
@@ -94,8 +91,8 @@ class _Way:
     pair: tuple[str, str] | tuple[()]
     rows: int
     states: States
-    changed: Rows
-    lost: Rows
+    changed: Mask
+    lost: Mask
 
 
 def relabelling_of(simulation: Model, table: ReadingTable, fitted: Fit) -> Relabelling | None:
@@ -130,7 +127,7 @@ class _Tried:
 
     way: _Way
     part: Part
-    rows: Rows
+    rows: Mask
     reached: Fit
     chi_squared: float
     alike: bool
@@ -180,7 +177,7 @@ class _Search:
                 unknowns = tried[-1].reached.unknowns
         return tried
 
-    def roughly(self, rows: Rows) -> float:
+    def roughly(self, rows: Mask) -> float:
         """χ² that is left to first order where a part has the other labels."""
         there = rows & self.way.changed
         stay = ~(rows & self.way.lost)
@@ -189,7 +186,7 @@ class _Search:
         step = np.linalg.lstsq(slopes, missed, rcond=None)[0]
         return float(np.sum((missed - slopes @ step) ** 2)) + float((~stay).sum())
 
-    def fit(self, part: Part, rows: Rows) -> _Tried:
+    def fit(self, part: Part, rows: Mask) -> _Tried:
         """A part with the other labels, fitted anew; a lost row counts as noise."""
         changed, lost = rows & self.way.changed, rows & self.way.lost
         moved = np.zeros(len(self.table.states), bool)
@@ -207,7 +204,7 @@ class _Search:
         left = reached.chi_squared + float(lost.sum()) if reached.possible else np.inf
         return _Tried(self.way, part, rows, reached, left, alike)
 
-    def block(self, unknowns: Array) -> Rows:
+    def block(self, unknowns: Array) -> Mask:
         """The rows one after the other that the other labels serve best at some unknowns."""
         table, way = self.table, self.way
         stated, other = (table.noise.whitened(table.value - self.simulation.prediction(
@@ -223,7 +220,7 @@ class _Search:
         return rows
 
 
-def _where(rows: Rows, states: States, others: States) -> States:
+def _where(rows: Mask, states: States, others: States) -> States:
     """Some states of one set, the others of another."""
     return replace(others, specimen=np.where(rows, states.specimen, others.specimen),
                    mass=np.where(rows, states.mass, others.mass),
@@ -284,7 +281,7 @@ def _shifts(table: ReadingTable) -> Iterator[_Way]:
 def _shifted(table: ReadingTable, rows: Numbers, group: Numbers, column: Labels, shift: int
              ) -> _Way:
     """Labels of rows in the same group from the line before (1) or after (-1) in the file."""
-    labels: NDArray[Any] = getattr(table.states, column)
+    labels: Array = getattr(table.states, column)
     moved, lost = labels.copy(), np.zeros(len(table), bool)
     for number in range(int(group.max()) + 1):
         some = rows[group == number]
@@ -302,7 +299,7 @@ def _shifted(table: ReadingTable, rows: Numbers, group: Numbers, column: Labels,
     return _Way(column, (), -shift, states, changed, lost)
 
 
-def _parts(table: ReadingTable, way: _Way, names: Sequence[str]) -> list[tuple[Part, Rows]]:
+def _parts(table: ReadingTable, way: _Way, names: Sequence[str]) -> list[tuple[Part, Mask]]:
     """Parts with a name in which labels may be wrong, among them all."""
     specimens = np.array(names)[table.specimen]
     masses = np.array([_grams(mass) for mass in table.mass.tolist()])
@@ -315,7 +312,7 @@ def _parts(table: ReadingTable, way: _Way, names: Sequence[str]) -> list[tuple[P
         # Both labels are in what they are exchanged in.
         parts = [(part, rows) for part, rows in parts
                  if not (part.specimen if way.column == "specimen" else part.mass)]
-    kept, seen = list[tuple[Part, Rows]](), list[Rows]()
+    kept, seen = list[tuple[Part, Mask]](), list[Mask]()
     for part, rows in parts:
         changed = rows & way.changed
         if changed.any() and not any(np.array_equal(changed, other) for other in seen):
@@ -324,7 +321,7 @@ def _parts(table: ReadingTable, way: _Way, names: Sequence[str]) -> list[tuple[P
     return kept
 
 
-def _lines(table: ReadingTable, rows: Rows) -> Part:
+def _lines(table: ReadingTable, rows: Mask) -> Part:
     """The first and the last line of some rows, in the file of the first."""
     file = str(table.file[rows][0]) if rows.any() else ""
     lines = table.line[rows & (table.file == file)]

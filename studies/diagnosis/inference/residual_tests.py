@@ -13,9 +13,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.diagnosis.inference.projection import (
     RANK,
     orthonormal,
@@ -25,8 +25,6 @@ from tympan.studies.diagnosis.inference.projection import (
 )
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, WORDS, words_of
 from tympan.studies.estimation.noise import STATED, Noise
-
-Array = NDArray[np.float64]
 
 #: Sets of noise drawn to learn how large ratios get by chance.
 _DRAWS = 4000
@@ -83,7 +81,7 @@ class ResidualTests:
     taken: Array
     freedom: float
     stated: float
-    readings: NDArray[np.int64]
+    readings: Numbers
 
     @classmethod
     def of(cls, jacobian: Array, columns: dict[str, Array], stated: float = STATED,

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
@@ -26,8 +26,6 @@ from tympan.studies.diagnosis.inference.posterior import Posterior, priors
 from tympan.studies.diagnosis.inference.projection import taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 #: Shares of usual sizes that small errors may have, each as probable as another.
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)

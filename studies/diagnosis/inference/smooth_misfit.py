@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.projection import orthonormal
 from tympan.studies.diagnosis.patterns.reading_patterns import among
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import root_of
-
-Array = NDArray[np.float64]
 
 #: Lengths of the Gaussian process that are tried, in U² over its largest, from quick changes to
 #: nearly a line.
@@ -145,7 +143,7 @@ def _beside(taken: Array) -> Array:
     return np.asarray(whole[:, basis.shape[1]:])
 
 
-def _ends(table: ReadingTable) -> list[tuple[NDArray[np.int64], Array]]:
+def _ends(table: ReadingTable) -> list[tuple[Numbers, Array]]:
     """The states of the rows with their signs: the one read, and of ranges the other."""
     ends = [(table.state, np.ones(len(table)))]
     ranges = table.kind == "range"

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
@@ -37,8 +37,6 @@ from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
 from tympan.studies.estimation.noise import UNSTATED, Noise
-
-Array = NDArray[np.float64]
 
 #: Probability by noise alone below which something is wrong, or is left by a cause unexplained:
 #: noise as benches have it, of heavy tails or with slips and memory, goes below it twice as often
@@ -412,7 +410,7 @@ class _Adequacy:
             self.results[fit] = self._test(fit, np.full(len(self.base.table), True))
         return self.results[fit]
 
-    def _test(self, fit: Fit, rows: NDArray[np.bool_]) -> TestResult:
+    def _test(self, fit: Fit, rows: Mask) -> TestResult:
         """The test of a fit to some of the readings."""
         columns = {name: fit.whitened(values[rows]) for name, values in over(
             self.base.patterns, self.base.table).items() if values[rows].any()}
@@ -428,7 +426,7 @@ class _Adequacy:
         odd = [number for number in numbers.tolist() if self._noise_alone(table.specimen != number)]
         return simulation.setup.specimens[odd[0]].name if len(odd) == 1 else ""
 
-    def _noise_alone(self, rows: NDArray[np.bool_]) -> bool:
+    def _noise_alone(self, rows: Mask) -> bool:
         """Whether the nominal model may leave noise of some of the readings."""
         others = fit(self.base.simulation, (), self.base.table[rows].compact(),
                      self.base.nominal.unknowns)

@@ -8,9 +8,9 @@ from functools import cached_property, partial
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.history import staircase
@@ -24,8 +24,6 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
 from tympan.studies.files import words_beside
-
-Array = NDArray[np.float64]
 
 #: What to do, in words.
 WORDS = words_beside(__file__)
@@ -82,7 +80,7 @@ class Readout:
         """Readings that the nominal model expects."""
         return self.simulation.predict((), self.nominal.unknowns, table)
 
-    def within_reach(self, table: ReadingTable) -> NDArray[np.bool_]:
+    def within_reach(self, table: ReadingTable) -> Mask:
         """Rows in states that the force laws cover, by the nominal model."""
         stiffness, permittivity = np.exp(self.nominal.unknowns[FACTORS])
         heave, voltage_squared = np.array([

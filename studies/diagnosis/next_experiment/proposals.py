@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
 from tympan.studies.diagnosis.fits.fit import Fit
@@ -30,7 +30,6 @@ from tympan.studies.diagnosis.next_experiment.solved_experiments import SolvedEx
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.sentences import plain
 
-Array = NDArray[np.float64]
 AnyExperiment = Experiment | SolvedExperiment
 
 _MINUTE = 60.0

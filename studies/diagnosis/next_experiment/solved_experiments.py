@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.path_following import PathSettings
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Specimen
@@ -29,8 +29,6 @@ from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 #: Change of a factor's logarithm by which derivatives are taken: small beside what readings leave
 #: open, large beside errors of films.

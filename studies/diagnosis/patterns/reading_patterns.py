@@ -6,11 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.reading_table import ReadingTable
-
-Array = NDArray[np.float64]
 
 #: What a misfit is, by its pattern's name or the first word of it; {1} is the rest of it.
 WORDS = {
@@ -86,7 +84,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
     return columns
 
 
-def among(rows: NDArray[np.bool_], columns: Array) -> Array:
+def among(rows: Mask, columns: Array) -> Array:
     """Columns of some rows among all of them."""
     every = np.zeros((len(rows), columns.shape[1]))
     every[rows] = columns
@@ -163,7 +161,7 @@ def _jumps(table: ReadingTable, size: Array, predicted: Array) -> dict[str, Arra
     return {"step": steps, "stick": np.unique(sticks, axis=0).T}
 
 
-def _stuck(predicted: Array, runs: Sequence[NDArray[np.int64]], threshold: float) -> Array:
+def _stuck(predicted: Array, runs: Sequence[Numbers], threshold: float) -> Array:
     """Lag of plates that stay where they are up to a threshold, then go all the way."""
     behind = np.zeros(len(predicted))
     for rows in runs:

@@ -22,11 +22,11 @@ from math import inf, prod
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import Stopped
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
@@ -39,8 +39,6 @@ from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.films.reduction import film_of_runs
 from tympan.studies.signals import Supplied, Together
 from tympan.studies.trace import Trace
-
-Array = NDArray[np.float64]
 
 #: Spacing of the lattice in logarithms, a factor of two. Set by trial.
 _SPACING = 0.7
@@ -92,7 +90,7 @@ class RememberingFilm:
 
     film: ReducedFilm
     runs: tuple[tuple[float, VoltageHistory], ...]
-    asked: NDArray[np.int64]
+    asked: Numbers
     passages: Passages
     rig: Rig
     branch: float
@@ -199,7 +197,7 @@ class RememberingFilm:
             groups.setdefault((history.whole.breaks.tobytes(), history.rest), []).append(number)
         return list(groups.values())
 
-    def _hardened(self, film: ReducedFilm, numbers: list[int], asked: NDArray[np.int64]) -> Array:
+    def _hardened(self, film: ReducedFilm, numbers: list[int], asked: Numbers) -> Array:
         """η of some runs' states, and its slopes by the logarithms of load and U²: (3, asked)."""
         histories = [self.runs[number][1] for number in numbers]
         mounted = film.specimen.membrane.mounted
@@ -391,7 +389,7 @@ class FilmMemory:
         return result
 
     def _of(self, setup: Setup, states: States
-            ) -> Iterator[tuple[RememberingFilm, Film, NDArray[np.int64], NDArray[np.int64]]]:
+            ) -> Iterator[tuple[RememberingFilm, Film, Numbers, Numbers]]:
         """Films with branches, with the states they remember and the places of these."""
         place = np.array([self.places.get(key, -1) for key in states.keys_in_time], dtype=np.int64)
         for number, film in enumerate(self.films):
@@ -408,7 +406,7 @@ def _limited(change: Array | float) -> Array:
 
 
 def _remembering(specimen: Specimen, rig: Rig, runs: tuple[tuple[float, VoltageHistory], ...],
-                 asked: NDArray[np.int64], passages: Passages, settings: Settings
+                 asked: Numbers, passages: Passages, settings: Settings
                  ) -> RememberingFilm:
     stretches = [np.array([stretch]) for stretch in specimen.membrane.prestretch]
     slope = np.real(specimen.membrane.material.derivatives(*stretches)[1])

@@ -14,15 +14,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.rays import exits, outside
 from tympan.geometry.specimen import Plate
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Points along each ray from plate to frame, both ends included. Set by trial.
 ALONG = 12
@@ -116,7 +113,7 @@ def _along(share: Array) -> tuple[Array, Array]:
     return _with_slope(2 * share - 1, _CHEBYSHEV, 2.0)
 
 
-def _around(turn: Array) -> tuple[NDArray[np.int64], Array, Array]:
+def _around(turn: Array) -> tuple[Numbers, Array, Array]:
     """The four splines at places around, counted in rays: numbers, values and derivatives."""
     first = np.floor(turn).astype(np.int64)
     return (first[:, None] + _NEIGHBOURS) % AROUND, *_with_slope(turn - first, _SPLINES)

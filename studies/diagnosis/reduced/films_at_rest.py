@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.loading import Guide, Loading
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.geometry.outlines import area
 from tympan.studies.case import solved_loading
 from tympan.studies.diagnosis.hypothesis import (
@@ -26,10 +26,6 @@ from tympan.studies.diagnosis.reduced.in_time import charged
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.effects import Setup
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Numbers = NDArray[np.int64]
 
 #: Force and its derivative by the heave, at heaves, shape (..., states) each.
 Balance = Callable[[Array], tuple[Array, Array]]
@@ -384,8 +380,8 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
     return crossing(along, before, after, secant) * far, rests
 
 
-def play(first: Array, last: Array, runs: Iterable[NDArray[np.int64]],
-         begun: Array) -> tuple[NDArray[np.int64], Array]:
+def play(first: Array, last: Array, runs: Iterable[Numbers],
+         begun: Array) -> tuple[Numbers, Array]:
     """Index of the state whose deflection a rubbing plate keeps, and the way it came there.
 
     ``first`` and ``last`` are the heaves between which it stays where it is, shape (states,). The

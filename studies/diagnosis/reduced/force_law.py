@@ -19,12 +19,9 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, Sample
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: Which of the nominal film's nodes by heave are those of effects, which change a film smoothly.
 _SOME_HEAVES = np.array([0, 2, 4])

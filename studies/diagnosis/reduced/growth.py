@@ -9,8 +9,8 @@ from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.system import MissingLibrary
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.axes import (
@@ -27,7 +27,6 @@ from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, affecte
 from tympan.studies.effects import Setup
 from tympan.studies.parallel import mapped
 
-Array = NDArray[np.float64]
 AnyFilms = TypeVar("AnyFilms", bound=ReducedFilms)
 Progress = Callable[[int, int], None]
 Solve = Callable[[HeldFilm, Grid, Sequence[HeldFilm]], Array]

@@ -7,15 +7,11 @@ where that follows late. A film that charges through a resistance has less volta
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.reading_table import States
-
-Array = NDArray[np.float64]
 
 
 def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Array:
@@ -51,7 +47,7 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
     if rig.sensor_lag:
         poles.append(np.full(len(rows), -1 / rig.sensor_lag, complex))
 
-    def transfer(s: NDArray[Any], without: int = -1) -> NDArray[Any]:
+    def transfer(s: Array, without: int = -1) -> Array:
         """Transfer function of plate and sensor, but for a pole."""
         gain = inertial / rig.sensor_lag if rig.sensor_lag else inertial
         return np.asarray(gain / np.prod([s - pole for number, pole in enumerate(poles)
@@ -69,7 +65,7 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
     return share
 
 
-def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, NDArray[Any]]]:
+def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, Array]]:
     """Exponentials by which U² comes to its last value after a jump: shares, rates [1/s]."""
     if not rig.series_resistance:
         return []
@@ -81,7 +77,7 @@ def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, NDArra
             (-((after - before) ** 2) / whole, 2 * slow + 0j)]
 
 
-def _mean(pole: NDArray[Any], begin: Array, end: Array) -> Array:
+def _mean(pole: Array, begin: Array, end: Array) -> Array:
     """Mean of an exponential from begin to end [s], where its phase is 0."""
     real = pole.real
     there = np.isfinite(begin)

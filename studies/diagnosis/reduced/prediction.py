@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.registry import BY_ROWS, REST
 from tympan.studies.diagnosis.hypothesis import Hypothesis, parameters_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -19,9 +18,6 @@ from tympan.studies.diagnosis.reduced.in_time import behind
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of
 from tympan.studies.diagnosis.reduced.scans import scanned
 from tympan.studies.diagnosis.reduced.swinging import Sag
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Of a film by its heaves [m] and U² [V²].
 Quantity = Callable[[ForceSurface, Array, Array], Array]
@@ -171,7 +167,7 @@ class Prediction:
         stiffness = self.rest.stiffness_at(self.rest.extended_heave)
         return behind(states, rig, self.moving, stiffness, self.rest.capacitance)
 
-    def swing(self, stiffness: Array) -> NDArray[Any]:
+    def swing(self, stiffness: Array) -> Array:
         memory = self.films.memory
         if memory is None:
             return np.ones(len(stiffness), complex)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     STIFFNESS,
@@ -24,8 +24,6 @@ from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
 from tympan.studies.diagnosis.reduced.scans import FlatLattices
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
 from tympan.studies.effects import EFFECTS, Setup, extended
-
-Array = NDArray[np.float64]
 
 #: The logarithm of the largest factor on stiffness or permittivity.
 _FACTOR = np.log(20.0)

@@ -10,7 +10,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import held_plate
@@ -20,6 +19,7 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
+from tympan.geometry.arrays import Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Plate, Specimen
@@ -30,8 +30,6 @@ from tympan.studies.diagnosis.reduced.force_law import SHAPE, ForceLaw, Grid, Sa
 from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 from tympan.studies.kept.store import Store, digest
-
-Array = NDArray[np.float64]
 
 #: The mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
 COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))

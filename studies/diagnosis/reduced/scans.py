@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.results.places import Places
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
@@ -26,8 +26,6 @@ from tympan.studies.diagnosis.reduced.film_shape import (
 from tympan.studies.diagnosis.reduced.force_law import ForceSurface
 from tympan.studies.diagnosis.reduced.swinging import Sag
 from tympan.studies.effects import Setup
-
-Array = NDArray[np.float64]
 
 #: Halvings of sizes of which together no specimen can be built.
 _TRIES = 20

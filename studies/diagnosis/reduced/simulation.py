@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.kind import Evidence, Shown, rows_of
 from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of
@@ -17,9 +17,6 @@ from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, reg
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of, limits_of
 from tympan.studies.effects import Setup
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: By what factor heaves and U² reach further at once.
 _FURTHER = 1.4

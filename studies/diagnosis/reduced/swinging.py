@@ -13,19 +13,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.places import Places
 from tympan.fem.vibration.heave import FollowingFilm, following
+from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, lattice_of
 from tympan.studies.effects import EFFECTS, Effect, Setup
-
-Array = NDArray[np.float64]
 
 #: Mass of electrodes [kg/m²] to whose sag that of others is in proportion.
 _WEIGHED = 0.05
@@ -72,7 +70,7 @@ class SwingingMasses:
         lower = heights[1] - heights[0]
         return Sag(lower.reshape(ALONG, AROUND) / (_WEIGHED * loading.gravity))
 
-    def moving(self, setup: Setup, number: NDArray[np.int64], mass: Array) -> Array:
+    def moving(self, setup: Setup, number: Numbers, mass: Array) -> Array:
         """Mass that swings with plates [kg] of given masses on specimens' numbers, each (n,)."""
         moving = np.empty(len(mass))
         for index, (film, specimen) in enumerate(zip(self.films, setup.specimens, strict=True)):

@@ -8,8 +8,8 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.fits.fit import Fit
@@ -17,8 +17,6 @@ from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, UNITS, ReadingTable
-
-Array = NDArray[np.float64]
 
 #: Points of a curve.
 _POINTS = 41

@@ -17,14 +17,12 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.diagnosis.transients.noise_density import noise_density
 from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
-
-Array = NDArray[np.float64]
 
 #: Blocks after a jump for each factor e in time: creep is told by its logarithm.
 _BLOCKS = 4
@@ -56,9 +54,9 @@ class BlockMeans:
     each block. ``swings``: what the plate's swings say, by the number of the jump.
     """
 
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
-    jump: NDArray[np.int64]
+    first: Numbers
+    last: Numbers
+    jump: Numbers
     passages: Passages
     voltage: Array
     mean: Array
@@ -66,7 +64,7 @@ class BlockMeans:
     later: Array
     swings: dict[int, Ringing]
 
-    def __getitem__(self, blocks: NDArray[np.bool_]) -> BlockMeans:
+    def __getitem__(self, blocks: Mask) -> BlockMeans:
         """Some of the blocks."""
         return BlockMeans(self.first[blocks], self.last[blocks], self.jump[blocks],
                           self.passages[np.r_[True, blocks]], self.voltage[blocks],

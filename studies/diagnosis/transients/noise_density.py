@@ -10,10 +10,9 @@ from __future__ import annotations
 from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: Samples without which a spectrum says nothing.
 _FEWEST = 64

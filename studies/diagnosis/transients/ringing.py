@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Array = NDArray[np.float64]
+from tympan.geometry.arrays import Array
 
 #: Samples that a period must have, to be told from noise.
 _SAMPLES = 5

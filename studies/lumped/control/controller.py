@@ -13,13 +13,12 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure
 from tympan.geometry.fields import Key
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest, squared_at
 from tympan.studies.lumped.export.c_source import identifier
-
-Array = NDArray[np.float64]
 
 #: Degrees of the inverse that are tried.
 _DEGREES = (4, 6, 8, 12, 16, 24)

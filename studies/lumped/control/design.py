@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.control.controller import Controller, Made, Method, StaticInverse
@@ -26,8 +26,6 @@ from tympan.studies.lumped.control.loop import (
 from tympan.studies.lumped.control.lqg import best_lqg
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.linear import Linear, linearise
-
-Array = NDArray[np.float64]
 
 #: Voltages of the range about which the model is linearised.
 _RESTS = 9

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from tympan.geometry.arrays import Array
 from tympan.studies.lumped.control.controller import LinearLaw
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 #: Frequencies of a response, over which a swing of 1 % damping is resolved to a hundredth.

@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.control.controller import Controller, LinearLaw, Made
 from tympan.studies.lumped.control.loop import Sampled, closed_poles, frequencies
-
-Array = NDArray[np.float64]
 
 #: Weights of what is asked for, over that of the deflection's error, that are tried.
 _WEIGHTS = np.geomspace(1e-2, 1e2, 7)

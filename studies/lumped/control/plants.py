@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure, InputError
 from tympan.studies.films.driven_film import ReducedMoment
 from tympan.studies.films.film import ReducedFilm
@@ -19,8 +19,6 @@ from tympan.studies.lumped.film_response import film_deflections, film_motion
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces, Signal
-
-Array = NDArray[np.float64]
 
 #: Stages of a step: order 7, so that a step of a radian of the swing errs by 1e-6.
 _STAGES = 4

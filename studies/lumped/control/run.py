@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.fields import Key, asks
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
@@ -45,8 +45,6 @@ from tympan.studies.sense.inverse import Inverse, fit_inverse
 from tympan.studies.sense.inverse import Sampled as CapacitanceCurve
 from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import sample_count
-
-Array = NDArray[np.float64]
 
 #: Share of a step within which it has settled.
 WITHIN = 0.02

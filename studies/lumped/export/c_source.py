@@ -14,13 +14,11 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure, InputError
 from tympan.studies.files import write_text
 from tympan.studies.lumped.model_file import LumpedModel
-
-Floats = NDArray[np.float64]
 
 #: Most a series may miss, relative to the largest value; degrees that are tried.
 TOLERANCE = 1e-12
@@ -54,7 +52,7 @@ def export_c(model: LumpedModel, folder: Path) -> list[Path]:
 def _words(model: LumpedModel, name: str) -> dict[str, Any]:
     actuator = model.actuator(mass=1.0)  # rates are asked for with another
     reach = min(actuator.reach, float(1 / np.min(actuator.circles.steepness)))
-    parts: dict[str, Callable[[Floats], Floats]] = {
+    parts: dict[str, Callable[[Array], Array]] = {
         "film": lambda y: actuator.elastic(y)[1] / y,
         "electric": lambda y: actuator.electric(y)[1] / y, "capacitance": actuator.capacitance}
     series = {part: even_series(function, reach) for part, function in parts.items()}
@@ -71,12 +69,12 @@ def _words(model: LumpedModel, name: str) -> dict[str, Any]:
         **{part: _numbers(coefficients) for part, (coefficients, _) in series.items()}}
 
 
-def even_series(function: Callable[[Floats], Floats], reach: float) -> tuple[Floats, float]:
+def even_series(function: Callable[[Array], Array], reach: float) -> tuple[Array, float]:
     """Chebyshev coefficients in t = 2 (y/reach)² − 1 of an even function, and the error.
 
     The error is relative to the largest value, seen between the points that are met.
     """
-    def of(t: Floats) -> Floats:
+    def of(t: Array) -> Array:
         return function(reach * np.sqrt((1 + t) / 2))
 
     between = np.cos(np.linspace(0, np.pi, 1000)[1:-1])

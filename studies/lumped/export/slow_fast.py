@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from tympan.geometry.arrays import Array
 from tympan.geometry.errors import Failure, InputError
 from tympan.studies.files import write_json
 from tympan.studies.lumped.actuator import Actuator
@@ -25,8 +25,6 @@ from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import LumpedMotion, simulate
 from tympan.studies.signals import Pieces, random_steps
-
-Array = NDArray[np.float64]
 
 #: Voltages at which the film rests, for the polynomial: several to each of its coefficients.
 _RESTS = 41

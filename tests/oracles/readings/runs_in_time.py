@@ -11,13 +11,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.oracles.creep import CreepingFilm
 from tests.oracles.readings.round_actuators import GRAVITY, MASSES, SHAPES, Hidden, dataset_file
 from tests.oracles.readings.swinging_plate import SwingingPlate
+from tympan.geometry.arrays import Array
 
-Array = NDArray[np.float64]
 VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
 
 

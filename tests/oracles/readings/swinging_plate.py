@@ -11,13 +11,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RectBivariateSpline
 
 from tests.oracles.creep import CreepingFilm
+from tympan.geometry.arrays import Array
 
-Array = NDArray[np.float64]
 _VACUUM = 8.8541878128e-12
 #: Heaves [m] and voltages [V] up to which forces are tabulated.
 _HEAVE, _VOLTAGE = 8e-3, 6e3

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tests.support.costs import dear
 from tests.support.datasets import write_dataset
@@ -17,6 +16,7 @@ from tests.support.trials import design, read
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
+from tympan.geometry.arrays import Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Polygon, RoundedRectangle
 from tympan.geometry.sectors import covered_share
@@ -93,7 +93,7 @@ def test_families_have_members_that_change_what_they_measure() -> None:
             assert abs(change) > 1e-2 * family.measure.width
 
 
-def by_elements(setup: Setup, table: ReadingTable) -> NDArray[np.float64]:
+def by_elements(setup: Setup, table: ReadingTable) -> Array:
     """Deflections at a table's states, by finite elements on a mesh of their own."""
     values = np.empty(len(table))
     for ramp in range(int(table.ramp.max()) + 1):

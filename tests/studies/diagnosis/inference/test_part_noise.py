@@ -6,15 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import binom
 
+from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.inference.projection import without
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import ALARM
 from tympan.studies.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 #: Readings of two parts, of which the first hardly tells its noise, and sets of them.
 COUNTS, SETS = (14, 48), 100
