@@ -30,7 +30,7 @@ from tympan.studies.case import Settings, build_model
 
 FORCE, VOLTAGE, FURTHER = 17.9e-3 * 9.80665, 3.5e3, 3.6e3
 
-CIRCLE = Specimen("circle, a quarter", Circle(45e-3), Plate(Circle(10e-3)),
+CIRCLE = Specimen("circle a quarter", Circle(45e-3), Plate(Circle(10e-3)),
                   Film(1e-3, (5**0.5, 5**0.5), Ogden((25e3,), (2.0,)), 4.7))
 ELLIPSE = replace(CIRCLE, name="plate off centre", frame=Ellipse((75e-3, 45e-3)),
                   plate=Plate(Circle(10e-3), (10e-3, 5e-3)))
@@ -39,7 +39,7 @@ ELLIPSE = replace(CIRCLE, name="plate off centre", frame=Ellipse((75e-3, 45e-3))
 def cases() -> dict[str, Model]:
     """Models from a few hundred unknowns on."""
     coarse, fine = Settings(), Settings(MeshSettings().refined(2))
-    return {"circle, a quarter": build_model(CIRCLE, coarse),
+    return {"circle a quarter": build_model(CIRCLE, coarse),
             "off centre": build_model(ELLIPSE, coarse),
             "off centre, refined": build_model(ELLIPSE, fine)}
 

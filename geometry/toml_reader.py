@@ -126,6 +126,15 @@ class Table:
             raise self.error(key, "must be a table", value)
         return self._within(value, key)
 
+    def table_or_file(self, key: str) -> Table:
+        """A sub-table, empty where it is left out, or the file with its keys that is named."""
+        value = self.value(key, {})
+        if isinstance(value, str):
+            return Table.read(self.beside(key), key)
+        if not isinstance(value, Mapping):
+            raise self.error(key, "must be a table, or the name of a file with its keys", value)
+        return self._within(value, key)
+
     def _within(self, data: Mapping[str, Any], key: str) -> Table:
         return Table(self.file, data, self.path(key), self.plain, above=self)
 

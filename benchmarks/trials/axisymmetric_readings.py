@@ -13,13 +13,12 @@ from tests.oracles import annulus_modes
 from tests.oracles.axisymmetric import (
     EnergyFunction,
     Film,
-    FloatArray,
     Material,
     Ogden,
     RitzExpansion,
     _State,
 )
-from tympan.geometry.arrays import Numbers
+from tympan.geometry.arrays import Array, Numbers
 
 if TYPE_CHECKING:
     from benchmarks.trials.synthetic_trials import Design, Truth
@@ -36,21 +35,21 @@ class RoundRamp:
     rows: Numbers
     ritz: RitzExpansion
     states: list[_State]
-    stiffness: FloatArray
+    stiffness: Array
     swinging: float
     weight: float
 
     @property
-    def heaves(self) -> FloatArray:
+    def heaves(self) -> Array:
         """Deflection of each state [m]."""
         return np.array([state.deflection for state in self.states])
 
     @property
-    def frequencies(self) -> FloatArray:
+    def frequencies(self) -> Array:
         """Of small heaves about each state [Hz]."""
         return np.asarray(np.sqrt(self.stiffness / self.swinging) / (2 * np.pi))
 
-    def heights(self, number: int, distance: FloatArray) -> FloatArray:
+    def heights(self, number: int, distance: Array) -> Array:
         """What stands at distances from the middle [m] in a state [m]."""
         film, state = self.ritz.film, self.states[number]
         mounted = np.linspace(film.inner, film.outer, 1000)
@@ -61,7 +60,7 @@ class RoundRamp:
                                     left=state.deflection))
 
 
-def readings(design: Design, truth: Truth) -> FloatArray | None:
+def readings(design: Design, truth: Truth) -> Array | None:
     """Readings of a design of circular specimens [m]; None where a state has no equilibrium."""
     sizes, shown = _sizes(truth), np.empty(len(design.table))
     for ramp in (every := list(round_ramps(design, truth))):
@@ -90,8 +89,8 @@ def round_ramps(design: Design, truth: Truth) -> Iterator[RoundRamp]:
             [state.stiffness for state in solved]), swinging, design.setup.rig.gravity * grease)
 
 
-def pulled(specimen: Specimen, truth: Truth, voltage: float, shown: FloatArray
-           ) -> FloatArray | None:
+def pulled(specimen: Specimen, truth: Truth, voltage: float, shown: Array
+           ) -> Array | None:
     """What a tester's gauge shows [N] at displacements that it shows [m], at a voltage [V].
 
     The plate is where tester and film are in balance. None where that is not found.
@@ -134,7 +133,7 @@ def _expansion(specimen: Specimen, truth: Truth) -> RitzExpansion:
         sizes.get("permittivity_stretch", 0.0)), _DEGREE)
 
 
-def _seen(voltage: FloatArray, sizes: dict[str, float]) -> FloatArray:
+def _seen(voltage: Array, sizes: dict[str, float]) -> Array:
     """What films see [V]; the size of a sag is 1/U_s²."""
     amplified = (1 + sizes.get("amplifier_gain", 0.0)) * voltage
     return np.asarray(amplified / (1 + voltage**2 * sizes.get("voltage_sag", 0.0)))
@@ -144,14 +143,14 @@ def _sizes(truth: Truth) -> dict[str, float]:
     return {cause.name: truth.sizes[number] for number, cause in enumerate(truth.hypothesis)}
 
 
-def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -> FloatArray | None:
+def heaves(film: Film, load: float, voltages: Array, spring: float = 0.0) -> Array | None:
     """Deflection at each of rising voltages [V] under a dead load [N] and a spring [N/m]; None past
     pull-in."""
     states = equilibria(RitzExpansion(film, _DEGREE), load, voltages, spring)
     return None if states is None else np.array([state.deflection for state in states])
 
 
-def equilibria(ritz: RitzExpansion, load: float, voltages: FloatArray, spring: float
+def equilibria(ritz: RitzExpansion, load: float, voltages: Array, spring: float
                ) -> list[_State] | None:
     """The states of :func:`heaves`."""
     state = ritz.flat(0.0)
@@ -201,15 +200,15 @@ def _hardened(nominal: Material, exponent: float, stretch: float) -> Material:
     """A law with an exponent more hardening about the mounted film."""
     mounted, slope = 2 * stretch**2 + stretch**-4, _slope(nominal)
 
-    def invariant(l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def invariant(l1: Array, l2: Array) -> Array:
         return l1**2 + l2**2 + (l1 * l2) ** -2
 
-    def energy(l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def energy(l1: Array, l2: Array) -> Array:
         i = invariant(l1, l2)
         return nominal.energy(l1, l2) + slope * (mounted / (1 + exponent)
                                                  * (i / mounted) ** (1 + exponent) - i)
 
-    def first(l1: FloatArray, l2: FloatArray) -> FloatArray:
+    def first(l1: Array, l2: Array) -> Array:
         rate = slope * ((invariant(l1, l2) / mounted) ** exponent - 1)
         return nominal.w1(l1, l2) + rate * 2 * (l1 - l1**-3 * l2**-2)
 

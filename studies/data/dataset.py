@@ -429,7 +429,7 @@ def _rig(table: Table, key: str) -> Rig:
     if "gravity" in table:
         raise table.error("gravity", "must stand in [rig] where there is such a table",
                           table.value("gravity"))
-    return Rig.from_table(table.table(key))
+    return Rig.from_table(table.table_or_file(key))
 
 
 def _check_specimens(sheet: Sheet, names: list[str]) -> None:

@@ -107,7 +107,7 @@ class Requirements:
         if "want" not in table:
             raise table.error("want", _NO_WANT)
         _refuse_former(table)
-        rig = Rig.from_table(table.table("rig", {}))
+        rig = Rig.from_table(table.table_or_file("rig"))
         specimens = _specimens(table)
         for specimen in specimens:
             try:

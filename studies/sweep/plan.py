@@ -399,9 +399,7 @@ def _rig(table: Table, choice: Choice) -> Rig:
     """The rig of a choice; one of a file of its own is told of that unless the sweep changes it."""
     changes = {key.removeprefix(_RIG): value for key, value in choice.items()
                if key.startswith(_RIG)}
-    given = table.value("rig", {})
-    rig = (Table.read(table.beside("rig"), "rig") if isinstance(given, str)
-           else table.table("rig", {}))
+    rig = table.table_or_file("rig")
     if not changes:
         return Rig.from_table(rig)
     try:

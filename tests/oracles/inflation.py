@@ -30,7 +30,8 @@ from numpy.polynomial import legendre
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar, root_scalar
 
-from tests.oracles.axisymmetric import Film, FloatArray, energy_derivatives
+from tests.oracles.axisymmetric import Film, energy_derivatives
+from tympan.geometry.arrays import Array
 
 _CENTRE = 1e-5  # where shooting starts in a disc, relative to its radius; the error is its square
 
@@ -61,7 +62,7 @@ class Bubble:
     (l1, l2, z)."""
 
     apex: float
-    meridian: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+    meridian: Callable[[Array], tuple[Array, Array, Array]]
 
 
 def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
@@ -73,7 +74,7 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
     start_radius = film.inner or _CENTRE * film.outer
     span = math.log(film.outer / start_radius)
 
-    def rate(x: float, y: FloatArray) -> list[float]:
+    def rate(x: float, y: Array) -> list[float]:
         l1, l2, slope, _ = y
         rho = start_radius / lp * math.exp(x)
         psi = energy_derivatives(film, l1, l2, q)
@@ -107,7 +108,7 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
     path = trajectory(root.root)
     apex = -film.outer * float(path.y[3, -1])
 
-    def meridian(radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def meridian(radius: Array) -> tuple[Array, Array, Array]:
         l1, l2, _, height = path.sol(np.log(radius / start_radius))
         return l1, l2, apex + film.outer * height
 
@@ -140,7 +141,7 @@ class _Expansion:
             self.step = 0.5 * film.outer * weight
         self.r, self.r_by, self.z, self.z_by = self.basis(self.radius)
 
-    def basis(self, radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def basis(self, radius: Array) -> tuple[Array, Array, Array, Array]:
         """Values and slopes by R of the functions of r, and of z, in columns."""
         film, identity = self.film, np.eye(self.degree)
         if film.inner:
@@ -160,7 +161,7 @@ class _Expansion:
         heave, heave_by = 0.5 * (1 - s)[:, None], -0.5 * s_by[:, None]
         return r, r_by, np.hstack([heave, z]), np.hstack([heave_by, z_by])
 
-    def start(self, loads: Loads) -> FloatArray:
+    def start(self, loads: Loads) -> Array:
         """The flat film, slightly domed: unstressed it has no stiffness across its plane."""
         stretch = np.array([self.film.prestretch])
         modulus = 0.75 * float(energy_derivatives(self.film, stretch, stretch, 0.0).d11[0])
@@ -171,21 +172,21 @@ class _Expansion:
         unknowns[self.r.shape[1]] = dome
         return unknowns
 
-    def apex(self, unknowns: FloatArray) -> float:
+    def apex(self, unknowns: Array) -> float:
         """Height of the plate or the centre."""
         if self.film.inner:
             return float(unknowns[self.r.shape[1]])
         return float(self.meridian(unknowns, np.array([0.0]) + 1e-12 * self.film.outer)[2][0])
 
-    def meridian(self, unknowns: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray,
-                                                                          FloatArray]:
+    def meridian(self, unknowns: Array, radius: Array) -> tuple[Array, Array,
+                                                                          Array]:
         """Stretches and height at mounted radii."""
         r, r_by, z, z_by = self.basis(radius)
         c, d = np.split(unknowns, [r.shape[1]])
         lp = self.film.prestretch
         return lp * np.hypot(1 + r_by @ c, z_by @ d), lp * (1 + r @ c / radius), z @ d
 
-    def solve(self, unknowns: FloatArray, loads: Loads) -> FloatArray:
+    def solve(self, unknowns: Array, loads: Loads) -> Array:
         """Newton's method, halving steps that do not reduce the gradient."""
         for _ in range(60):
             gradient, hessian = self.derivatives(unknowns, loads)
@@ -202,7 +203,7 @@ class _Expansion:
                 return unknowns
         raise ArithmeticError("the Ritz iteration did not converge")
 
-    def derivatives(self, unknowns: FloatArray, loads: Loads) -> tuple[FloatArray, FloatArray]:
+    def derivatives(self, unknowns: Array, loads: Loads) -> tuple[Array, Array]:
         """Gradient and Hessian of Pi."""
         film, radius, step = self.film, self.radius, self.step
         c, d = np.split(unknowns, [self.r.shape[1]])
@@ -246,7 +247,7 @@ def hencky(poisson: float, tension: float = 0.0, terms: int = 400) -> tuple[floa
     """
     numbers = np.arange(terms)
 
-    def series(first: float) -> FloatArray:
+    def series(first: float) -> Array:
         b, inverse = np.zeros(terms), np.zeros(terms)  # of n and of 1 / n
         square = np.zeros(terms)  # of 1 / n^2
         b[0], inverse[0] = first, 1 / first

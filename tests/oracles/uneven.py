@@ -36,19 +36,19 @@ from numpy.polynomial import legendre
 from tests.oracles.axisymmetric import (
     EnergyDerivatives,
     Film,
-    FloatArray,
     Solution,
     energy_derivatives,
     solve_load,
 )
+from tympan.geometry.arrays import Array
 
 
 class Moved(NamedTuple):
     """Displacements [m] along x, y and the load."""
 
-    x: FloatArray
-    y: FloatArray
-    z: FloatArray
+    x: Array
+    y: Array
+    z: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +62,16 @@ class Uneven:
     base: Solution
     shift: float
     slope: float
-    fields: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+    fields: Callable[[Array], tuple[Array, Array, Array]]
 
-    def added(self, x: FloatArray, y: FloatArray) -> Moved:
+    def added(self, x: Array, y: Array) -> Moved:
         """Displacements of points at x, y of the mounted film, less those of the base [m]."""
         radius = np.hypot(x, y)
         cos, sin = x / radius, y / radius
         u, v, w = self.fields(radius)
         return Moved(u * cos**2 - v * sin**2, (u + v) * sin * cos, w * cos)
 
-    def moved(self, x: FloatArray, y: FloatArray) -> Moved:
+    def moved(self, x: Array, y: Array) -> Moved:
         """Displacements of points at x, y of the mounted film [m]."""
         radius = np.hypot(x, y)
         added, outwards = self.added(x, y), self.base.r(radius) - radius
@@ -110,7 +110,7 @@ def solve_uneven(film: Film, force: float, voltage: float, share: float = 0.0, a
     load[-1] += force * arm
     unknowns = np.linalg.solve(stiffness, load)
 
-    def fields(places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def fields(places: Array) -> tuple[Array, Array, Array]:
         at_u, at_v, at_w = (values for values, _ in basis.fields(basis.point(places)))
         return at_u @ unknowns, at_v @ unknowns, at_w @ unknowns
 
@@ -118,7 +118,7 @@ def solve_uneven(film: Film, force: float, voltage: float, share: float = 0.0, a
 
 
 #: Values and derivatives by R of a field, by the unknowns, shape (points, unknowns) each.
-_Field = tuple[FloatArray, FloatArray]
+_Field = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -132,13 +132,13 @@ class _Basis:
     def half(self) -> float:
         return self.film.log_ratio / 2
 
-    def radius(self, point: FloatArray) -> FloatArray:
+    def radius(self, point: Array) -> Array:
         return self.film.inner * np.exp((1 + point) * self.half)
 
-    def point(self, radius: FloatArray) -> FloatArray:
+    def point(self, radius: Array) -> Array:
         return np.log(radius / self.film.inner) / self.half - 1
 
-    def fields(self, point: FloatArray) -> tuple[_Field, _Field, _Field]:
+    def fields(self, point: Array) -> tuple[_Field, _Field, _Field]:
         polynomials = legendre.legvander(point, self.degree)
         order = np.arange(1, self.degree)
         values = (polynomials[:, 2:] - polynomials[:, :-2]) / (2 * order + 1)
@@ -157,16 +157,16 @@ class _Basis:
         return field(0, (1.0, 0.0)), field(1, (-1.0, 0.0)), field(2, (0.0, self.film.inner))
 
 
-def _directions(film: Film, radius: FloatArray, psi: EnergyDerivatives, force: float
-                ) -> tuple[FloatArray, FloatArray]:
+def _directions(film: Film, radius: Array, psi: EnergyDerivatives, force: float
+                ) -> tuple[Array, Array]:
     """Sine and cosine of the meridian's angle, by the balance of forces along the load."""
     sine = -force / (2 * np.pi * radius * film.thickness / film.prestretch * psi.d1)
     return sine, np.sqrt(1 - sine**2)
 
 
-def _parts(prestretch: float, radius: FloatArray, directions: tuple[FloatArray, FloatArray],
+def _parts(prestretch: float, radius: Array, directions: tuple[Array, Array],
            fields: tuple[_Field, _Field, _Field]
-           ) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+           ) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
     """Derivatives of the displacement along the meridian and around it, in the base's axes."""
     (u, u_slope), (v, v_slope), (w, w_slope) = fields
     sine, cosine, at = (values[:, None] for values in (*directions, radius))
@@ -175,11 +175,11 @@ def _parts(prestretch: float, radius: FloatArray, directions: tuple[FloatArray, 
     return (tuple(prestretch * part for part in along), tuple(prestretch * part for part in around))
 
 
-def _stiffness(area: FloatArray, stretches: tuple[FloatArray, FloatArray], psi: EnergyDerivatives,
-               along: tuple[FloatArray, ...], around: tuple[FloatArray, ...]) -> FloatArray:
+def _stiffness(area: Array, stretches: tuple[Array, Array], psi: EnergyDerivatives,
+               along: tuple[Array, ...], around: tuple[Array, ...]) -> Array:
     (first, second), (a1, a2, a3), (b1, b2, b3) = stretches, along, around
 
-    def product(by: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    def product(by: Array, one: Array, other: Array) -> Array:
         return np.asarray(one.T @ ((area * by)[:, None] * other))
 
     apart = first - second

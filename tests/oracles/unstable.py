@@ -16,7 +16,6 @@ from scipy.optimize import brentq
 
 from tests.oracles.axisymmetric import (
     Film,
-    FloatArray,
     NoEquilibrium,
     RitzExpansion,
     Solution,
@@ -25,6 +24,7 @@ from tests.oracles.axisymmetric import (
     pull_in_voltage,
     solve_load,
 )
+from tympan.geometry.arrays import Array
 
 #: Directions of a line and of the jump across it, in half a turn.
 _DIRECTIONS = 90
@@ -51,8 +51,8 @@ def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> 
     return math.sqrt(now[2])
 
 
-def shape_at(ritz: RitzExpansion, c: FloatArray, heave: float, q: float,
-             force: float) -> tuple[FloatArray, float]:
+def shape_at(ritz: RitzExpansion, c: Array, heave: float, q: float,
+             force: float) -> tuple[Array, float]:
     """Shape and ``q = U^2`` at a heave and a force, by Newton's method."""
     unit = ritz.q_unit / ritz.film.outer
     for _ in range(25):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from tests.oracles.axisymmetric import Film as Reference
-from tests.oracles.axisymmetric import FloatArray, RitzExpansion
+from tests.oracles.axisymmetric import RitzExpansion
 from tests.oracles.unstable import shape_at
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import Subspace
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
+from tympan.geometry.arrays import Array
 
 SOFT = Ogden((15e3,), (2.0,))
 WEIGHT = 17.9e-3 * 9.80665
@@ -28,9 +29,9 @@ def branch_points(film: Model, subspace: Subspace, reach: float = 10.9e-3,
     return points
 
 
-def voltage_at(reference: Reference, heave: float, force: float, near: tuple[FloatArray, float],
+def voltage_at(reference: Reference, heave: float, force: float, near: tuple[Array, float],
                degree: int
-               ) -> tuple[FloatArray, float]:
+               ) -> tuple[Array, float]:
     """Shape and U² of the Ritz method at a heave and a force, by Newton's method from a shape and a
     U² near."""
     return shape_at(RitzExpansion(reference, degree), near[0], heave, near[1], force)

@@ -109,6 +109,18 @@ def test_columns_in_any_order_and_unit_are_read_back(name: str, data: st.DataObj
             assert sheet[column.name].tolist() == wanted
 
 
+def test_a_rig_may_be_a_file_of_its_own_in_the_folder(tmp_path) -> None:
+    folder = write_dataset(tmp_path / "d", HEAD.replace("\n", '\nrig = "bench.toml"\n', 1),
+                           static=TOP + ROW)
+    with pytest.raises(InputError, match=r"bench\.toml"):
+        read_dataset(folder)
+    (folder / "bench.toml").write_text('spring = "5 N/m"\n')
+    assert read_dataset(folder).rig.spring == 5
+    (folder / "bench.toml").write_text('spring = "5 mm"\n')
+    with pytest.raises(InputError, match=r"bench\.toml: spring: given '5 mm'"):
+        read_dataset(folder)
+
+
 def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     """Distinct numbers everywhere, so that no two columns can change places."""
     data = read_dataset(write_dataset(

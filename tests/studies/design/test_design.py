@@ -164,6 +164,12 @@ def test_a_spring_that_varies_is_not_given_too(tmp_path: Path) -> None:
                      '[vary]\n"rig.spring" = ["0 N/m", "60 N/m"]')
 
 
+def test_a_rig_may_be_a_file_beside_the_requirements(tmp_path: Path) -> None:
+    wanted = '[want]\nstroke = "largest"\n[vary]\n"frame.radius" = ["40 mm", "50 mm"]'
+    (tmp_path / "rig.toml").write_text('spring = "5 N/m"\n', encoding="utf-8")
+    assert requirements(tmp_path, f'rig = "rig.toml"\n{wanted}').rig.spring == 5
+
+
 @cache
 def shipped() -> DesignedFilm:
     """The best film of the shipped requirements."""
