@@ -446,7 +446,7 @@ class Specimen:
         if self.plate is None:
             raise InputError("is needed here: films without plate have solve, limits, curve, path, "
                              "modes, transient, response, sensitivity, sweep, tolerance, design, "
-                             "draw and export", key="plate", given=f"none in {self.name}")
+                             "diagnose, draw and export", key="plate", given=f"none in {self.name}")
         return self.plate
 
     @property

@@ -120,7 +120,8 @@ def _too_little(dataset: Dataset) -> Iterator[str]:
         return
     if len(read) == 1:
         yield WORDS["one_specimen"]
-    if len(_distinct([table.mass for table in tables])) == 1:
+    loaded = any(specimen.plate is not None for specimen in dataset.specimens)
+    if loaded and len(_distinct([table.mass for table in tables])) == 1:
         yield WORDS["one_mass"]
     static = dataset.static if dataset.ranges is None else None
     if static is not None and len(_distinct([static.voltage])) == 1:

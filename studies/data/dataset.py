@@ -291,6 +291,9 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         for kind in dict.fromkeys(published.values())]
     remarks[:0] = _guesses(about)
     later = ("displacement", "range", "frequency") if planned else ()
+    # Nothing hangs on a film without plate.
+    alone = all(specimen.plate is None for specimen in dataset.specimens)
+    later += ("mass",) if alone else ()
     first = dataset.specimens[0].name
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
@@ -310,6 +313,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         remarks += sheet.remarks
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
+            if alone and "mass" in sheet.values:
+                sheet = sheets[name] = _unloaded(sheet)
             remarks += _identical(sheet)
     static, ranges, transients, coupons, frequencies, fields, forces = map(sheets.get, FILES)
     if ranges is not None:
@@ -331,6 +336,14 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                    coupons=Coupons.joined(tests) if tests else None,
                    frequencies=frequencies, fields=fields, forces=forces,
                    remarks=tuple(remarks))
+
+
+def _unloaded(sheet: Sheet) -> Sheet:
+    """The same table of films without plate, on which no mass may hang."""
+    for row in np.flatnonzero(np.nan_to_num(sheet.mass)):
+        raise sheet.error(int(row), "mass", "must be 0 or left out: a mass hangs on a plate, and "
+                                            "the film has none")
+    return replace(sheet, values={**sheet.values, "mass": np.nan_to_num(sheet.mass)})
 
 
 def _guesses(about: Path) -> list[str]:

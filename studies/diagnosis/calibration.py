@@ -287,7 +287,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
             heave = float(rest.heave[state])
-            worst = max(worst, abs(outcome.state.plate.deflection - heave))
+            worst = max(worst, abs(model.deflection(outcome.state) - heave))
     return worst
 
 

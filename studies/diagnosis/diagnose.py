@@ -25,6 +25,7 @@ from tympan.studies.diagnosis.evidence.coupon_readings import WORDS, coupon_read
 from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
 from tympan.studies.diagnosis.evidence.held import Held
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.evidence.rest import Rest
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -45,6 +46,8 @@ from tympan.studies.files import to_json
 
 #: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
 _LATER = 2
+#: Files that read the deflection of a film's centre as well as that of a plate, or no actuator.
+_OF_THE_CENTRE = frozenset((*Rest.files, *CouponTests.files))
 
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0) -> Diagnosis:
@@ -243,8 +246,11 @@ def _require_lengths(dataset: Dataset) -> None:
 
 
 def _prepared(dataset: Dataset) -> PreparedReadings:
-    for specimen in dataset.specimens:
-        specimen.needed_plate()
+    alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
+    if alone and (others := set(dataset.tables) - _OF_THE_CENTRE):
+        raise InputError(f"has no plate, which {' and '.join(sorted(others))} is read of: leave it "
+                         f"out; {' and '.join(sorted(_OF_THE_CENTRE))} may have the deflection of "
+                         "the centre", key="specimen", given=" and ".join(alone))
     return prepared_readings(dataset)
 
 

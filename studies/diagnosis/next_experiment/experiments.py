@@ -58,6 +58,11 @@ class Readout:
         return np.unique(np.stack([self.states.specimen.astype(float), self.states.mass], 1),
                          axis=0)
 
+    @property
+    def plates(self) -> bool:
+        """Whether all films have a plate that carries masses, is held or tapped."""
+        return all(specimen.plate is not None for specimen in self.simulation.setup.specimens)
+
     @cached_property
     def noise(self) -> float:
         """A noise typical of displacements that were read [m], nan where none was."""
@@ -207,8 +212,10 @@ def _between(readout: Readout) -> ReadingTable | None:
     return readout.new_run(*np.array(halves).T) if halves else None
 
 
-def _other_mass(readout: Readout, factor: float) -> ReadingTable:
+def _other_mass(readout: Readout, factor: float) -> ReadingTable | None:
     """Every specimen under ``factor`` times the largest mass, at the voltages it has been at."""
+    if not readout.plates:
+        return None
     specimen, voltage = np.unique(np.stack([readout.states.specimen.astype(float),
                                             readout.states.voltage], 1), axis=0).T
     mass = np.full(len(specimen), factor * readout.states.mass.max())
@@ -254,7 +261,9 @@ def _film_voltage(readout: Readout, share: float = 0.01) -> ReadingTable | None:
     return rows(states, "film_voltage", share * states.voltage) if len(states) else None
 
 
-def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable:
+def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable | None:
+    if not readout.plates:
+        return None
     states = readout.states
     unloaded = readout.displacements(replace(states, voltage=np.zeros(len(states))))
     heave = FilmsAtRest(readout.simulation, (), readout.nominal.unknowns, unloaded.states).heave
@@ -263,7 +272,7 @@ def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable:
 
 
 def _taps(readout: Readout, share: float = 0.01) -> ReadingTable | None:
-    if readout.simulation.masses is None:
+    if readout.simulation.masses is None or not readout.plates:
         return None
     table = rows(readout.states, "frequency", 1.0)
     return table.with_sigma(share * np.abs(readout.shown(table)))

@@ -133,7 +133,7 @@ def _loads(mass: float, voltage: float) -> dict[str, str]:
 
 def film_line(readout: Readout) -> NewReadings | None:
     """A line along x and one along y over one film, at the lowest and highest voltage."""
-    if readout.table.scans:
+    if readout.table.scans or not readout.plates:
         return None
     setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
     specimen, ends = setup.specimens[number], voltages[[0, -1]][: len(voltages)]
@@ -164,7 +164,7 @@ def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
                 ) -> NewReadings | None:
     """One more specimen, of the film of one that was read, at its lowest, middle, top voltages."""
     setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
-    other = change(setup.specimens[number])
+    other = change(setup.specimens[number]) if readout.plates else None
     if other is None:
         return None
     some = voltages[np.unique(np.linspace(0, len(voltages) - 1, 3).round().astype(int))]

@@ -111,7 +111,10 @@ def _shown(parameter: EffectParameter, size: float) -> str:
 
 @dataclass(frozen=True)
 class HeldFilm:
-    """Specimen as finite elements see it: how its plate is held, and gas pressure [Pa]."""
+    """Specimen as finite elements see it: how its plate is held, and gas pressure [Pa].
+
+    Without a plate its centre is held, by gas.
+    """
 
     specimen: Specimen
     loading: Loading
@@ -129,9 +132,11 @@ class HeldFilm:
             specimen = replace(specimen, electrode=replace(specimen.electrode, mass=0.0))
         specimen = replace(specimen, membrane=replace(specimen.membrane, branches=(),
                                                       mounted=None, temperature_power=0.0))
-        if not specimen.membrane.density:
+        # A film without plate is held by gas, and its weight counts as a part of that.
+        plate = specimen.plate is not None
+        if not (plate and specimen.membrane.density):
             loading = replace(loading, gravity=0.0)
-        return cls(specimen, loading, setup.rig.gas_pressure)
+        return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0)
 
     @property
     def odd(self) -> bool:

@@ -11,7 +11,6 @@ import numpy as np
 from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.loading import Guide, Loading
 from tympan.geometry.arrays import Array, Mask, Numbers
-from tympan.geometry.outlines import area
 from tympan.studies.case import solved_loading
 from tympan.studies.diagnosis.hypothesis import (
     PERMITTIVITY,
@@ -80,13 +79,23 @@ class FilmsAtRest:
 
     @cached_property
     def load(self) -> Array:
-        """Pull on each plate beside its film, springs and friction [N], shape (states,)."""
-        areas = np.array([area(specimen.needed_plate().outline) if self.rig.plate_pressure else 0.0
+        """Pull on each plate beside its film, springs and friction [N], shape (states,).
+
+        On a film without plate that of the gas, along the deflection [Pa].
+        """
+        areas = np.array([specimen.plate_area if self.rig.plate_pressure else 0.0
                           for specimen in self.films.setup.specimens])
-        load: Array = self.rig.force(self.states.mass, areas[self.states.specimen])
+        load: Array = np.where(self._plate, self.rig.force(
+            self.states.mass, areas[self.states.specimen]), -self.rig.gas_pressure)
         if self.films.masses is not None:
             load = load + self.films.masses.weight(self.setup)[self.states.specimen]
         return load
+
+    @cached_property
+    def _plate(self) -> Mask:
+        """States of films with a plate, on which alone mechanisms act."""
+        there = np.array([specimen.plate is not None for specimen in self.films.setup.specimens])
+        return there[self.states.specimen]
 
     @cached_property
     def _film_weight(self) -> Array | float:
@@ -243,7 +252,7 @@ class FilmsAtRest:
         """Stiffness of the flat films under voltage, over the nominal films' without, (states,)."""
         flat = np.zeros(len(self.low))
         outer = self.rig.spring + float(acting(self._biases, np.zeros(()))[2])
-        stiffness = self.balance(flat, 0.0)[1] - outer
+        stiffness = self.balance(flat, 0.0)[1] - outer * self._plate
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
     def stiffness_at(self, heave: Array) -> Array:
@@ -279,12 +288,17 @@ class FilmsAtRest:
         force, rate = self._film_force(heave)
         stiffness = self.stiffness * self.hardening
         # A stiffer film weighs no more, and the force that was sampled is less that weight.
-        force = stiffness * force + (stiffness - 1) * self._film_weight + self.rig.spring * heave
-        rate = stiffness * rate + self.rig.spring
+        force = stiffness * force + (stiffness - 1) * self._film_weight
+        rate = stiffness * rate
+        if not self._plate.any():
+            return force - self.load, rate
         _, push, bend = acting(self._biases, heave)
-        force, rate = force + push, rate + bend
         load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
-        return force - load, rate
+        push, bend = push + self.rig.spring * heave, bend + self.rig.spring
+        if self._plate.all():
+            return force + push - load, rate + bend
+        return (np.where(self._plate, force + push - load, force - self.load),
+                np.where(self._plate, rate + bend, rate))
 
     @cached_property
     def _biases(self) -> tuple[Bias, ...]:
@@ -335,7 +349,9 @@ class _Reach:
         heave = np.array([grid.heave for grid in grids])[states.specimen]
         odd = np.array([grid.odd for grid in grids])[states.specimen]
         voltage_squared = np.array([grid.voltage_squared for grid in grids])[states.specimen]
-        return cls(heave, odd if odd.any() else None, -_BELOW * heave, (1 + BEYOND) * heave,
+        # What is odd is known on both sides.
+        high = (1 + BEYOND) * heave
+        return cls(heave, odd if odd.any() else None, -np.where(odd, high, _BELOW * heave), high,
                    (1 + BEYOND) * voltage_squared)
 
 

@@ -72,6 +72,8 @@ class NotSampled(ArithmeticError):
 class Nodes:
     """A film's model, force [N], capacitance [F] and squared tilt [rad²], and its states.
 
+    Without a plate the pressure [Pa] that holds its centre is the force.
+
     ``values``: shape (3, heaves, voltages), nan beyond the voltage at which it could not be solved,
     and where shapes were asked for the lattice's displacements below them; ``states`` by the
     numbers of the grid's Chebyshev points.
@@ -109,7 +111,8 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
                 reached = max(j, _FEWEST)
                 break
             state = solution.state
-            nodes.values[:, i, j] = state.force, model.capacitance(state), state.plate.tilt**2
+            push = state.force if film.specimen.plate is not None else -state.pressure
+            nodes.values[:, i, j] = push, model.capacitance(state), state.plate.tilt**2
             nodes.states[int(rows[i]), int(columns[j])] = state
     fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
     if fewest.sum() < _FEWEST:
@@ -169,8 +172,10 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
     """Solve from a guess, else half way from this row's ``last`` state, else from the flat film."""
     guess = model.mounted() if guess is None else guess
 
+    free = (model.pushed_by,)
+
     def at(state: State, squared: float) -> Solution:
-        return newton(model, state.under(voltage=squared, pressure=pressure), ("force",),
+        return newton(model, state.under(voltage=squared, pressure=pressure), free,
                       (held_plate(heave),), _NEAR)
 
     solution = at(guess, voltage_squared)
@@ -181,7 +186,7 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
             solution = at(replace(solution.state, positions=further), voltage_squared)
     if solution.converged or last is not None:
         return solution if solution.converged else None
-    start = newton(model, model.mounted().under(pressure=pressure), ("force",), (held_plate(0.0),))
+    start = newton(model, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
     outcome = held(model, heave, voltage_squared**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 

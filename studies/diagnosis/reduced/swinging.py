@@ -29,6 +29,10 @@ from tympan.studies.effects import EFFECTS, Effect, Setup
 _WEIGHED = 0.05
 
 
+#: What follows no plate.
+_ALONE = FollowingFilm((0.0, 0.0), ((0.0, 0.0), (0.0, 0.0)), 0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Sag:
     """Sag of a flat film under a pressure on what is covered, its plate held, without voltage.
@@ -50,9 +54,14 @@ class SwingingMasses:
     @classmethod
     def of(cls, setup: Setup, settings: Settings) -> SwingingMasses:
         """Solve what follows each plate, by one linear solution of its flat film."""
-        models = [build_model(specimen, settings, setup.rig.loading)
-                  for specimen in setup.specimens]
-        return cls(tuple(following(model, model.mounted()) for model in models), setup, settings)
+        films = []
+        for specimen in setup.specimens:
+            if specimen.plate is None:
+                films.append(_ALONE)
+                continue
+            model = build_model(specimen, settings, setup.rig.loading)
+            films.append(following(model, model.mounted()))
+        return cls(tuple(films), setup, settings)
 
     @cached_property
     def sags(self) -> tuple[Sag, ...]:
@@ -79,9 +88,14 @@ class SwingingMasses:
         return moving
 
     def weight(self, setup: Setup) -> Array:
-        """Share of the electrodes' weight that the plates carry [N], shape (specimens,)."""
-        return np.array([film.lifted * _grease(specimen) * setup.rig.gravity
-                         for film, specimen in zip(self.films, setup.specimens, strict=True)])
+        """Share of the electrodes' weight that the plates carry [N], shape (specimens,).
+
+        Of a film without plate its own weight and theirs, as a pressure [Pa].
+        """
+        return np.array([setup.rig.gravity * (
+            film.lifted * _grease(specimen) if specimen.plate is not None
+            else _grease(specimen) + _per_area(specimen))
+            for film, specimen in zip(self.films, setup.specimens, strict=True)])
 
     @cached_property
     def film_weight(self) -> Array:
