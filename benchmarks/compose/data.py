@@ -97,7 +97,7 @@ is hidden, and one with an effect.
 An effect is *identifiable* if it improves χ² by {seen:g}, and by {told:g} more than every other
 effect, computed from readings without noise. One film alone tells few effects apart. A name counts
 as right if it is the effect, or one of its family, as the page then tells what all of that have in
-common.
+common. Nothing is read of a plate that is held.
 
 {table}
 
@@ -303,8 +303,10 @@ def _identifiable(judgement: Judgement, read: Read) -> tuple[float, float]:
 
 
 def of_combination(combination: Combination, number: int, folder: Path, seed: int) -> list[Judged]:
-    """Both datasets of a film on a rig; none where its film has no equilibrium."""
+    """Both datasets of a film on a rig; none where the plate is held: nothing is read of it."""
     generator, asked = np.random.default_rng([seed, number]), combination.write(folder / "in")
+    if asked.rig is not None and Rig.read(asked.rig).guide == "fixed":
+        return []
     nothing = nothing_hidden(asked, generator)
     hidden = one_hidden(nothing, generator)
     found = []

@@ -383,17 +383,18 @@ def ramp_states(design: Design, truth: Truth, law: Material, ramp: Numbers
                 for nominal, direction in
                 zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
     if rig.friction:
-        return rig, model, _rubbing(model, force, rig.friction, voltages)
+        return rig, model, _rubbing(model, force, rig, voltages)
     outcomes = list(voltage_path(model, force, voltages, rig.gas_pressure))
     if any(outcome.status != "equilibrium" for outcome in outcomes):
         return rig, model, None
     return rig, model, [outcome.state for outcome in outcomes]
 
 
-def _rubbing(model: Model, force: float, friction: float,
+def _rubbing(model: Model, force: float, rig: Rig,
              voltages: Sequence[float]) -> list[State] | None:
-    """States of a plate that stays where it is as long as friction [N] can hold it there."""
-    moving = [list(voltage_path(model, force + rub, voltages)) for rub in (-friction, friction)]
+    """States of a plate that stays where it is as long as friction can hold it there."""
+    moving = [list(voltage_path(model, rig.rubbed(force, way), voltages, rig.gas_pressure))
+              for way in (1.0, -1.0)]
     states: list[State] = []
     for voltage, down, up in zip(voltages, *moving, strict=True):
         if down.status != "equilibrium":
@@ -405,15 +406,16 @@ def _rubbing(model: Model, force: float, friction: float,
             states.append(up.state)
         else:
             rubbing = brentq(
-                lambda rub, at=before, volts=voltage: _gap(model, force + rub, volts, at),
-                -friction, friction, xtol=1e-9)
-            states.append(equilibrium(model, force + rubbing, voltage).state)
+                lambda rub, at=before, volts=voltage: _gap(
+                    model, force + rub, volts, rig.gas_pressure, at),
+                -rig.friction, rig.friction, xtol=1e-9)
+            states.append(equilibrium(model, force + rubbing, voltage, rig.gas_pressure).state)
     return states
 
 
-def _gap(model: Model, force: float, voltage: float, heave: float) -> float:
-    """How much further than a heave a force moves the plate [m]."""
-    outcome = equilibrium(model, force, voltage)
+def _gap(model: Model, force: float, voltage: float, pressure: float, heave: float) -> float:
+    """How much further than a heave a force moves the plate [m], above a gas."""
+    outcome = equilibrium(model, force, voltage, pressure)
     return outcome.state.plate.deflection - heave if outcome.status == "equilibrium" else 1.0
 
 
