@@ -83,7 +83,8 @@ PAGE = """# Numbers in sentences, held against the truth
 {table}
 
 The limits that a sentence states should have the truth in 92 to 98 % of the sets. A family's limits
-are wider: they hold for all its members.
+are wider: they hold for all its members. Those of a gain are wider than they need be. The ratio of
+a gain is that of the very readings held out, without their noise.
 """
 
 
@@ -189,6 +190,8 @@ def _of_cause(number: int, design: Design, truth: Truth, cause: FoundCause) -> I
         for parameter in effect.parameters:
             true, size = parameter.shown(parameter.value(next(sizes))), cause.parameters.get(
                 parameter.name)
+            # Where its sign changes no reading, a size is told without it.
+            true = abs(true) if parameter.even else true
             # A number that says how another acts, such as a direction, has no two ends.
             if size is not None and not parameter.spread:
                 yield Told(number, "size of a cause", effect.name, _end(size.low, -inf),
