@@ -426,7 +426,7 @@ class CaseResult(CaseRecord):
     limits: Annotated[Limits | None, Key("limits of the film under this mass, where they were "
                                          "asked for")] = None
     bands: Annotated[Mapping[str, Band], Key(
-        "how films differ whose numbers scatter, by result; empty where no tolerances were given, "
+        "spread between films made to the tolerances, by result; empty where none were given, "
         "and where more than 5 % of the films do not reach the voltage")] = field(
             default_factory=dict)
     first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None

@@ -50,7 +50,7 @@ _DRAWN = 512
 _JUDGED = 2048
 #: Times that margins are set at most; usually four do.
 _ROUNDS = 12
-#: Change of a margin that is none any more, as a share of its bound.
+#: Change of a margin that counts as none, as a share of its bound.
 _SETTLED = 1e-3
 #: Change from which on it is looked at how many films fail: margins still move by less.
 _NEAR = 2e-2

@@ -149,7 +149,7 @@ class Requirements:
 
 
 def _refuse_former(table: Table) -> None:
-    """Refuse keys that are none any more, with what to write."""
+    """Refuse former keys, with what to write instead."""
     for key in table.data:
         if key in _FORMER:
             raise table.error(key, _FORMER[key])

@@ -97,7 +97,7 @@ class ForceCurve:
     ended: Annotated[ForceLimit | None, Key(
         "where the curve ends before the last displacement; none where it reaches that")]
     band_force_N: Annotated[tuple[Band | None, ...], Key(
-        "how the forces of films differ whose numbers scatter, for each displacement; empty "
+        "spread of the force between films made to the tolerances, for each displacement; empty "
         "without tolerances, none where more than 5 % of the films have no equilibrium")] = ()
 
     @property

@@ -57,9 +57,9 @@ class MassCurve:
     limits: Annotated[Limits, Key("limits of the film under this mass")]
     stroke_m: StrokeToLimit = None
     band_voltage_V: Annotated[tuple[float, ...], Key(
-        "voltages at which films were solved whose numbers scatter; empty without tolerances")] = ()
+        "voltages at which films made to the tolerances were solved; empty without these")] = ()
     band_deflection_m: Annotated[tuple[Band | None, ...], Key(
-        "how their deflections differ there; none where more than 5 % of the films do not reach "
+        "spread of their deflections there; none where more than 5 % of the films do not reach "
         "the voltage")] = ()
 
     @property

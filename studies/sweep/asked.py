@@ -280,8 +280,8 @@ def _lumped(asked: AskedCase) -> Record:
             "warnings": built.warnings}
 
 
-@quantity_of("how the deflections of films differ whose numbers scatter, as `tympan tolerance` "
-             "draws them", {
+@quantity_of("spread of the deflection between films made to the tolerances, as `tympan "
+             "tolerance` draws them", {
     "deflection_low_m": "5 % of the films have less",
     "deflection_median_m": "half of the films have more",
     "deflection_high_m": "5 % of the films have more",

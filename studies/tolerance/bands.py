@@ -1,4 +1,4 @@
-"""Bands: how a result differs between films whose numbers scatter, at each of its loads."""
+"""Bands: spread of a result between films made to the tolerances, at each of its loads."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def quantity_bands(copies: Copies, mass: float, voltage: float) -> dict[str, Ban
 @singledispatch
 def banded(result: Any, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
            ) -> Any:
-    """The result with the bands of films that scatter as tolerances have it."""
+    """The result with the bands of films made to the tolerances."""
     raise NotImplementedError(type(result).__name__)
 
 

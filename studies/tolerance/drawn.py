@@ -43,7 +43,7 @@ class Scattered:
         return len(self._inputs)
 
     def design(self, count: int, seed: int) -> Design:
-        """Design of about so many films; groups: causes, and all that a batch does not share."""
+        """Design of about ``count`` films; groups: causes, and all that a batch does not share."""
         inputs = self._inputs
         groups = [[cause is own for own, _ in inputs] for cause in self.causes]
         apart = [own.scope == "film" for own, _ in inputs]

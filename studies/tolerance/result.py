@@ -201,7 +201,7 @@ class FilmLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceResult(CaseRecord):
-    """Distributions of what films have whose numbers scatter, SI."""
+    """Distributions over films made to the same tolerances, SI."""
 
     ending = "-tolerance"
     writer = "tympan tolerance"

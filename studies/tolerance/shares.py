@@ -31,7 +31,7 @@ class Design:
 
     @classmethod
     def drawn(cls, groups: Sequence[Sequence[bool]], count: int, seed: int) -> Design:
-        """Design of about so many points: Sobol's sequence, whose length is a power of two."""
+        """Design of about ``count`` points: Sobol's sequence, whose length is a power of two."""
         from scipy.stats import qmc  # half a second, also for who draws no films
 
         chosen = np.array(groups, dtype=bool)

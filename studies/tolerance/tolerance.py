@@ -1,4 +1,4 @@
-"""Films whose numbers scatter, solved by a family of reduced films."""
+"""Spread between films made to the same tolerances, by a family of reduced films."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ _ALIKE = 1e-9
 @asks
 @dataclass(frozen=True)
 class ToleranceCase:
-    """A specimen whose numbers scatter, under a nominal ``mass`` [kg] and ``voltage`` [V].
+    """A specimen made to tolerances, under a nominal ``mass`` [kg] and ``voltage`` [V].
 
     Mass and voltage suit the film where they are not given. ``wanted``: bounds of which is said how
     many films keep them. About so many ``films`` are drawn, by a ``seed``: their number is a power

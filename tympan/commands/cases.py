@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 #: For results with the band of films that scatter.
 TOLERANCES = argument(
     "--tolerances", nargs="?", const="", metavar="FILE",
-    help="also how films differ whose numbers scatter: median, 5 and 95 %; by the standard "
+    help="also the spread between films made to tolerances: median, 5 and 95 %; by the standard "
          "deviations of a file, or without FILE by those of the film's material and assumed ones "
          "(docs/howto/tolerance.md)")
 

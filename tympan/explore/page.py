@@ -70,7 +70,7 @@ _BEYOND = 1.15
 
 
 #: Explanation of the numbers in brackets.
-_SCATTER = "In brackets: 5 and 95 % of films whose numbers scatter."
+_SCATTER = "In brackets: 5 and 95 % of films made to the tolerances."
 
 #: Who says a curve that finite elements have not said yet.
 _BY = "by a reduced film at first"

@@ -272,7 +272,7 @@ class Off:
 
 @dataclass(frozen=True, eq=False)
 class Bands:
-    """Films whose numbers scatter about those of a view, under its mass.
+    """Films made to tolerances about a view, under its mass.
 
     Bands of the deflection [m] at some ``voltages`` [V], and of ``numbers`` of the view by the keys
     of a result.
