@@ -339,6 +339,7 @@ def slips_of_sign(dataset: Dataset) -> Iterator[str]:
     that points up; else no film that a weight pulls does so. Said of all films, or of one that is
     so among others.
     """
+    yield from _against_gas(dataset)
     static, rig = dataset.static, dataset.rig
     if static is None or rig.gas_pressure or rig.biases:
         return
@@ -360,6 +361,25 @@ def slips_of_sign(dataset: Dataset) -> Iterator[str]:
             what="voltage and mass rise" if heavier else "the voltage rises",
             others="" if alike else ", but that of other films rises",
             remedy=WORDS["do_sign" if alike else "do_sign_of_one"])
+
+
+def _against_gas(dataset: Dataset) -> Iterator[str]:
+    """Films without plate whose centres, wherever they were read, go against gas and weight."""
+    read = [(sheet, sheet.values[name]) for sheet, name in (
+        (dataset.static, "displacement"), (dataset.ranges, "range")) if sheet is not None]
+    for specimen in dataset.specimens:
+        if specimen.plate is not None:
+            continue
+        film, rig = specimen.membrane, dataset.rig
+        area = film.density * film.volume_per_area + film.layers * specimen.electrode.mass
+        pressure = rig.gas_pressure - area * rig.gravity
+        for sheet, values in read:
+            there = values[(sheet.specimen == specimen.name) & np.isfinite(values) & (values != 0)]
+            if len(there) and pressure and (there * pressure > 0).all():
+                yield WORDS["against_gas"].format(
+                    file=sheet.file.name, specimen=specimen.name, pressure=rig.gas_pressure,
+                    way="lifts" if pressure > 0 else "lowers",
+                    sign="negative" if pressure > 0 else "positive", read=1e3 * there[0])
 
 
 class _Ramp(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -91,7 +91,7 @@ RANGE: tuple[Column, ...] = (
     *_LOAD,
     Column("voltage_min", "kV", _VOLTAGE, also=(LOWER_VOLTAGES,)),
     Column("voltage_max", "kV", _VOLTAGE, also=(HIGHER_VOLTAGES,)),
-    Column("range", "mm", NON_NEGATIVE, also=RANGES),
+    Column("range", "mm", _DISPLACEMENT, also=RANGES),
     _SIGMA,
     _DWELL,
 )
@@ -290,9 +290,9 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         file.name for file, other in published.items() if other is kind)
         for kind in dict.fromkeys(published.values())]
     remarks[:0] = _guesses(about)
-    later = ("displacement", "range", "frequency") if planned else ()
+    later: tuple[str, ...] = ("displacement", "range", "frequency") if planned else ()
     # Nothing hangs on a film without plate.
-    alone = all(specimen.plate is None for specimen in dataset.specimens)
+    alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
     later += ("mass",) if alone else ()
     first = dataset.specimens[0].name
     sheets: dict[str, Sheet] = {}
@@ -314,12 +314,16 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
             if alone and "mass" in sheet.values:
-                sheet = sheets[name] = _unloaded(sheet)
+                sheet = sheets[name] = _unloaded(sheet, alone)
             remarks += _identical(sheet)
     static, ranges, transients, coupons, frequencies, fields, forces = map(sheets.get, FILES)
     if ranges is not None:
         for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
             raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
+        # Gas from below may lift a film, the more so the higher the voltage.
+        for row in np.flatnonzero(ranges.range < 0) if dataset.rig.gas_pressure <= 0 else ():
+            raise ranges.error(int(row), "range", "must not be negative: a load pulls the film "
+                                                  "further down as the voltage rises")
     if transients is not None:
         _check_times(transients)
     if fields is not None:
@@ -338,11 +342,14 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                    remarks=tuple(remarks))
 
 
-def _unloaded(sheet: Sheet) -> Sheet:
-    """The same table of films without plate, on which no mass may hang."""
-    for row in np.flatnonzero(np.nan_to_num(sheet.mass)):
+def _unloaded(sheet: Sheet, alone: Sequence[str]) -> Sheet:
+    """The same table with no mass on some films: they have no plate."""
+    bare = np.isin(sheet.specimen, alone)
+    for row in np.flatnonzero(bare & (np.nan_to_num(sheet.mass) != 0)):
         raise sheet.error(int(row), "mass", "must be 0 or left out: a mass hangs on a plate, and "
                                             "the film has none")
+    for row in np.flatnonzero(~bare & np.isnan(sheet.mass)):
+        raise sheet.error(int(row), "mass", "must be a number: the film has a plate")
     return replace(sheet, values={**sheet.values, "mass": np.nan_to_num(sheet.mass)})
 
 
@@ -407,8 +414,10 @@ def channels(static: Sheet) -> tuple[str, ...]:
 
 
 def _specimen_files(about: Path) -> list[str]:
-    """The files of specimens that a dataset names."""
-    return [entry.text("file") for entry in Table.read(about).tables("specimen") if "file" in entry]
+    """The files of specimens and rig that a dataset names."""
+    table = Table.read(about)
+    rig = [table.text("rig")] if isinstance(table.value("rig", None), str) else []
+    return rig + [entry.text("file") for entry in table.tables("specimen") if "file" in entry]
 
 
 def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:

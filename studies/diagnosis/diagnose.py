@@ -247,11 +247,26 @@ def _require_lengths(dataset: Dataset) -> None:
 
 def _prepared(dataset: Dataset) -> PreparedReadings:
     alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
-    if alone and (others := set(dataset.tables) - _OF_THE_CENTRE):
-        raise InputError(f"has no plate, which {' and '.join(sorted(others))} is read of: leave it "
-                         f"out; {' and '.join(sorted(_OF_THE_CENTRE))} may have the deflection of "
-                         "the centre", key="specimen", given=" and ".join(alone))
+    if alone:
+        _require_centres(dataset, alone)
     return prepared_readings(dataset)
+
+
+def _require_centres(dataset: Dataset, alone: list[str]) -> None:
+    """Refuse what films without plate do not have."""
+    others, static = set(dataset.tables) - _OF_THE_CENTRE, dataset.static
+    if others:
+        raise InputError(f"has no plate, which {' and '.join(sorted(others))} is read of: leave it "
+                         f"out; {' and '.join(Rest.files)} may have the deflection of the centre",
+                         key="specimen", given=" and ".join(alone))
+    if len(alone) == len(dataset.specimens):
+        try:
+            dataset.rig.require_none_of_plate()
+        except InputError as error:
+            raise error.located(file="dataset.toml") from None
+    if static is not None:
+        for row in np.flatnonzero(np.isin(static.specimen, alone) & np.isfinite(static.tilt)):
+            raise static.error(int(row), "tilt", "must be left out: the film has no plate")
 
 
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:

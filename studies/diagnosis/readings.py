@@ -81,8 +81,12 @@ def _refuse(dataset: Dataset) -> None:
     rig = dataset.rig
     if not (rig.force(dataset.masses, 1.0).any() or rig.gas_pressure or rig.biases
             or dataset.forces is not None):
-        raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
-                         "under any voltage", key="mass", given="0 g everywhere")
+        words = "a film that nothing loads stays flat under any voltage"
+        if all(specimen.plate is None for specimen in dataset.specimens):
+            raise InputError(f"must not be 0: {words}", file="dataset.toml",
+                             key="rig.gas_pressure", given="0 Pa")
+        raise InputError(f"must be above 0 in some reading: {words}", key="mass",
+                         given="0 g everywhere")
     for slip in (*slips_of_unit(dataset), *slips_of_sign(dataset)):
         raise InputError(slip, key=dataset.name)
 

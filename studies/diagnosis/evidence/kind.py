@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors
@@ -261,4 +262,21 @@ class PreparedReadings:
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
                      if cause in others or (told.issuperset(effect.shows_in) and all(
-                         kind.feels(cause, self.setup, self.table) for kind in self.evidence)))
+                         kind.feels(cause, self.setup, self.table) for kind in self.evidence)
+                         and _has_place(cause, self.setup)))
+
+
+def _has_place(cause: Cause, setup: Setup) -> bool:
+    """Whether an effect has what it acts on: some act on a plate."""
+    if any(specimen.plate is not None for specimen in setup.specimens):
+        return True
+    sizes = [parameter.deviation for parameter in cause.effect.parameters]
+    try:
+        edited = cause.effect.at(setup, sizes, cause.which)
+    except InputError as error:
+        return error.key != "plate"
+    try:
+        edited.rig.require_none_of_plate()
+    except InputError:
+        return False
+    return True

@@ -134,7 +134,9 @@ class HeldFilm:
                                                       mounted=None, temperature_power=0.0))
         # A film without plate is held by gas, and its weight counts as a part of that.
         plate = specimen.plate is not None
-        if not (plate and specimen.membrane.density):
+        if not plate:
+            loading = Loading(gravity=0.0)
+        elif not specimen.membrane.density:
             loading = replace(loading, gravity=0.0)
         return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0)
 

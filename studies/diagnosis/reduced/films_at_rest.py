@@ -99,10 +99,16 @@ class FilmsAtRest:
 
     @cached_property
     def _film_weight(self) -> Array | float:
-        """Share of its film's own weight that each plate carries [N], shape (states,)."""
+        """Share of its film's own weight that each plate carries, less lifting gas [N], (states,).
+
+        A stiffer film weighs no more and is lifted no more, and the force that was sampled is less
+        both.
+        """
         if self.films.masses is None:
             return 0.0
-        return self.films.masses.film_weight[self.states.specimen]
+        masses = self.films.masses
+        return (masses.film_weight - self.rig.gas_pressure * masses.lifted_area)[
+            self.states.specimen]
 
     @cached_property
     def hardening(self) -> Array | float:
@@ -287,7 +293,6 @@ class FilmsAtRest:
         """
         force, rate = self._film_force(heave)
         stiffness = self.stiffness * self.hardening
-        # A stiffer film weighs no more, and the force that was sampled is less that weight.
         force = stiffness * force + (stiffness - 1) * self._film_weight
         rate = stiffness * rate
         if not self._plate.any():

@@ -103,6 +103,11 @@ class SwingingMasses:
         return np.array([(film.swept - film.plate) * _per_area(specimen) * self.setup.rig.gravity
                          for film, specimen in zip(self.films, self.setup.specimens, strict=True)])
 
+    @property
+    def lifted_area(self) -> Array:
+        """Area of film and plate on which gas lifts the plates [m²], shape (specimens,)."""
+        return np.array([film.swept for film in self.films])
+
 
 def _per_area(specimen: Specimen) -> float:
     return specimen.membrane.density * specimen.membrane.volume_per_area

@@ -33,9 +33,12 @@ def _carried(specimen: Specimen, rig: Rig) -> float:
 
     Of the electrodes what the plate lifts: where a round film of the same areas deflects as the
     logarithm of the distance, 1/ln k − 1/(k − 1) of them, k the frame's area over the plate's.
+    A film without plate carries all of them.
     """
+    if specimen.plate is None:
+        return specimen.electrode.mass * float(np.real(specimen.frame.curve.area))
     plate, frame = (float(np.real(part.curve.area))
-                    for part in (specimen.needed_plate().outline, specimen.frame))
+                    for part in (specimen.plate.outline, specimen.frame))
     lifted = (frame - plate) * (1 / log(frame / plate) - 1 / (frame / plate - 1))
     return (rig.unaccounted_mass + specimen.electrode.mass * lifted
             - rig.friction / rig.gravity)

@@ -8,17 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.oracles import axisymmetric
 from tests.oracles.axisymmetric import neo_hooke
 from tests.oracles.inflation import Disc, Loads, minimise
-from tests.support.datasets import write_dataset
+from tests.support.datasets import SPECIMEN, write_dataset
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
-from tympan.geometry.specimen import Electrode, Film, Specimen
+from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, with_masses
 from tympan.studies.diagnosis.diagnose import conclude
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.reading_table import States, rows
 from tympan.studies.effects import Setup
 
@@ -107,3 +109,78 @@ def test_a_sag_of_the_voltage_is_named_on_a_bulge_of_the_equations(tmp_path: Pat
     assert "voltage_sag" in [cause.effect for cause in result.causes[:2]]
     assert result.verdict in ("named", "ambiguous")
     assert "plate" not in result.next_experiment.what
+
+
+@pytest.mark.parametrize("stiffness", [0.9, 1.08, 1.3])
+def test_a_plate_above_gas_whose_film_is_stiffer_is_that_of_the_equations(stiffness: float) -> None:
+    """The gas lifts a stiffer film no more: readings of the equations are those of the factors."""
+    pressure, inner, mass = 80.0, 10e-3, 25e-3
+    film = axisymmetric.Film(inner, OUTER, THICKNESS, STRETCH, neo_hooke(stiffness * MU),
+                             PERMITTIVITY)
+    plated = replace(FILM, plate=Plate(Circle(inner)))
+    values = np.array([-minimise(film, Loads(pressure, np.pi * inner**2 * pressure - mass * 9.80665,
+                                             voltage)).apex for voltage in VOLTAGES.tolist()])
+    states = States.of([0] * len(VOLTAGES), np.full(len(VOLTAGES), mass), VOLTAGES)
+    table = rows(states, "displacement", 1e-6).with_values(values)
+    found = calibrated(Setup((plated,), Rig(gas_pressure=pressure)), table)
+    assert np.exp(found.fit.unknowns) == pytest.approx([stiffness, 1.0], rel=3e-3)
+
+
+def test_what_goes_against_the_gas_is_a_sign(tmp_path: Path) -> None:
+    values = np.linspace(6e-3, 9e-3, len(VOLTAGES))
+    folder = write_dataset(tmp_path / "d", HEAD, (), static=table(values))
+    with pytest.raises(InputError, match=r"the centre of disc goes the wrong way: .* lifts it"):
+        conclude(read_dataset(folder))
+
+
+def test_ranges_of_a_film_that_gas_lifts_are_negative(tmp_path: Path) -> None:
+    low, high = exact(80.0, VOLTAGES[[0, 2]]), exact(80.0, VOLTAGES[[3, 8]])
+    lines = [f"disc,{VOLTAGES[0] / 1e3},{VOLTAGES[end] / 1e3},{1e3 * (value - low[0]):.5f}"
+             for end, value in ((2, low[1]), (3, high[0]), (8, high[1]))]
+    text = "specimen,voltage_min_kV,voltage_max_kV,range_mm\n" + "\n".join(lines) + "\n"
+    data = read_dataset(write_dataset(tmp_path / "d", HEAD, (), range=text))
+    assert data.ranges is not None
+    assert (data.ranges.range < 0).all()
+    pressed = HEAD.replace("80 Pa", "-80 Pa")
+    with pytest.raises(InputError, match=r"range_mm\): given '-.*': must not be negative"):
+        read_dataset(write_dataset(tmp_path / "pressed", pressed, (), range=text))
+
+
+def test_films_with_and_without_plate_share_stiffness_and_gas(tmp_path: Path) -> None:
+    pressure, inner, mass, stiffness = 80.0, 10e-3, 25e-3, 1.08
+    plate = replace(FILM, name="plate", plate=Plate(Circle(inner)))
+    law = neo_hooke(stiffness * MU)
+    bare = exact(pressure, VOLTAGES, replace(DISC, material=law))
+    film = axisymmetric.Film(inner, OUTER, THICKNESS, STRETCH, law, PERMITTIVITY)
+    loaded = np.array([-minimise(film, Loads(
+        pressure, np.pi * inner**2 * pressure - mass * 9.80665, voltage)).apex
+        for voltage in VOLTAGES.tolist()])
+    count = len(VOLTAGES)
+    states = States.of([0] * count + [1] * count, [0.0] * count + [mass] * count,
+                       np.tile(VOLTAGES, 2))
+    values = rows(states, "displacement", 1e-6).with_values(np.r_[bare, loaded])
+    rig = Rig(gas_pressure=pressure, weight_offset=(0.0, 0.0))
+    found = calibrated(Setup((FILM, plate), rig), values)
+    assert np.exp(found.fit.unknowns) == pytest.approx([stiffness, 1.0], rel=3e-3)
+
+
+def test_nothing_that_acts_on_a_plate_is_a_cause_without_one() -> None:
+    states = States.of([0] * len(VOLTAGES), np.zeros(len(VOLTAGES)), VOLTAGES)
+    setup = Setup((FILM,), Rig(gas_pressure=80.0))
+    there = {cause.name for cause in PreparedReadings(
+        setup, rows(states, "displacement", 1e-6), ()).causes}
+    assert not there & {"friction", "unaccounted_mass", "parallel_spring", "plate_eccentricity"}
+    assert {"voltage_sag", "electrode_margin", "electrode_mass"} <= there
+
+
+def test_masses_are_left_blank_row_by_row(tmp_path: Path) -> None:
+    head = HEAD.replace('[rig]', '') .replace('gas_pressure = "80 Pa"\n', "")
+    head += SPECIMEN.format(name="A") + '[rig]\ngas_pressure = "80 Pa"\n'
+    text = "specimen,mass_g,voltage_kV,displacement_mm\n"
+    data = read_dataset(write_dataset(tmp_path / "d", head, (), static=text
+                                      + "disc,,0,-6\nA,20,0,2\n"))
+    assert data.static is not None
+    assert data.static.mass.tolist() == [0.0, 0.02]
+    with pytest.raises(InputError, match=r"line 3, column 2 .*the film has a plate"):
+        read_dataset(write_dataset(tmp_path / "e", head, (), static=text
+                                   + "disc,,0,-6\nA,,0,2\n"))
