@@ -79,7 +79,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
                    "readings": readings.get(name)}
                   for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
-        "masses_kg": _distinct([dataset.masses]),
+        "masses_kg": _distinct([dataset.masses]) if _loaded(dataset) else [],
         "voltages_V": _distinct(voltages),
         "channels": [] if static is None else ["displacement", *channels(static)],
         "runs": len(dataset.runs),
@@ -120,8 +120,7 @@ def _too_little(dataset: Dataset) -> Iterator[str]:
         return
     if len(read) == 1:
         yield WORDS["one_specimen"]
-    loaded = any(specimen.plate is not None for specimen in dataset.specimens)
-    if loaded and len(_distinct([table.mass for table in tables])) == 1:
+    if _loaded(dataset) and len(_distinct([table.mass for table in tables])) == 1:
         yield WORDS["one_mass"]
     static = dataset.static if dataset.ranges is None else None
     if static is not None and len(_distinct([static.voltage])) == 1:
@@ -361,6 +360,11 @@ def slips_of_sign(dataset: Dataset) -> Iterator[str]:
             what="voltage and mass rise" if heavier else "the voltage rises",
             others="" if alike else ", but that of other films rises",
             remedy=WORDS["do_sign" if alike else "do_sign_of_one"])
+
+
+def _loaded(dataset: Dataset) -> bool:
+    """Whether some film has a plate, on which masses hang."""
+    return any(specimen.plate is not None for specimen in dataset.specimens)
 
 
 def _against_gas(dataset: Dataset) -> Iterator[str]:

@@ -101,8 +101,16 @@ class Draft:
         lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
                  f"name = {_quoted(self.file.stem)}", "", *self._other(),
                  f"[columns.{self.guesses.kind}]", *self._about(), *self._columns(), "",
-                 *self._specimens()]
+                 *self._specimens(), *self._gas()]
         return "\n".join(lines) + "\n"
+
+    def _gas(self) -> Iterator[str]:
+        """The gas that holds films without plate, for who drafts to write."""
+        if self.guesses.bare:
+            yield ""
+            yield "[rig]"
+            yield (f'gas_pressure = "? Pa"  # {_CORRECT}of the gas below the film; from below it '
+                   "lifts the film, and displacements are negative")
 
     def _require_one_of_each(self) -> None:
         titles = self.header.titles
@@ -168,7 +176,7 @@ class Draft:
                 yield f"{column.title} = {_quoted(title)}  # {title!r} is known as {column.name}"
             elif column.name == "specimen":
                 yield self._of_all_rows(column)
-            elif column.required:
+            elif column.required and not (column.name == "mass" and self.guesses.bare):
                 yield self._absent(column)
 
     def _chosen(self, choice: Choice, source: Source | None) -> str:

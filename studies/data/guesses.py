@@ -502,6 +502,11 @@ class Guesses:
                    if name in ("mass", "voltage") and name != along]
         return doubts.groups_of([self.cells(place) for place in places], len(self.below))
 
+    @cached_property
+    def bare(self) -> bool:
+        """Whether no film near has a plate: gas holds them, and no mass hangs on one."""
+        return bool(self.specimens) and all(film.plate is None for film in self.specimens.values())
+
     def sign(self, choice: Choice) -> tuple[str, str]:
         """The sign of a column's numbers, and a doubt about it.
 
@@ -511,6 +516,9 @@ class Guesses:
         negative = doubts.all_negative(values)
         if name == "voltage":
             return ("up" if negative else "down"), ""
+        if self.bare and name == "displacement":
+            return "down", ("gas from below lifts a film without plate, and its displacements are "
+                            "negative: look which way they count")
         rising = self._rising(choice)
         if rising is False:
             return "up", f"the numbers fall where {name}s rise: taken as counted the other way"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tympan
 from tests.oracles import axisymmetric
 from tests.oracles.axisymmetric import neo_hooke
 from tests.oracles.inflation import Disc, Loads, minimise
@@ -17,6 +18,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
+from tympan.studies.data.checks import summary
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, with_masses
 from tympan.studies.diagnosis.diagnose import conclude
@@ -184,3 +186,18 @@ def test_masses_are_left_blank_row_by_row(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"line 3, column 2 .*the film has a plate"):
         read_dataset(write_dataset(tmp_path / "e", head, (), static=text
                                    + "disc,,0,-6\nA,,0,2\n"))
+
+
+def test_a_draft_asks_for_the_gas_and_for_no_mass(tmp_path: Path) -> None:
+    film = HEAD.partition("[[specimen]]")[2].partition("[rig]")[0].replace("[specimen.", "[")
+    (tmp_path / "film.toml").write_text(film, encoding="utf-8")
+    (tmp_path / "Test 7.csv").write_text(table(np.linspace(-6e-3, -9e-3, len(VOLTAGES))))
+    text = tympan.draft(tmp_path / "Test 7.csv").read_text(encoding="utf-8")
+    assert "mass" not in text
+    assert 'sign = "down" }  # CORRECT THIS: gas from below lifts' in text
+    file = tmp_path / "dataset.toml"
+    file.write_text(text.replace('"? Pa"', '"80 Pa"').replace("CORRECT THIS: ", ""))
+    read = read_dataset(tmp_path)
+    assert read.static is not None
+    assert read.static.displacement[0] == pytest.approx(-6e-3)
+    assert summary(read)["masses_kg"] == []
