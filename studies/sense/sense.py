@@ -88,7 +88,9 @@ def sense(case: SenseCase, settings: Settings,
         if not states:
             raise InputError("must be given: under these loads and voltages there is no "
                              "equilibrium", key="to", given="none")
-        to = _ROOM * max(result[2] for result in states)
+        # Above the flat film the capacitance is that of the same distance below.
+        even = not rig.gas_pressure and not specimen.membrane.density
+        to = _ROOM * max(abs(result[2]) if even else result[2] for result in states)
     # A curve between the two highest voltages judges the polynomial.
     between = [float(np.sqrt(np.mean(np.square(voltages[-2:]))))] if len(voltages) > 1 else []
     displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start, to=to,
@@ -118,6 +120,11 @@ def sense(case: SenseCase, settings: Settings,
                           firsts)
     curves = tuple(_curve(every[each.voltage], each, first) for each in given)
     warnings = list(left_out(displaced))
+    lifted = [deflection for _, _, deflection, _ in states if deflection < 0 and place == 0]
+    if lifted:
+        warnings.append(f"the plate rests up to {-1e3 * min(lifted):.4g} mm above the flat film: "
+                        "the capacitance there is that of the same distance below, and does not "
+                        "tell on which side the plate is")
     if first:
         warnings.append(f"the capacitance rises from {1e3 * given[0].deflection[0]:.4g} mm on: "
                         "below that it does not tell the deflection")
@@ -126,7 +133,7 @@ def sense(case: SenseCase, settings: Settings,
         table_error_m=max(map(_between_rows, given)),
         states=tuple(SensedState(
             mass_kg=mass, voltage_V=voltage, displacement_m=deflection, capacitance_F=capacitance,
-            sensed_m=None if np.isnan(told) else told)
+            sensed_m=None if np.isnan(told) else told if deflection not in lifted else -told)
             for mass, voltage, deflection, capacitance in states
             for told in [float(inverse.deflection(capacitance, voltage))]),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,

@@ -17,6 +17,7 @@ import tympan
 from tests.oracles import axisymmetric
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film, specimen_toml
 from tympan.cli import main
+from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Electrode
@@ -201,3 +202,14 @@ def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
     for wrong, words in ((["--points", "4"], "--points"), (["--to", "-1 mm"], "to")):
         assert main(["sense", str(tmp_path / "oval.toml"), *wrong]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_a_plate_that_rests_above_is_sensed_by_its_mirror_image() -> None:
+    """A pull of 0.3 N upwards under 10 g leaves what some 0.2 N leave below."""
+    lifted = Rig(biases=(Constant(force=-0.3),))
+    found = sense(SenseCase(circular(NEO_HOOKE), voltages=(0.0, 3e3), masses=(10e-3,), points=9,
+                            rig=lifted), COARSE)
+    assert all(state.displacement_m < 0 for state in found.states)
+    for state in found.states:
+        assert state.sensed_m == pytest.approx(state.displacement_m, abs=2e-6)
+    assert any("does not tell on which side" in warning for warning in found.warnings)
