@@ -48,8 +48,8 @@ UNITS = {
     "force": {"mN": 1e-3, "N": 1, "kN": 1e3},
 }
 #: Between which numbers are drawn, where columns have limits of their own.
-LIMITS = {"quality": (0.51, 1e3), "displacement": (1e-9, 10), "range": (1e-9, 10), "stretch": (0.05, 20),
-          **dict.fromkeys("xyuv", (1e-9, 10))}
+LIMITS = {"quality": (0.51, 1e3), "stretch": (0.05, 20),
+          **dict.fromkeys(("displacement", "range", *"xyuv"), (1e-9, 10))}
 FILES = {Path(name).stem: columns for name, columns in dataset.FILES.items()}
 
 
