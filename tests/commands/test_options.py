@@ -77,18 +77,12 @@ DRUM = specimen_toml("drum", ROUND, SOFT, 2.0).replace(
     ["alpha", "drum.toml"], ["lumped", "build", "drum.toml", "-o", "out"],
     ["force", "drum.toml", "--to", "1 mm"], ["sense", "drum.toml"],
     ["path", "drum.toml", "--along", "mass"], ["study", "study.toml", "-o", "out"],
-    ["export", "drum.toml", "--inp", "--mass", "1 g", "-o", "out"],
-    ["diagnose", "data", "-o", "out"]])
+    ["export", "drum.toml", "--inp", "--mass", "1 g", "-o", "out"]])
 def test_what_needs_a_plate_says_so(arguments: list[str], tmp_path: Path, monkeypatch,
                                     capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("drum.toml").write_text(DRUM)
     Path("study.toml").write_text('name = "drums"\nspecimens = ["drum.toml"]\n')
-    Path("data").mkdir()
-    Path("data/dataset.toml").write_text(
-        'name = "d"\n[[specimen]]\n' + DRUM.replace("\n[", "\n[specimen."))
-    Path("data/static.csv").write_text("specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
-        f"drum,{mass},0,{mass / 10}\n" for mass in range(10, 15)))
     assert main(arguments) == 2
     message = capsys.readouterr().err
     assert "given 'none in drum': is needed here" in message

@@ -89,7 +89,9 @@ def test_signals_at_any_moment_are_one_line_and_nothing_is_lost(moments: int) ->
 
     A moment takes two processes of seconds; `make signals` tries all commands at many.
     """
-    statuses, faults = tried("material fit", moments, seed=4, kill=False)
+    # The first moment of this seed is half way: a run that is quicker than the one timed before
+    # it, as on a busy machine, has not ended by then.
+    statuses, faults = tried("material fit", moments, seed=11, kill=False)
     assert faults == []
     assert set(statuses) <= {0, 130, 143}
     assert max(statuses) > 0
