@@ -375,8 +375,8 @@ def _against_gas(dataset: Dataset) -> Iterator[str]:
         if specimen.plate is not None:
             continue
         film, rig = specimen.membrane, dataset.rig
-        area = film.density * film.volume_per_area + film.layers * specimen.electrode.mass
-        pressure = rig.gas_pressure - area * rig.gravity
+        weighed = film.density * film.volume_per_area + film.layers * specimen.electrode.mass
+        pressure = rig.gas_pressure - weighed * rig.gravity
         for sheet, values in read:
             there = values[(sheet.specimen == specimen.name) & np.isfinite(values) & (values != 0)]
             if len(there) and pressure and (there * pressure > 0).all():

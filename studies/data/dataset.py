@@ -320,8 +320,9 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     if ranges is not None:
         for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
             raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
-        # Gas from below may lift a film, the more so the higher the voltage.
-        for row in np.flatnonzero(ranges.range < 0) if dataset.rig.gas_pressure <= 0 else ():
+        # Gas from below or a mechanism may lift a film, the more so the higher the voltage.
+        lifts = dataset.rig.gas_pressure > 0 or dataset.rig.biases
+        for row in () if lifts else np.flatnonzero(ranges.range < 0):
             raise ranges.error(int(row), "range", "must not be negative: a load pulls the film "
                                                   "further down as the voltage rises")
     if transients is not None:

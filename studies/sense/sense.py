@@ -83,13 +83,14 @@ def sense(case: SenseCase, settings: Settings,
     specimen, rig, voltages = case.specimen, case.rig, sorted(case.voltages)
     masses = case.masses or (usual_masses(specimen, settings, rig) if case.to is None else ())
     states = _states(case, settings, masses) if masses else []
+    # Where nothing weighs on the film itself, it is above its plane as it is below.
+    even = not (rig.gas_pressure or any(rig.weight_offset) or specimen.membrane.density
+                or specimen.electrode.mass)
     to = case.to
     if to is None:
         if not states:
             raise InputError("must be given: under these loads and voltages there is no "
                              "equilibrium", key="to", given="none")
-        # Above the flat film the capacitance is that of the same distance below.
-        even = not rig.gas_pressure and not specimen.membrane.density
         to = _ROOM * max(abs(result[2]) if even else result[2] for result in states)
     # A curve between the two highest voltages judges the polynomial.
     between = [float(np.sqrt(np.mean(np.square(voltages[-2:]))))] if len(voltages) > 1 else []
@@ -120,9 +121,10 @@ def sense(case: SenseCase, settings: Settings,
                           firsts)
     curves = tuple(_curve(every[each.voltage], each, first) for each in given)
     warnings = list(left_out(displaced))
-    lifted = [deflection for _, _, deflection, _ in states if deflection < 0 and place == 0]
-    if lifted:
-        warnings.append(f"the plate rests up to {-1e3 * min(lifted):.4g} mm above the flat film: "
+    highest = min((deflection for _, _, deflection, _ in states), default=0.0)
+    mirrored = even and place == 0 and highest < 0
+    if mirrored:
+        warnings.append(f"the plate rests up to {-1e3 * highest:.4g} mm above the flat film: "
                         "the capacitance there is that of the same distance below, and does not "
                         "tell on which side the plate is")
     if first:
@@ -133,7 +135,8 @@ def sense(case: SenseCase, settings: Settings,
         table_error_m=max(map(_between_rows, given)),
         states=tuple(SensedState(
             mass_kg=mass, voltage_V=voltage, displacement_m=deflection, capacitance_F=capacitance,
-            sensed_m=None if np.isnan(told) else told if deflection not in lifted else -told)
+            sensed_m=None if np.isnan(told) else np.copysign(told, deflection).item()
+            if mirrored else told)
             for mass, voltage, deflection, capacitance in states
             for told in [float(inverse.deflection(capacitance, voltage))]),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,

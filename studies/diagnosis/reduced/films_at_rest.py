@@ -294,16 +294,13 @@ class FilmsAtRest:
         force, rate = self._film_force(heave)
         stiffness = self.stiffness * self.hardening
         force = stiffness * force + (stiffness - 1) * self._film_weight
-        rate = stiffness * rate
-        if not self._plate.any():
-            return force - self.load, rate
         _, push, bend = acting(self._biases, heave)
-        load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
         push, bend = push + self.rig.spring * heave, bend + self.rig.spring
-        if self._plate.all():
-            return force + push - load, rate + bend
-        return (np.where(self._plate, force + push - load, force - self.load),
-                np.where(self._plate, rate + bend, rate))
+        load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
+        if not self._plate.all():
+            push, bend = self._plate * push, self._plate * bend
+            load = np.where(self._plate, load, self.load)
+        return force + push - load, stiffness * rate + bend
 
     @cached_property
     def _biases(self) -> tuple[Bias, ...]:

@@ -54,14 +54,13 @@ class SwingingMasses:
     @classmethod
     def of(cls, setup: Setup, settings: Settings) -> SwingingMasses:
         """Solve what follows each plate, by one linear solution of its flat film."""
-        films = []
-        for specimen in setup.specimens:
+        def film(specimen: Specimen) -> FollowingFilm:
             if specimen.plate is None:
-                films.append(_ALONE)
-                continue
+                return _ALONE
             model = build_model(specimen, settings, setup.rig.loading)
-            films.append(following(model, model.mounted()))
-        return cls(tuple(films), setup, settings)
+            return following(model, model.mounted())
+
+        return cls(tuple(map(film, setup.specimens)), setup, settings)
 
     @cached_property
     def sags(self) -> tuple[Sag, ...]:
