@@ -177,7 +177,7 @@ INSTALL = .venv/bin/python -m pip install --quiet --disable-pip-version-check --
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }
 	@$(PYTHON) -c "import ensurepip, venv" 2>/dev/null || \
 	  { echo "$(PYTHON) cannot make environments: install the Debian package python3-venv"; exit 1; }
-	@$(PYTHON) -m tympan.geometry.system
+	@$(PYTHON) -m tympan.base.system
 	$(PYTHON) -m venv --clear .venv
 	$(INSTALL) --requirement requirements.lock
 	$(INSTALL) --editable .

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.random import default_rng
 from scipy.stats import binomtest, qmc
 
+from tympan.base.arrays import Array
+from tympan.base.process.threads import one_thread
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.process.threads import one_thread
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.design import design
 from tympan.studies.design.exact import ExactFilm

@@ -26,7 +26,7 @@ from PIL import Image
 import tympan
 from benchmarks.explore.__main__ import OVAL
 from benchmarks.explore.browser import browsing, chromium, exploring
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look
 from tympan.reports.scales import round_scale
 from tympan.reports.scene import View, downsampled, film_rims, placed_surface

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 
 from tympan.reports.look import MM, PALETTE, figure_style
 
-PACKAGES = {"geometry": "specimens, CAD, meshes", "fem": "the membrane",
+PACKAGES = {"base": "files, units, errors, processes", "tables": "testers' tables",
+            "geometry": "specimens, CAD, meshes", "fem": "the membrane",
             "studies": "cases, sweeps, lumped model, measured data",
             "reports": "figures and pages", "tympan": "public door, commands, explorer"}
 FILE = Path("docs/house.svg")

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.geometry.specimen import Specimen
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.dynamic import (

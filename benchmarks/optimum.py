@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from tympan.base.process.threads import one_thread
+from tympan.base.units import BENCH
 from tympan.geometry.outlines import perimeter
-from tympan.geometry.process.threads import one_thread
-from tympan.geometry.units import BENCH
 from tympan.reports.figures.design import draw_design
 from tympan.studies.case import Settings
 from tympan.studies.design.design import design

@@ -33,14 +33,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tympan.base.fields import write
+from tympan.base.toml_reader import Table
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
-from tympan.geometry.fields import write
 from tympan.geometry.mesh import from_meshio
 from tympan.geometry.mesher import mesh_film
 from tympan.geometry.outlines import OUTLINES
-from tympan.geometry.toml_reader import Table
 from tympan.studies.case import summaries, voltage_ramp
 from tympan.studies.parallel import processes
 from tympan.studies.sweep.cluster import cluster

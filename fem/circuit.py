@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.membrane.damped_rule import end_weight
-from tympan.geometry.arrays import Array
 
 
 class Signal(Protocol):

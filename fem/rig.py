@@ -10,12 +10,12 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, fields_of, number, read, takes_units, write
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.fem.circuit import Circuit
 from tympan.fem.membrane.biases import BIASES, Bias, JoinedFilm, Spring
 from tympan.fem.membrane.loading import Guide, Loading
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, fields_of, number, read, takes_units, write
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")

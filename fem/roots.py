@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: Evaluations after which a search has failed; it needs some ten.
 _EVALUATIONS = 200

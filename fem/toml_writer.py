@@ -6,12 +6,12 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Content, write
 from tympan.fem.film.admissibility import STRETCH_RANGE, inadmissible_stretch
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content, write
 from tympan.geometry.specimen import Specimen
 
 #: Ranges of stretch to state for a law that is not admissible over all of them, the widest first.

@@ -11,7 +11,7 @@ import numpy as np
 import skfem
 from skfem.assembly import Dofs
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 
 if TYPE_CHECKING:
     import meshio

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import checks_types
+from tympan.base.errors import InputError
+from tympan.base.fields import checks_types
+from tympan.base.process.folder import temporary_folder
+from tympan.base.process.interruption import handlers_kept
+from tympan.base.system import missing_library, out_of_memory
+from tympan.base.units import METRE, millimetres
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
-from tympan.geometry.process.folder import temporary_folder
-from tympan.geometry.process.interruption import handlers_kept
 from tympan.geometry.sectors import Loop, sectors
 from tympan.geometry.specimen import Plate, Specimen
-from tympan.geometry.system import missing_library, out_of_memory
-from tympan.geometry.units import METRE, millimetres
 
 if TYPE_CHECKING:
     import meshio

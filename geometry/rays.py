@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 
 #: Places on a ray between which the edge of an outline is looked for. What is thinner than the
 #: distance between two of them may be missed. Set by trial.

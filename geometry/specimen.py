@@ -12,16 +12,16 @@ from typing import Annotated, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import AnyArray, Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry, takes_units
+from tympan.base.arrays import AnyArray, Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, Registry, takes_units
+from tympan.base.paths import any_complex
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.base.units import place_text, quantities_text
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, area, check_outline
 from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import SMALLEST
-from tympan.geometry.paths import any_complex
 from tympan.geometry.rays import exits
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
-from tympan.geometry.units import place_text, quantities_text
 
 Stretch = Array | NDArray[np.complex128]
 Pair = tuple[float, float]

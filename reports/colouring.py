@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.studies.film_surface import FilmSurface

@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports.scales import AxisScale
 from tympan.studies.case import Band
 from tympan.studies.files import write_atomically

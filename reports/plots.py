@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.tri import Triangulation
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import one_of
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import one_of
 from tympan.reports import look
 from tympan.reports.diagnosis.page import cause_label
 from tympan.reports.figures.control import draw_deflections

@@ -6,8 +6,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from tympan.geometry.command_line import command_line
-from tympan.geometry.errors import InputError
+from tympan.base.command_line import command_line
+from tympan.base.errors import InputError
 
 #: What commands leave behind: a pattern of the file that is written last; what draws the result
 #: into a folder, a page where there is one; and the result.

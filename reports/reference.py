@@ -11,13 +11,14 @@ from collections.abc import Iterator
 from dataclasses import is_dataclass
 from typing import Any, Literal, get_args, get_origin
 
+from tympan.base.fields import Field, Registry, fields_of
+from tympan.base.toml_reader import FINITE
+from tympan.base.units import DIMENSIONS, quantity_text
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.laws import LAWS
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
-from tympan.geometry.fields import Field, Registry, fields_of
-from tympan.geometry.layouts import Layout, Stated
 from tympan.geometry.outlines import OUTLINES, Rotated
 from tympan.geometry.outlines.pieces import PIECES
 from tympan.geometry.specimen import (
@@ -30,8 +31,6 @@ from tympan.geometry.specimen import (
     Specimen,
     ViscousBranch,
 )
-from tympan.geometry.toml_reader import FINITE
-from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.reports.template import template
 from tympan.studies import wanted
 from tympan.studies.effects import EFFECTS, listing
@@ -42,6 +41,7 @@ from tympan.studies.tolerance.given import (
     StrengthScatter,
     Tolerances,
 )
+from tympan.tables.layouts import Layout, Stated
 
 #: Where the kinds of a table are listed.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (

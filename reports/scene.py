@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.system import MissingLibrary
+from tympan.base.arrays import Array
+from tympan.base.system import MissingLibrary
 from tympan.reports import look
 from tympan.reports.look import Picture
 from tympan.reports.scales import AxisScale
@@ -77,7 +77,7 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
     """The deformed film in colours of ``values`` at its points, the plate at its depth, and lines.
 
     ``values`` are on the view's scale, shape (points,); ``turned``: whether y is across the
-    picture. A :class:`~tympan.geometry.system.MissingLibrary` says that there is no OpenGL to draw
+    picture. A :class:`~tympan.base.system.MissingLibrary` says that there is no OpenGL to draw
     with. The frame's centre is 0 in the picture's plane.
     """
     surface = placed_surface(film, values, view, turned)

@@ -20,7 +20,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from tympan.geometry.units import unit_of
+from tympan.base.units import unit_of
 from tympan.reports.template import template, text_of
 
 #: Types of JSON by what a kind of value is called.

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.units import unit_of
+from tympan.base.arrays import Array
+from tympan.base.units import unit_of
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
 from tympan.studies.design.result import DesignResult

@@ -13,6 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks, checks_types
+from tympan.base.toml_reader import NON_NEGATIVE
+from tympan.base.units import place_text
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.newton import Solution
@@ -45,14 +50,9 @@ from tympan.fem.results.limit_states import (
     LimitState,
 )
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks, checks_types
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE
-from tympan.geometry.units import place_text
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films

@@ -1,6 +1,6 @@
 """Tables of our own, written and read back by one list of columns.
 
-Those of other people are read by :mod:`tympan.geometry.columns`.
+Those of other people are read by :mod:`tympan.tables.columns`.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.columns import TOGETHER, sheet_of
-from tympan.geometry.columns import Column as Column
-from tympan.geometry.columns import Sheet as Sheet
-from tympan.geometry.columns import read_sheet as read_sheet
-from tympan.geometry.errors import InputError
-from tympan.geometry.formats import text_rows
-from tympan.geometry.layouts import Reader
-from tympan.geometry.read_file import STORED, file_bytes
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.read_file import STORED, file_bytes
 from tympan.studies.files import read_text, write_csv
+from tympan.tables.columns import TOGETHER, sheet_of
+from tympan.tables.columns import Column as Column
+from tympan.tables.columns import Sheet as Sheet
+from tympan.tables.columns import read_sheet as read_sheet
+from tympan.tables.formats import text_rows
+from tympan.tables.layouts import Reader
 
 #: Most bytes of a table of our own, whose rows are bounded where they are made: names may be long.
 _OWN = 4 * STORED

@@ -20,17 +20,17 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, fields_of
-from tympan.geometry.process.folder import (
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, fields_of
+from tympan.base.process.folder import (
     is_own,
     put,
     take_away,
     temporary_beside,
     together,
 )
-from tympan.geometry.process.interruption import raise_again
-from tympan.geometry.read_file import STORED, file_text
+from tympan.base.process.interruption import raise_again
+from tympan.base.read_file import STORED, file_text
 
 T = TypeVar("T")
 

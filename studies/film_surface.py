@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Unfolding, cell_fields, whole
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.studies.files import remove, write_atomically, write_text
 
 #: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack;

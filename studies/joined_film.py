@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.held_path import with_tangent
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -24,7 +25,6 @@ from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.quintics import CUBIC, HALVINGS, Known, cubic_miss, powers_of, values
 from tympan.fem.results.firmness import firmness
-from tympan.geometry.errors import InputError
 
 #: First distance of solved places, relative to the frame's half extent: a film's force is nearly a
 #: polynomial so far.

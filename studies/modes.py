@@ -9,14 +9,14 @@ from typing import Annotated, Self
 
 import numpy as np
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.results.fields import whole
 from tympan.fem.vibration.air import with_air
 from tympan.fem.vibration.modes import Modes, film_mass, mode_names, vibrations
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.studies.case import (
     Case,
     CaseRecord,

@@ -8,8 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TypeVar
 
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.process.workers import Pool, WorkerDied
+from tympan.base.errors import Failure, InputError
+from tympan.base.process.workers import Pool, WorkerDied
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")

@@ -11,6 +11,9 @@ from typing import Annotated, Literal, Self, cast
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
@@ -31,9 +34,6 @@ from tympan.fem.results.limit_states import (
     Sign,
 )
 from tympan.fem.rig import MOST_VOLTAGE
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.geometry.outlines import area
 from tympan.studies.case import (
     Case,

@@ -10,11 +10,11 @@ from typing import Annotated
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.fem.vibration.modes import vibrations
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.studies.case import (
     Case,
     CaseRecord,

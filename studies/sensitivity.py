@@ -9,6 +9,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, field_at, symbol
+from tympan.base.paths import at, numbers, with_change
 from tympan.fem.derivatives.quantities import named_quantity
 from tympan.fem.derivatives.sensitivity import (
     ModelParameter,
@@ -22,9 +25,6 @@ from tympan.fem.derivatives.sensitivity import (
 from tympan.fem.derivatives.shape import edge_nodes
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, field_at, symbol
-from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import (
     Case,
     CaseRecord,

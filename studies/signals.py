@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks
+from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.columns import LEAST_STEP
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks
-from tympan.geometry.meanings import TIMES, VOLTAGES
-from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.columns import Column, read_sheet
+from tympan.tables.columns import LEAST_STEP
+from tympan.tables.meanings import TIMES, VOLTAGES
 
 _HIGHEST = 1e6
 _DURATION: Rule = (lambda x: LEAST_STEP <= x < np.inf, "must be positive, 1 ns at least")

@@ -13,17 +13,17 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from tympan.base.arrays import Array, Columns
+from tympan.base.errors import InputError
+from tympan.base.fields import read
+from tympan.base.read_file import file_text
+from tympan.base.toml_reader import Table
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
-from tympan.geometry.arrays import Array, Columns
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import read
-from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Table
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
 from tympan.studies.columns import Column, read_own_sheet, write_sheet

@@ -12,12 +12,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 import pandas as pd
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, write
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.fem.transient.dense_output import spline
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, write
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Warnings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet

@@ -13,6 +13,10 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import pandas as pd
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks
+from tympan.base.toml_reader import NON_NEGATIVE
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
@@ -25,11 +29,7 @@ from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen, require_different_names
-from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.case import (
     Case,
     CaseResult,

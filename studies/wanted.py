@@ -16,12 +16,12 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import POSITIVE, Rule, Table, one_of
+from tympan.base.units import DIMENSIONS, quantity_text
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import POSITIVE, Rule, Table, one_of
-from tympan.geometry.units import DIMENSIONS, quantity_text
 
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 

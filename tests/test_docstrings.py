@@ -11,7 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 #: Packages as they are imported, and the folder of each.
 PACKAGES = {"tympan": "tympan", **{f"tympan.{name}": name
-                                   for name in ("geometry", "fem", "studies", "reports")}}
+                                   for name in ("base", "tables", "geometry", "fem", "studies",
+                                                "reports")}}
 
 
 def modules() -> list[str]:

@@ -33,11 +33,11 @@ from tests.support.diagnosed import diagnosed
 from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
 from tympan import door
+from tympan.base.errors import InputError
+from tympan.base.process.threads import one_thread
 from tympan.cli import main
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.process.threads import one_thread
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, CaseResult, Settings, equilibrate, solve
 from tympan.studies.diagnosis.result import FoundCause, ShownSize

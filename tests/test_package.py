@@ -16,10 +16,10 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-SOURCES = ("geometry", "fem", "studies", "reports", "tympan", "pyproject.toml", "README.md",
-           "LICENSE")
+SOURCES = ("base", "tables", "geometry", "fem", "studies", "reports", "tympan", "pyproject.toml",
+           "README.md", "LICENSE")
 #: Names of a user's own files that were import names of the project once, or are names of others.
-USERS = ("geometry", "fem", "studies", "reports", "tests", "units", "specimen")
+USERS = ("base", "tables", "geometry", "fem", "studies", "reports", "tests", "units", "specimen")
 
 #: Run in a copy of the tree: the two wheels, straight and by way of the source distribution.
 BUILD = """

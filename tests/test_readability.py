@@ -14,7 +14,8 @@ from tympan.commands import COMMANDS
 
 ROOT = Path(__file__).parent.parent
 #: Pages that benchmarks make are judged as they stand in docs/.
-FOLDERS = ("geometry", "fem", "studies", "reports", "tympan", "docs", "examples", "paper")
+FOLDERS = ("base", "tables", "geometry", "fem", "studies", "reports", "tympan", "docs", "examples",
+           "paper")
 #: No sentences: names and kinds of keys, data, C.
 NO_PROSE = {"reports/schema.toml", "studies/paper/table-2/dataset.toml",
             "studies/lumped/export/fmi.txt", "studies/lumped/export/fmu.txt",

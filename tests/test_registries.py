@@ -15,6 +15,10 @@ from typing import Annotated, Any, ClassVar
 import pytest
 
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
+from tympan.base.paths import with_change
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.cli import main
 from tympan.fem.film.laws import LAWS
 from tympan.fem.film.laws.invariants import FirstInvariantLaw
@@ -22,14 +26,10 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import OUTLINES, Ellipse, Outline
 from tympan.geometry.outlines.pieces import Arc, Piece
-from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.reports import reference
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.dataset import FILES

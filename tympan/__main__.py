@@ -13,7 +13,7 @@ import os
 import sys
 from typing import Any, NoReturn
 
-from tympan.geometry.process.interruption import Interruption
+from tympan.base.process.interruption import Interruption
 
 #: Letters that no alphabet and no number stands for, by others.
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-", "⁄": "/", "·": "*",
@@ -82,7 +82,7 @@ def run_command() -> NoReturn:
     try:
         _streams()
         os.environ["MPLBACKEND"] = "agg"  # whatever the user has: nothing is drawn on a screen
-        from tympan.geometry.process.threads import stay_single
+        from tympan.base.process.threads import stay_single
 
         stay_single()
         # What libraries make while they are imported stays: to look for garbage among it is vain.
@@ -115,7 +115,7 @@ def _leave(status: int) -> NoReturn:
     """End the process without taking apart what was imported, which takes longer than to solve."""
     import atexit
 
-    from tympan.geometry.system import silent
+    from tympan.base.system import silent
 
     with silent():  # what was asked for has been said
         atexit._run_exitfuncs()

@@ -9,13 +9,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from tympan.base.errors import Failure, InputError, did_you_mean
+from tympan.base.process.folder import alone
+from tympan.base.process.interruption import raise_again
+from tympan.base.reader_process import ready_for
+from tympan.base.system import out_of_memory
+from tympan.base.toml_reader import one_of
 from tympan.commands import COMMANDS, GROUPS, HEADINGS
-from tympan.geometry.errors import Failure, InputError, did_you_mean
-from tympan.geometry.process.folder import alone
-from tympan.geometry.process.interruption import raise_again
-from tympan.geometry.reader_process import ready_for
-from tympan.geometry.system import out_of_memory
-from tympan.geometry.toml_reader import one_of
 
 #: What people write for an option, by the option's own name without dashes.
 _SYNONYMS = {"weight": "mass", "load": "mass", "gram": "mass", "potential": "voltage",

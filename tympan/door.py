@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
 
+from tympan.base.errors import InputError as InputError
+from tympan.base.fields import names_arguments, number, numbers
+from tympan.base.process.folder import alone, temporary_folder
+from tympan.base.process.threads import one_thread
 from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError as InputError
-from tympan.geometry.fields import names_arguments, number, numbers
 from tympan.geometry.mesher import MeshSettings as MeshSettings
-from tympan.geometry.process.folder import alone, temporary_folder
-from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.result import Result as Result
 from tympan.studies.case import Case as Case
@@ -533,7 +533,7 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     many as the tests tell. ``table``: what a tester's headings leave open: ``mode``, ``unit`` of
     stresses, ``area`` and ``length`` of the strip before the test, ``decimal`` mark.
     """
-    from tympan.geometry.units import quantity
+    from tympan.base.units import quantity
     from tympan.studies.data.coupon import coupon_layout
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.film_fit import fit_film

@@ -7,11 +7,11 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
+from tympan.base.errors import InputError
+from tympan.base.fields import names_arguments, number, numbers
+from tympan.base.process.threads import one_thread
 from tympan.door import File, Voltages, Waves
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import names_arguments, number, numbers
-from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.result import Result
 from tympan.studies.case import Settings

@@ -13,9 +13,9 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.interruption import raise_again
-from tympan.geometry.units import BENCH, quantity, suffix_of, unit_of
+from tympan.base.errors import InputError
+from tympan.base.process.interruption import raise_again
+from tympan.base.units import BENCH, quantity, suffix_of, unit_of
 
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
@@ -324,7 +324,7 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
 
 def _entries(record: dict[str, Any], *without: str) -> str:
     """One line per entry that has a value, in units of the bench; a place has one for both axes."""
-    from tympan.geometry.units import place_text
+    from tympan.base.units import place_text
 
     rows = []
     for key, value in record.items():

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import EMPTY
-from tympan.geometry.process.folder import alone
+from tympan.base.errors import InputError
+from tympan.base.fields import EMPTY
+from tympan.base.process.folder import alone
 
 if TYPE_CHECKING:
     import os
@@ -161,7 +161,7 @@ class Result(Generic[Numbers]):
         """
         import numpy as np
 
-        from tympan.geometry.units import quantity
+        from tympan.base.units import quantity
         from tympan.reports.tables import labelled
 
         x, y = (quantity(value, "length") if isinstance(value, str) else value for value in (x, y))

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import number
+from tympan.base.errors import InputError
+from tympan.base.fields import number
 
 if TYPE_CHECKING:
     from tympan.studies.case import Case, CaseResult, Settings

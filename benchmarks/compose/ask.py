@@ -53,7 +53,7 @@ def preload() -> None:
     """Import what questions import, so that no process of one does."""
     import tympan
 
-    for name in ("geometry", "fem", "studies", "commands"):
+    for name in ("base", "tables", "geometry", "fem", "studies", "commands"):
         package = importlib.import_module(f"tympan.{name}")
         for module in pkgutil.walk_packages(package.__path__, f"tympan.{name}."):
             importlib.import_module(module.name)

@@ -18,14 +18,14 @@ import numpy as np
 
 from benchmarks.trials.random_specimens import slack_voltage, tension
 from tests.oracles.laws import SAMPLES
+from tympan.base.errors import InputError
+from tympan.base.fields import Content, Registry, fields_of
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import toml
 from tympan.geometry.cad.membrane import electrode_part, membrane_part, write_step
 from tympan.geometry.cad.parts import write_dxf
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content, Registry, fields_of
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, examples, perimeter, reshaped
 from tympan.geometry.specimen import (
     FLOWS,

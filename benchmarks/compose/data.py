@@ -40,11 +40,11 @@ from benchmarks.trials.synthetic_trials import (
     readings,
 )
 from benchmarks.trials.unknown_noise import rate
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Content
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import toml
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.hypothesis import Hypothesis

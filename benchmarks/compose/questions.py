@@ -16,9 +16,9 @@ from functools import cache
 from pathlib import Path
 
 from benchmarks.compose.concepts import Asked
+from tympan.base.fields import Content
 from tympan.commands import COMMANDS
 from tympan.fem.toml_writer import toml
-from tympan.geometry.fields import Content
 from tympan.options import Command
 
 #: Folder of a question's own that its results go to.

@@ -157,11 +157,11 @@ class _Kept(logging.Handler):
 @contextmanager
 def serving() -> Iterator[Serving]:
     """The explorer of an oval film in a thread; what it reports or logs is kept as a trouble."""
+    from tympan.base.toml_reader import Table
     from tympan.explore.server import Explorer
     from tympan.explore.subject import Subject
     from tympan.fem.film.library import load_specimen
     from tympan.fem.rig import Rig
-    from tympan.geometry.toml_reader import Table
 
     specimen = load_specimen(Table("oval.toml", tomllib.loads(OVAL)))
     subject = Subject("oval", (specimen,), Rig())

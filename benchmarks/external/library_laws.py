@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.external.rubber import foretold, load
+from tympan.base.arrays import Array
 from tympan.fem.film.laws import Yeoh
-from tympan.geometry.arrays import Array
 from tympan.studies.data.coupon import MODES
 from tympan.studies.material.families import FAMILIES
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons

@@ -21,7 +21,7 @@ from benchmarks.external.table2_ranges import (
     marginal,
     median,
 )
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look
 from tympan.studies import paper
 from tympan.studies.data.dataset import read_dataset

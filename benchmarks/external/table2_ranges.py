@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit

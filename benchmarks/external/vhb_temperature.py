@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from benchmarks.external.by_command import command_table, strip_dataset
 from benchmarks.external.case import DATA, Case, draw, table, words
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look
 from tympan.studies.data.coupon import Coupons, read_coupons
 

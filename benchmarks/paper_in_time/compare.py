@@ -16,8 +16,8 @@ from benchmarks.paper_in_time.fit import (
     with_constants,
 )
 from benchmarks.paper_in_time.step_responses import StepResponses, step_responses
+from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import error_of

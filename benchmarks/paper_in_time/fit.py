@@ -14,11 +14,11 @@ from importlib import resources
 import numpy as np
 from scipy.optimize import least_squares
 
+from tympan.base.arrays import Array
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm

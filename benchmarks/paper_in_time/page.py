@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.paper_in_time.compare import PERIOD, SEEDS, Comparison
 from benchmarks.paper_in_time.fit import Constants, Fit
 from benchmarks.paper_in_time.step_responses import LONG, ZOOM
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.paper import published
 
 _TEXT = (Path(__file__).parent / "page.txt").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.paper_in_time.fit import Fit, swing, with_constants
+from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
 from tympan.studies.case import Settings
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.lumped.simulate import simulate

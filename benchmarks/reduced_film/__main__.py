@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from tympan.base.arrays import Array
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.reports import look
 from tympan.studies.case import Settings, build_model

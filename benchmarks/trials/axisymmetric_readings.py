@@ -18,7 +18,7 @@ from tests.oracles.axisymmetric import (
     RitzExpansion,
     _State,
 )
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 
 if TYPE_CHECKING:
     from benchmarks.trials.synthetic_trials import Design, Truth

@@ -25,10 +25,10 @@ from numpy.random import Generator, default_rng
 
 from benchmarks.trials.robustness import SECONDS, Judge, judged_once, run_study
 from tests.oracles.laws import SAMPLES, shear_modulus
+from tympan.base.errors import InputError
 from tympan.fem.film.admissibility import checked
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, Outline, RoundedRectangle, Stadium, examples
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen

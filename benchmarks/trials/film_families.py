@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tympan.base.errors import InputError
 from tympan.fem.derivatives.shape import motion_between
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import meshed

@@ -22,9 +22,9 @@ import numpy as np
 from benchmarks.trials.unknown_noise import rate
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import least_stiffness
+from tympan.base.errors import InputError
 from tympan.fem.film.laws.ogden import Ogden
 from tympan.fem.film.library import MATERIALS
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.case import Case, Settings

@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.trials.record import Record
 from benchmarks.trials.synthetic_trials import Design, Truth, readings
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit

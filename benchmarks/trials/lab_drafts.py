@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.trials.tables import SPECIMEN, differing
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.data.checks import slips_of_sign, slips_of_unit
 from tympan.studies.data.dataset import FILES, GUESS, Dataset, read_dataset
 from tympan.studies.data.draft import write_draft

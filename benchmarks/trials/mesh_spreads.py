@@ -20,8 +20,8 @@ import numpy as np
 from numpy.random import Generator, default_rng
 
 from benchmarks.trials.robustness import Judge, judged_once, run_study
+from tympan.base.errors import InputError
 from tympan.fem.film.laws import NeoHooke, Yeoh
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, Outline
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen

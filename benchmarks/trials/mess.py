@@ -15,7 +15,7 @@ from numpy.random import Generator
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: Errors of so many readings of a standard deviation [m], and the numbers of those at fault.
 Drawn = tuple[Array, list[int]]

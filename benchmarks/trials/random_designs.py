@@ -24,12 +24,12 @@ from benchmarks.trials.synthetic_trials import (
     design_of,
     ramp_states,
 )
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
-from tympan.geometry.arrays import Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import (
     Circle,

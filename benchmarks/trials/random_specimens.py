@@ -15,11 +15,11 @@ from numpy.random import Generator, default_rng
 from scipy.constants import epsilon_0
 
 from tests.oracles.laws import SAMPLES
+from tympan.base.errors import InputError
 from tympan.fem.film.admissibility import checked
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.membrane.biases import Magnet
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, area
 from tympan.geometry.specimen import Electrode, Film, Material, Plate, Region, Specimen
 from tympan.studies.case import Case

@@ -30,9 +30,9 @@ from typing import Any, Generic, Protocol, TypeVar
 from benchmarks.trials.other_direction import Verdict, along_heaves, oracle, voltage_first
 from benchmarks.trials.random_specimens import Drawn, design
 from tests.oracles.balance import Balance, balance
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model, equilibrate
 

@@ -20,6 +20,8 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 
 from benchmarks.trials import axisymmetric_readings as hidden_equations
+from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.laws import Gent, MooneyRivlin, stiffened
@@ -27,8 +29,6 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Material, Plate, Specimen

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, read_dataset

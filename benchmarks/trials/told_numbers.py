@@ -41,7 +41,7 @@ from benchmarks.trials.synthetic_trials import (
 from benchmarks.trials.trial import Lab
 from benchmarks.trials.unknown_noise import rate
 from benchmarks.trials.unmodelled_faults import FURTHER, STRANGERS
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.diagnose import conclude

@@ -34,7 +34,7 @@ from benchmarks.trials.synthetic_trials import (
     readings,
 )
 from benchmarks.trials.unmodelled_faults import FURTHER, STRANGERS, Draw, Label
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, hypotheses_of

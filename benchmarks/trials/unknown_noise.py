@@ -25,7 +25,7 @@ from scipy.stats import beta
 from benchmarks.trials.judging import fitted_to
 from benchmarks.trials.synthetic_trials import Truth, draw, drawn_until, readings
 from benchmarks.trials.trial import Lab
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import judge

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.vhb.published import AT_REST, KUMAR, README_FIT, Published
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.reports.figures.coupon import draw_fit
 from tympan.studies.data.coupon import Coupons, read_coupons
 from tympan.studies.material.branches import BranchFit, compare_in_time, held_out_groups

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tympan.geometry.process.folder import MANIFEST
+from tympan.base.process.folder import MANIFEST
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, Coupons, read_coupons
 

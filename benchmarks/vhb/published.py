@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.coupon import Coupons
 
 #: Rate of the internal stretch's logarithm, and nominal stress, at an internal and a whole stretch.

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
 from tympan.fem.complex_step import STEP, complex_step
 from tympan.fem.discretisation.assembly import element_forces
 from tympan.fem.discretisation.isoparametric import deformation
@@ -20,8 +22,6 @@ from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import EdgeSpot, Source, Spot
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
 
 
 @dataclass(frozen=True)

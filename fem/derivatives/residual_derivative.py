@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.discretisation.assembly import first_piola, gathered
 from tympan.fem.film.density import Part, plane_stress, virtual_work
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.geometry.arrays import AnyArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.errors import InputError
+from tympan.base.paths import at, numbers, with_change
 from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.quantities import Quantity, firmness_at
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
@@ -37,8 +39,6 @@ from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.results.firmness import firmness, spot_at
-from tympan.geometry.errors import InputError
-from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 
 #: Loads by name: node positions hold, the load changes.

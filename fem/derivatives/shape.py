@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
+from tympan.base.paths import with_change
 from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.curve import Foot
-from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 
 #: Pairs of a node and one on an edge that are weighed at once.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from tympan.geometry.arrays import AnyArray, Mask
+from tympan.base.arrays import AnyArray, Mask
 
 #: Bytes of the largest temporary of one chunk, about what a core's second-level cache holds.
 _CHUNK = 2**20

@@ -11,6 +11,8 @@ import numpy as np
 import skfem
 from scipy.sparse import coo_matrix
 
+from tympan.base.arrays import AnyArray, Mask
+from tympan.base.fields import FieldsAlone
 from tympan.fem.discretisation.assembly import SparsityPattern
 from tympan.fem.discretisation.electrode_edge import ElectrodeEdge
 from tympan.fem.discretisation.isoparametric import (
@@ -22,8 +24,6 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.discretisation.recovery import Recovery
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
-from tympan.geometry.arrays import AnyArray, Mask
-from tympan.geometry.fields import FieldsAlone
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
 
 

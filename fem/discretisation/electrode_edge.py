@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.geometry.mesh import ELEMENTS
 
 #: Corners of a triangle: the first of its nodes.

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import skfem.quadrature
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
 
 

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray, Mask
 from tympan.fem.discretisation.electrode_edge import CORNERS
-from tympan.geometry.arrays import AnyArray, Mask
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.held import held
 from tympan.fem.equilibrium.newton import Solution, newton, simplified_newton, tangent_at
@@ -15,7 +16,6 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import UNNOTICED
 from tympan.fem.equilibrium.span import GivenDeflection, Span
 from tympan.fem.membrane.model import Model
-from tympan.geometry.arrays import Array
 
 #: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
 _LONGEST = 12

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.constraints import Constraint, length
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
-from tympan.geometry.arrays import Array
 
 #: Why Newton's method stops where the law gives no stress.
 STRAINED = "the film would be strained beyond what its material can reach"

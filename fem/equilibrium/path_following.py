@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain, dropwhile
 
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import (
@@ -19,7 +20,6 @@ from tympan.fem.equilibrium.newton import (
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
-from tympan.geometry.errors import InputError
 
 #: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6

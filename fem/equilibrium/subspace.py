@@ -10,9 +10,9 @@ import skfem
 from numpy.polynomial import legendre
 from skfem.models.poisson import laplace
 
+from tympan.base.arrays import Array
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.state import PlateMotion
-from tympan.geometry.arrays import Array
 
 #: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell
 #: two motions apart.

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.constraints import Equation
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.state import Load, State
-from tympan.geometry.arrays import Array
 
 #: Unknowns from which on factors that a path has left behind are dropped; below, they take less
 #: than some 100 MB.

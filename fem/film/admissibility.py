@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
+from tympan.base.units import place_text
 from tympan.geometry.specimen import Film, Material
-from tympan.geometry.units import place_text
 
 Margin = Callable[[Material, Any, Any], Array]
 

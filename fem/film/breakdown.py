@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.fields import Key, read
+from tympan.base.fields import Key, read
+from tympan.base.toml_reader import Rule, Table
 from tympan.geometry.specimen import STRENGTHS, Strength
-from tympan.geometry.toml_reader import Rule, Table
 
 _FIELD: Rule = (lambda x: 1e4 <= x <= 1e10, "must be from 0.01 to 10000 MV/m")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")

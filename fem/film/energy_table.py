@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.film.density import FilmDensity, maxwell
 from tympan.fem.film.memory import add_across, cofactor
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen
 
 #: Largest error of an energy's slopes over the largest of them across the box, far below that of a

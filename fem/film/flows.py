@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from tympan.geometry.fields import Key
+from tympan.base.fields import Key
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.geometry.specimen import FLOWS
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
 _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 _POWER: Rule = (lambda x: 0 < x <= 20, "must be above 0, at most 20")

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 
 #: Directions over half a turn at which the integrand is taken. What that misses falls
 #: exponentially with their number: 1e-12 with 32 of an isotropic film, 1e-6 of one that is 20 times

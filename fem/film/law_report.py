@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import read
+from tympan.base.toml_reader import Table
 from tympan.fem.film.admissibility import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
 from tympan.fem.film.library import EXAMINED, MATERIALS, READERS, examine_material
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import read
 from tympan.geometry.specimen import Film, Material, Specimen
-from tympan.geometry.toml_reader import Table
 
 Pair = tuple[float, float]
 

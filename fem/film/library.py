@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, Special, read
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Table, one_of
 from tympan.fem.film.admissibility import STRETCH_RANGE, checked
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.flows import ShearThinning as ShearThinning  # so files may name it
 from tympan.fem.film.laws import LAWS
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Special, read
 from tympan.geometry.specimen import (
     STRENGTHS,
     Film,
@@ -24,7 +25,6 @@ from tympan.geometry.specimen import (
     ViscousBranch,
     check_range,
 )
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Table, one_of
 
 
 @dataclass(frozen=True)

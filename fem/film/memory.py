@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.geometry.specimen import ConstantFlow, Film, FlowLaw, ViscousBranch
 
 #: Rates below which the weights of a step are their series, and its terms.

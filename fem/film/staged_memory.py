@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.film.memory import (
     Memory,
     add_across,
@@ -27,7 +28,6 @@ from tympan.fem.film.memory import (
     inverse,
     plane_determinant,
 )
-from tympan.geometry.arrays import AnyArray
 
 
 @dataclass(frozen=True, eq=False)

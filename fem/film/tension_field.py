@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray, Mask, Numbers
+from tympan.base.arrays import AnyArray, Mask, Numbers
 
 _HALVINGS = 60
 #: A step of Newton's, relative, after which the next one is nothing.

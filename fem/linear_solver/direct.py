@@ -16,9 +16,9 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
+from tympan.base.arrays import AnyArray
+from tympan.base.system import silent
 from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.system import silent
 
 #: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
 PARDISO_PAYS = 20_000

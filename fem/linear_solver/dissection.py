@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 
 #: Directions tried for each cut; four leave 5 % more fill than eight, and more than eight gain
 #: nothing.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 
 _SYMMETRIC_INDEFINITE = -2
 

@@ -16,16 +16,16 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
+from tympan.base.fields import Content, Key, Registry, read
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.base.units import quantities_text, unit_factor
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.quintics import ForceCurve
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.columns import LEAST_STEP, Column, Sheet, read_sheet
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content, Key, Registry, read
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.geometry.units import quantities_text, unit_factor
+from tympan.tables.columns import LEAST_STEP, Column, Sheet, read_sheet
 
 _POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 _COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")

@@ -15,12 +15,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.biases import BIASES as BIASES
 from tympan.fem.membrane.biases import Bias, Interval
 from tympan.fem.membrane.rigid_plate import Swing
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
-from tympan.geometry.arrays import AnyArray
 
 #: How the plate may move: freely; without tilting; up and down only; not at all.
 Guide = Literal["free", "level", "vertical", "fixed"]

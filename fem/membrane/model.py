@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.complex_step import complex_step
 from tympan.fem.discretisation.assembly import element_forces, element_tangents
 from tympan.fem.discretisation.discretisation import Discretisation
@@ -18,7 +19,6 @@ from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import total
 from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, Load, PlateMotion, State
-from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import Specimen
 
 #: A right-hand side or a correction: free nodal components, and plate freedoms in the model's

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 
 #: Miss of a cubic through both ends in their middle, relative to the forces, up to which the
 #: quintic through all three is taken. Where a cubic misses by so much, with four numbers, a quintic

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.membrane.damped_rule import end_weights
 from tympan.fem.membrane.state import HEAVE, PlateMotion, turned
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline, moments
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
 #: load.

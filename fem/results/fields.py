@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.assembly import first_piola
 from tympan.fem.discretisation.discretisation import Discretisation
@@ -27,7 +28,6 @@ from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.geometry.arrays import AnyArray
 from tympan.geometry.mesh import ELEMENTS, unfold
 from tympan.geometry.specimen import Film
 

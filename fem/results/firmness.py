@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray, Mask
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.electrode_edge import CORNERS
 from tympan.fem.discretisation.isoparametric import deformation
@@ -15,7 +16,6 @@ from tympan.fem.film.density import FilmDensity, principal_stretches
 from tympan.fem.film.interface import Side, interface_margin
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.geometry.arrays import AnyArray, Mask
 
 #: Share of the film's mean firmness below which an element's own values at its nodes are not good
 #: enough, since they are off by some 1 % of the mean on a coarse mesh.

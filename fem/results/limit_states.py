@@ -12,9 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
+from tympan.base.fields import Registry
 from tympan.fem.results.fields import Fields
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.fields import Registry
 
 
 class BranchPoint(Protocol):

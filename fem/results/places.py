@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.geometry.arrays import AnyArray
 
 #: Elements whose nodes are the nearest to a point, that may hold it.
 _NEAREST = 8

@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

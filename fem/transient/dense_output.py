@@ -12,7 +12,7 @@ from math import prod
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 
 
 def spline(times: Sequence[float] | AnyArray, values: AnyArray) -> CubicSpline:

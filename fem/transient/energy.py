@@ -8,14 +8,14 @@ from typing import Annotated
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.fields import Key
 from tympan.fem.film.density import from_virgin
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.integrate import Moment, Transient
-from tympan.geometry.arrays import Array
-from tympan.geometry.fields import Key
 
 #: Points of Gauss's rule between two moments.
 _POINTS = 4

@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.circuit import Circuit, Signal
 from tympan.fem.equilibrium.constraints import (
     Constraint,
@@ -48,7 +49,6 @@ from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
 from tympan.fem.transient.dense_output import weights
-from tympan.geometry.arrays import Array
 
 #: How much the branches' relative change counts beside the plate's motion over the frame. A strain
 #: of a tenth is as bad as a motion of a hundredth of the frame. Set by trial.

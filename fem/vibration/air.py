@@ -18,12 +18,12 @@ import numpy as np
 import scipy.linalg
 import skfem.quadrature
 
+from tympan.base.arrays import Array
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion
 from tympan.fem.vibration.modes import Modes
-from tympan.geometry.arrays import Array
 from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen

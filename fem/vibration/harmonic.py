@@ -17,6 +17,8 @@ from scipy.optimize import newton
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
+from tympan.base.arrays import AnyArray
+from tympan.base.system import silent
 from tympan.fem.circuit import Circuit
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
@@ -24,8 +26,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.vibration.modes import System
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.system import silent
 
 #: How close to the one before the last complex frequency comes, relative.
 _CLOSE = 1e-10

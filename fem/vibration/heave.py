@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse import identity, kron
 
+from tympan.base.errors import InputError
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.vibration.air import MovedAir
 from tympan.fem.vibration.modes import System, mass_matrix
-from tympan.geometry.errors import InputError
 
 #: Plate freedoms that tilt it.
 _TURNS = (FREEDOMS.index("rx"), FREEDOMS.index("ry"))

@@ -23,13 +23,13 @@ from numpy.polynomial import chebyshev
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, State
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
 
 #: Below so many unknowns, or so few per mode, a dense solver takes no longer.

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from OCP.TopoDS import TopoDS_Wire
 
+from tympan.base.errors import InputError
+from tympan.base.system import missing_library
+from tympan.base.units import METRE, millimetres
 from tympan.geometry.cad.wires import outline_wire, pieces_wire, planar
-from tympan.geometry.errors import InputError
 from tympan.geometry.sectors import rings
 from tympan.geometry.specimen import Region, Specimen
-from tympan.geometry.system import missing_library
-from tympan.geometry.units import METRE, millimetres
 
 try:
     import cadquery as cq

@@ -9,15 +9,15 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
+from tympan.base.units import METRE, quantity_text
 from tympan.geometry.cad.wires import outline_wire, pieces_wire
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.contours import closed_curves
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, normals
 from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import METRE, quantity_text
 
 
 @dataclass(frozen=True)

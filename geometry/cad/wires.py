@@ -7,11 +7,11 @@ from io import BytesIO
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
+from tympan.base.system import missing_library
+from tympan.base.units import METRE, millimetres
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
-from tympan.geometry.system import missing_library
-from tympan.geometry.units import METRE, millimetres
 
 try:
     from OCP.BRepBuilderAPI import (

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
+from tympan.base.plugins import load_plugins
+from tympan.base.toml_reader import Table
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.drawings import DxfFile, StepFile
 from tympan.geometry.outlines.drawn import ClosedSpline, Drawn
 from tympan.geometry.outlines.ellipses import Circle, Ellipse, Superellipse
 from tympan.geometry.outlines.outline import OUTLINES, Outline, Rotated, check_outline
 from tympan.geometry.outlines.polygons import Polygon, RegularPolygon, RoundedRectangle, Stadium
-from tympan.geometry.plugins import load_plugins
-from tympan.geometry.toml_reader import Table
 
 __all__ = [
     "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline",

@@ -9,8 +9,8 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.outlines.pieces import MOST_PIECES, Line, Piece

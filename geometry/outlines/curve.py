@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
+from tympan.base.units import METRE
 from tympan.geometry.outlines.pieces import (
     Piece,
     Point,
@@ -18,7 +19,6 @@ from tympan.geometry.outlines.pieces import (
     normals,
     subdivided,
 )
-from tympan.geometry.units import METRE
 
 Foot = tuple[AnyArray, AnyArray]
 

@@ -13,17 +13,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, read
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, read
+from tympan.base.read_file import file_bytes
+from tympan.base.reader_process import read_apart
+from tympan.base.system import missing_library
+from tympan.base.toml_reader import Rule, Table
+from tympan.base.units import quantity
 from tympan.geometry.outlines.contours import MOST_CURVES, Sheet, closed_curves, piece_ends
 from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import OUTLINES, SIZE
 from tympan.geometry.outlines.pieces import MOST_PIECES, PIECES, PLACE, Line, Piece
-from tympan.geometry.read_file import file_bytes
-from tympan.geometry.reader_process import read_apart
-from tympan.geometry.system import missing_library
-from tympan.geometry.toml_reader import Rule, Table
-from tympan.geometry.units import quantity
 
 #: What DXF calls curves.
 _CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLYLINE"})

@@ -8,13 +8,13 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.fields import Key, read
+from tympan.base.arrays import AnyArray
+from tympan.base.fields import Key, read
+from tympan.base.toml_reader import Table
 from tympan.geometry.outlines.contours import JOINT, piece_ends
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, Boxed
 from tympan.geometry.outlines.pieces import PIECES, PLACE, Piece, Spline, around
-from tympan.geometry.toml_reader import Table
 
 
 @OUTLINES.register

@@ -13,11 +13,11 @@ import ezdxf.units
 import numpy as np
 from ezdxf.enums import InsertUnits
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
+from tympan.base.units import quantity
 from tympan.geometry.outlines.contours import MOST_CURVES, Sheet
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
-from tympan.geometry.units import quantity
 
 #: How far points may be from one plane of constant z [m].
 _FLAT = 1e-9

@@ -8,12 +8,12 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.fields import Key
+from tympan.base.arrays import AnyArray
+from tympan.base.fields import Key
+from tympan.base.toml_reader import Rule
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Outline
 from tympan.geometry.outlines.pieces import Arc, Piece, graded, spline_through
-from tympan.geometry.toml_reader import Rule
 
 _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (nearly a rectangle)")
 

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
 from tympan.geometry.outlines.pieces import Piece, graded, spline_through
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Content, FieldsAlone, Key, Registry, takes_units, write
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
+from tympan.base.fields import Content, FieldsAlone, Key, Registry, takes_units, write
+from tympan.base.toml_reader import Rule, Table
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Piece, cross
-from tympan.geometry.toml_reader import Rule, Table
 
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
 #: are refused.

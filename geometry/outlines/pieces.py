@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry
-from tympan.geometry.toml_reader import Rule
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, Registry
+from tympan.base.toml_reader import Rule
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

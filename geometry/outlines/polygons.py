@@ -8,11 +8,11 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
+from tympan.base.toml_reader import Rule
 from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Boxed, Outline
 from tympan.geometry.outlines.pieces import PLACE, Arc, Line, Piece, Point, around, direction
-from tympan.geometry.toml_reader import Rule
 
 _SIDES: Rule = (lambda x: 3 <= x <= 100, "must be a whole number from 3 to 100")
 _ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10,

@@ -24,11 +24,11 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
+from tympan.base.reader_process import at_most
 from tympan.geometry.outlines.contours import Sheet
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
-from tympan.geometry.reader_process import at_most
 
 _MILLI = 1e-3
 #: How far a flat shape may reach out of its plane, over its size.

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tympan.geometry.arrays import Array, Columns
+from tympan.base.arrays import Array, Columns
 from tympan.reports import look as style
 from tympan.studies.diagnosis.reading_table import UNITS
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from tympan.geometry.arrays import Columns
+from tympan.base.arrays import Columns
 from tympan.reports import look as style
 from tympan.reports.colouring import COLOURINGS, Colouring, about_zero
 from tympan.studies.diagnosis.result import LoadedFilm

@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Template
 from matplotlib.figure import Figure
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.reports import look as style
 from tympan.reports.diagnosis.figures import (
     compose_channels,

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Columns
+from tympan.base.arrays import Columns
 from tympan.reports import look as style
 from tympan.reports.diagnosis.figures import line_key, point_keys
 from tympan.studies.data.coupon import MODES

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look as style
 from tympan.studies.alpha.map import AlphaMap
 from tympan.studies.alpha.table import OutlineRow, OutlineTable

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports import look as style
 from tympan.reports.scales import AxisScale, bar_length, round_scale
 from tympan.reports.scene import View, film_picture

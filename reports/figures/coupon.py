@@ -12,7 +12,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look as style
 from tympan.studies.data.coupon import MODES
 from tympan.studies.material.result import MaterialFitResult

@@ -18,8 +18,8 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox, ScaledTranslation
 from scipy.interpolate import PchipInterpolator
 
+from tympan.base.arrays import Array, Mask
 from tympan.fem.results.limit_states import INSTABILITY, PULL_IN
-from tympan.geometry.arrays import Array, Mask
 from tympan.reports import look as style
 from tympan.studies.case import Limit, Limits
 from tympan.studies.limits import CurveResult

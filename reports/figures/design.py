@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tympan.geometry.units import BENCH
+from tympan.base.units import BENCH
 from tympan.reports import look as style
 from tympan.studies.design.result import (
     DesignedFilm,

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from tympan.base.arrays import Array, Mask
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.geometry.arrays import Array, Mask
 from tympan.reports import look as style
 from tympan.studies.force.result import ForceCurve, ForceLimit, ForceResult, LoadLine
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports import look as style
 from tympan.reports.figures.animation import (
     FRAME_DPI,

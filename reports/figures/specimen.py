@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.geometry.specimen import Specimen
 from tympan.reports import look as style
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.reports import look as style
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.files import write_text

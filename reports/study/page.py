@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 
+from tympan.base.fields import fields_of
+from tympan.base.units import DIMENSIONS
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
-from tympan.geometry.fields import fields_of
-from tympan.geometry.units import DIMENSIONS
 from tympan.reports.figures.curve import VoltageCurve
 from tympan.reports.study import curves, forces, stress_figure
 from tympan.reports.study.view import SpecimenView, StudyView, view_study
@@ -35,7 +35,7 @@ _UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
 def build_study_page(stored: StudyResult, folder: Path) -> list[Path]:
     """Draw the figures of a study and write folder/report.html; answers that file.
 
-    A :class:`~tympan.geometry.system.MissingLibrary` says that this computer cannot draw in three
+    A :class:`~tympan.base.system.MissingLibrary` says that this computer cannot draw in three
     dimensions.
     """
     run = view_study(stored, folder)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.studies.case import CaseResult
 from tympan.studies.film_surface import FilmSurface

@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports.look import COLOURS
 from tympan.reports.sweep.maps import HEIGHT, WIDTH, map_of
 from tympan.reports.sweep.view import Measure, SweepView

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports.look import COLOURS
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.sweep.view import Measure, SweepView

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports.sweep.films import draw_films
 from tympan.reports.sweep.maps import HEIGHT, WIDTH, colours, sweep_maps
 from tympan.reports.sweep.view import SweepView

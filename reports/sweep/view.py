@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tympan.base.units import BENCH, DIMENSIONS, unit_factor
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.geometry.units import BENCH, DIMENSIONS, unit_factor
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.run import SweepResult

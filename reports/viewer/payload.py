@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
-from tympan.geometry.arrays import AnyArray, Mask
+from tympan.base.arrays import AnyArray, Mask
 from tympan.reports import look
 from tympan.reports.colouring import (
     COLOURINGS,

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.simplex import simplex_fit

@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import least_squares
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linprog, nnls
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 
 def simplex_fit(forces: Array, target: Array) -> Array:

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.geometry.outlines import Circle, Outline, area, examples
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha

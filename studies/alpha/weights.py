@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha.circles import (

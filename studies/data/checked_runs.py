@@ -8,7 +8,7 @@ from typing import Annotated
 
 from scipy.stats import norm
 
-from tympan.geometry.fields import Key
+from tympan.base.fields import Key
 from tympan.studies.columns import Sheet
 from tympan.studies.data.late_clock import ClockShift, with_clocks
 from tympan.studies.data.sampled_run import Faults, SampledRun, faults, runs_of

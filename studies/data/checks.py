@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.constants import epsilon_0
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet

@@ -12,10 +12,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import AnyArray, Array, Mask, Numbers
-from tympan.geometry.errors import InputError
-from tympan.geometry.layouts import Layout, Stated
-from tympan.geometry.meanings import (
+from tympan.base.arrays import AnyArray, Array, Mask, Numbers
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import POSITIVE, Rule
+from tympan.base.units import unit_factor
+from tympan.studies.columns import Column, Sheet, read_sheet
+from tympan.tables.layouts import Layout, Stated
+from tympan.tables.meanings import (
     RUNS,
     SET_VOLTAGES,
     SPECIMENS,
@@ -25,9 +28,6 @@ from tympan.geometry.meanings import (
     TIMES,
     VOLTAGES,
 )
-from tympan.geometry.toml_reader import POSITIVE, Rule
-from tympan.geometry.units import unit_factor
-from tympan.studies.columns import Column, Sheet, read_sheet
 
 #: The second in-plane stretch of each mode as a power of the first.
 MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}

@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.formats import (
+from tympan.base.errors import InputError
+from tympan.studies.data.coupon import MODES, OF_MODE
+from tympan.tables.formats import (
     FORMATS,
     Format,
     Row,
@@ -16,7 +17,6 @@ from tympan.geometry.formats import (
     first_line,
     text_rows,
 )
-from tympan.studies.data.coupon import MODES, OF_MODE
 
 #: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
 #: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].

@@ -11,15 +11,24 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError, did_you_mean
+from tympan.base.fields import Key, read
+from tympan.base.read_file import file_bytes, near_name
+from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.columns import LEAST_STEP
-from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.fields import Key, read
-from tympan.geometry.formats import FORMATS, Format, format_of, suffixes
-from tympan.geometry.layouts import Layout
-from tympan.geometry.meanings import (
+from tympan.geometry.specimen import Specimen
+from tympan.studies.columns import Column, Sheet, read_sheet
+from tympan.studies.data import coupon
+from tympan.studies.data.checked_runs import CheckedRun, checked_runs
+from tympan.studies.data.coupon import Coupons
+from tympan.studies.data.effort import Effort
+from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
+from tympan.tables.columns import LEAST_STEP
+from tympan.tables.formats import FORMATS, Format, format_of, suffixes
+from tympan.tables.layouts import Layout
+from tympan.tables.meanings import (
     CAPACITANCES,
     DISPLACEMENTS,
     FILM_VOLTAGES,
@@ -38,15 +47,6 @@ from tympan.geometry.meanings import (
     TOTALS,
     VOLTAGES,
 )
-from tympan.geometry.read_file import file_bytes, near_name
-from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.studies.columns import Column, Sheet, read_sheet
-from tympan.studies.data import coupon
-from tympan.studies.data.checked_runs import CheckedRun, checked_runs
-from tympan.studies.data.coupon import Coupons
-from tympan.studies.data.effort import Effort
-from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no "
                                             "sign: write voltages without one")

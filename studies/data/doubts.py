@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import MembraneCircle
 

@@ -12,20 +12,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+from tympan.base.command_line import command_line, file_word
+from tympan.base.errors import InputError, did_you_mean
+from tympan.base.read_file import beside, file_bytes
+from tympan.base.units import quantity_text
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.column import NUMBER, Column
-from tympan.geometry.command_line import command_line, file_word
-from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
-from tympan.geometry.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
-from tympan.geometry.read_file import beside, file_bytes
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import quantity_text
 from tympan.studies.data.coupon import MODES, named_mode
 from tympan.studies.data.dataset import FILES, GUESS
 from tympan.studies.data.guesses import SHOWN, Choice, Guesses
 from tympan.studies.data.preamble import stated_specimen
 from tympan.studies.files import write_text
+from tympan.tables.column import NUMBER, Column
+from tympan.tables.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
+from tympan.tables.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
 
 #: Kinds of files that are guessed, of those that explain as much the first.
 _KINDS = ("static", "transient", "force", "coupon", "frequency", "range")

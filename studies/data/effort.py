@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from tympan.geometry.fields import Key
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.base.fields import Key
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
 _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 

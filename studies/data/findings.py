@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.special import pdtrc
 from scipy.stats import f as f_distribution
 
-from tympan.geometry.arrays import Array, Mask, Numbers
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.fields import Key
 from tympan.studies.columns import Sheet
 from tympan.studies.data.ramps import MEDIAN, groups, ramps
 from tympan.studies.estimation.noise import Noise

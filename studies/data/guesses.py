@@ -12,11 +12,21 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.column import NUMBER, Column, Heading, Meaning, quantity_of, usual_unit
-from tympan.geometry.formats import Row
-from tympan.geometry.layouts import Header, Source
-from tympan.geometry.meanings import (
+from tympan.base.arrays import Array, Numbers
+from tympan.geometry.specimen import Specimen
+from tympan.studies.data import doubts
+from tympan.studies.data.coupon import named_mode
+from tympan.studies.data.dataset import FILES
+from tympan.studies.data.preamble import (
+    Statement,
+    named_quantities,
+    stated_quantities,
+    stated_sizes,
+)
+from tympan.tables.column import NUMBER, Column, Heading, Meaning, quantity_of, usual_unit
+from tympan.tables.formats import Row
+from tympan.tables.layouts import Header, Source
+from tympan.tables.meanings import (
     HEIGHTS,
     NO_READINGS,
     OTHER_READINGS,
@@ -28,16 +38,6 @@ from tympan.geometry.meanings import (
     TOTALS,
     VALIDITIES,
     sums_up,
-)
-from tympan.geometry.specimen import Specimen
-from tympan.studies.data import doubts
-from tympan.studies.data.coupon import named_mode
-from tympan.studies.data.dataset import FILES
-from tympan.studies.data.preamble import (
-    Statement,
-    named_quantities,
-    stated_quantities,
-    stated_sizes,
 )
 
 #: Readings below which a table with times is a list of states and no run in time.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.sampled_run import SampledRun
 
 #: Samples of the run before the voltage jumps that tell what it is to stand still.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.findings import step_of

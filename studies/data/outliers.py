@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tympan.geometry.arrays import Numbers
+from tympan.base.arrays import Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.ramps import MEDIAN, ramps
 

@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tympan.geometry.column import NUMBER, Heading, Meaning, plain_words, quantity_of, usual_unit
-from tympan.geometry.errors import InputError
-from tympan.geometry.formats import Row, decimal_point
-from tympan.geometry.meanings import SIZES, SPECIMENS
-from tympan.geometry.units import quantity
+from tympan.base.errors import InputError
+from tympan.base.units import quantity
+from tympan.tables.column import NUMBER, Heading, Meaning, plain_words, quantity_of, usual_unit
+from tympan.tables.formats import Row, decimal_point
+from tympan.tables.meanings import SIZES, SPECIMENS
 
 #: A number and what may be its unit.
 _QUANTITY = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([A-Za-zµμ]+)(?![A-Za-z])")

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 
 #: Highest degree of the smooth curves about which rows scatter, in the voltage's square.

@@ -14,7 +14,7 @@ from math import inf
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.files import words_beside
 

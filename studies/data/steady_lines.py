@@ -21,7 +21,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.constants import g
 from scipy.ndimage import median_filter
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.data.sampled_run import SampledRun
 
 Spans = Sequence[tuple[int, int]]

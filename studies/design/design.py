@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.units import DIMENSIONS, quantity_text
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.front import front

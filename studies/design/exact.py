@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.biases import acting
@@ -16,7 +17,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import Fields, node_fields
 from tympan.fem.results.limit_states import BREAKDOWN
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, build_model, state_warnings
 from tympan.studies.limits import limits

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.design.result import DesignFront, FrontFilm
 from tympan.studies.design.search import Search
 from tympan.studies.design.sqp import Descent

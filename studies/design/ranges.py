@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.paths import at, with_numbers
+from tympan.base.arrays import Array
+from tympan.base.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.design.scatter import ScatteredFilms, drawn, kept_by_most
 from tympan.studies.design.search import KEPT, Search
 from tympan.studies.design.space import DesignSpace

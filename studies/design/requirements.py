@@ -9,12 +9,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Self
 
+from tympan.base.errors import InputError
+from tympan.base.fields import checks_types, field_at, fields_of, read
+from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
 from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import checks_types, field_at, fields_of, read
 from tympan.geometry.specimen import Specimen, require_different_names
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
 from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible

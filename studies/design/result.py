@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+from tympan.base.fields import Key
+from tympan.base.units import suffix_of
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.units import suffix_of
 from tympan.studies.case import WallTime, Warnings
 from tympan.studies.files import (
     from_json,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm, qmc
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.design.search import KEPT, Search, value_of
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import (

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, maximise
 from tympan.studies.films.loaded import FamilyFilms

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import qmc
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.paths import at, with_numbers
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.exact import ExactFilm

@@ -16,7 +16,7 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.optimize import BFGS, LinearConstraint, lsq_linear, minimize
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: A limit nearer to 0 than this is active: a search ends a little before it.
 _ACTIVE = 1e-3

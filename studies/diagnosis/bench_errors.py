@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import Calibration, film_error, frequency_error
 from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings

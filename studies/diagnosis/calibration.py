@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium, held
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, build_model
 from tympan.studies.diagnosis.evidence.kind import FEWEST

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import Array, Columns
+from tympan.base.errors import InputError
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.arrays import Array, Columns
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import dataset_warnings, findings
 from tympan.studies.data.dataset import Dataset

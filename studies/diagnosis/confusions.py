@@ -16,8 +16,8 @@ import numpy as np
 from scipy.constants import g
 from scipy.special import chdtrc
 
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import calibrated

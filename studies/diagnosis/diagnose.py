@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.bench_errors import with_bench_errors, with_model_error
 from tympan.studies.diagnosis.calibration import (

@@ -17,9 +17,9 @@ from typing import Annotated
 import numpy as np
 from scipy.special import chdtrc
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Material
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import Calibration

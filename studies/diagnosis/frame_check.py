@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.evidence.kind import Model, Predicts, Split
 from tympan.studies.diagnosis.fits.first_order import FirstOrder
 from tympan.studies.diagnosis.fits.fit import Fit, best_of

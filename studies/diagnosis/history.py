@@ -10,8 +10,8 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.signals import Pieces, nominal, through
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from tympan.base.arrays import Array
 from tympan.fem.film.laws.stiffened import scaled
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Film
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Use
 

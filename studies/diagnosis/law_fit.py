@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
+from tympan.base.fields import fields_of
+from tympan.base.toml_reader import one_of
 from tympan.fem.film.admissibility import checked
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
-from tympan.geometry.toml_reader import one_of
 from tympan.studies.diagnosis.fits.fit import Fit
 
 #: Step of a constant for derivatives, as a share of the stress of the mounted film.

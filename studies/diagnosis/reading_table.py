@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.estimation.noise import Noise
 

@@ -7,8 +7,8 @@ from functools import reduce
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
 from tympan.studies.data.checks import slips_of_sign, slips_of_unit
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import coarse_step, ramp_scatter, repeat_noise

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from tympan.geometry.arrays import Columns
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Columns
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.checked_runs import Hum, LateRun
 from tympan.studies.data.coupon import MODES

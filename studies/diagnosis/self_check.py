@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, parameter_at
 from tympan.studies.diagnosis.inference.verdict import judge

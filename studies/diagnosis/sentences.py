@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause

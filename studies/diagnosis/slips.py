@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
 #: Columns of a run: polynomials in the voltage's square.

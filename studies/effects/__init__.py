@@ -6,7 +6,7 @@ follow the registry. One that needs what specimens and rigs do not have yet (vis
 voltages) adds that to :class:`~tympan.geometry.specimen.Film` or :class:`~tympan.fem.rig.Rig`.
 
 Effects of users' own packages are loaded by entry points of the group ``tympan.effects``
-(:mod:`tympan.geometry.plugins`).
+(:mod:`tympan.base.plugins`).
 
 Several effects are applied in the order of the registry, whatever the order they are named in: the
 material first, so that the flat state its stress refers to is the nominal one.
@@ -15,7 +15,7 @@ material first, so that the flat state its stress refers to is the nominal one.
 from tympan.studies.effects.effect import EFFECTS, Effect, EffectParameter, Setup, Use, extended
 
 # isort: split
-from tympan.geometry.plugins import load_plugins
+from tympan.base.plugins import load_plugins
 from tympan.studies.effects import library as library
 
 load_plugins("tympan.effects", EFFECTS)

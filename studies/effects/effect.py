@@ -11,11 +11,11 @@ from math import exp, inf, isclose, log
 from string import Formatter
 from typing import Any, Literal, get_type_hints
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Registry
+from tympan.base.units import any_quantity
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
-from tympan.geometry.units import any_quantity
 from tympan.studies.effects.prior import HeavyTail
 
 
@@ -102,7 +102,7 @@ class EffectParameter:
 
     @property
     def dimension(self) -> str:
-        """Dimension, a key of :data:`tympan.geometry.units.DIMENSIONS`; "" for plain numbers."""
+        """Dimension, a key of :data:`tympan.base.units.DIMENSIONS`; "" for plain numbers."""
         return self._unit[1]
 
     def size(self, value: float) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: The median of a half-normal distribution of unit deviation.
 _MEDIAN = 0.6744897501960817

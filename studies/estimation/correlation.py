@@ -14,8 +14,8 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.stats import norm, t
 
+from tympan.base.arrays import Array, Numbers
 from tympan.fem.roots import root_between
-from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.estimation.identifiability import seen_by
 from tympan.studies.estimation.noise import Noise
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Array, Mask
+from tympan.base.fields import Key
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.profile import EXACT, Profile, profile
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.interruption import signals_wait
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
+from tympan.base.process.interruption import signals_wait
 
 #: The first of Marquardt's dampings, over the scaled curvature: near to no damping.
 _FIRST = 1e-4

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import svd
 from scipy.stats import chi2, norm, t
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 
 Rows = Mask | Numbers
 

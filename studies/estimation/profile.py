@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 
 #: A value of the unknown, and the rise of the misfit there [standard deviations].

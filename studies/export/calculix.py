@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
+from tympan.base.units import METRE, quantities_text
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Film, Specimen
-from tympan.geometry.units import METRE, quantities_text
 from tympan.studies.case import failure_reason, voltage_ramp
 from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
 from tympan.studies.files import write_text

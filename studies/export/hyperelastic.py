@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any
 
+from tympan.base.errors import InputError
 from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.film.laws import ArrudaBoyce, MooneyRivlin, NeoHooke, Ogden, Yeoh
-from tympan.geometry.errors import InputError
 
 #: K over the shear modulus at small strains. A tenth of it makes ten times the error.
 BULK_RATIO = 10000.0

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import field_at
-from tympan.geometry.fields import numbers as quantities
-from tympan.geometry.paths import at, numbers, with_arrays
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError
+from tympan.base.fields import field_at
+from tympan.base.fields import numbers as quantities
+from tympan.base.paths import at, numbers, with_arrays
 from tympan.geometry.specimen import Specimen
 
 #: The factor on all stresses of the film's law, a parameter beside the numbers of the specimen.

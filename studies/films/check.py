@@ -15,12 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
+from tympan.base.fields import FieldsAlone
 from tympan.fem.equilibrium.newton import tangent_at
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.fields import FieldsAlone
 from tympan.studies.films.many_films import Films, FilmsAt
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 

@@ -17,10 +17,10 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from tympan.base.arrays import Array
 from tympan.fem.film.memory import Memory
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import acting
-from tympan.geometry.arrays import Array
 from tympan.studies.films.driven_film import PHASES, DrivenFilm, ReducedMoment
 from tympan.studies.films.film import ITERATIONS, FilmLoads, NoBalance, require_stable
 from tympan.studies.films.sampling import by_voltages

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.biases import Bias
 from tympan.fem.transient.collocation import CollocationRule, radau
-from tympan.geometry.arrays import Array
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
 

@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray, Mask
+from tympan.base.errors import InputError
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -31,8 +33,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import AnyArray, Mask
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
 from tympan.studies.films.box import PRESSURE, Box, between

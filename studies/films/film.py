@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dposv, dpotrf
 
+from tympan.base.arrays import Array, Numbers
 from tympan.fem.film.density import (
     FilmDensity,
     maxwell,
@@ -33,7 +34,6 @@ from tympan.fem.film.memory import (
 )
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import Bias, acting
-from tympan.geometry.arrays import Array, Numbers
 from tympan.geometry.specimen import Specimen
 
 #: Most corrections of a state. Newton's method takes a few from a good guess.

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray, Mask, Numbers
 from tympan.fem.results.limit_states import BREAKDOWN, INSTABILITY, LIMIT_STATES, PULL_IN, TENSION
-from tympan.geometry.arrays import AnyArray, Mask, Numbers
 
 #: What is met beside limit states: the film leaves the range of stretches that its law is made for.
 LAW_RANGE = "law_range"

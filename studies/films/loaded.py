@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask
 from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.family import FamilyStates, FilmFamily
 from tympan.studies.films.first_limits import KINDS

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray, Mask
+from tympan.base.paths import with_arrays
 from tympan.fem.film.admissibility import acoustic_margin, lawful, strong_ellipticity
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
-from tympan.geometry.arrays import AnyArray, Mask
-from tympan.geometry.paths import with_arrays
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import ITERATIONS
 from tympan.studies.films.reduction import squares_of

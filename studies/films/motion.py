@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.transient.integrate import Stopped
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
 from tympan.studies.films.film import FilmLoads, NoBalance

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.derivatives.shape import with_plate
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -24,8 +26,6 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion

@@ -15,7 +15,7 @@ from typing import Self, cast
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.studies.case import LimitKind
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS, Margins, first_limits

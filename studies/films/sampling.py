@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: What is added to the squares of least squares: where voltages hardly differ these say nothing,
 #: and a guess stays near the last value.

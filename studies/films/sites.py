@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.fields import FieldsAlone
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import middles, quadrature, tabulated
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.fields import FieldsAlone
 from tympan.geometry.mesh import ELEMENTS
 
 

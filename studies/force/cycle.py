@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.biases import Bias, acting
@@ -23,7 +24,6 @@ from tympan.fem.results.firmness import firmness
 from tympan.fem.rig import Rig
 from tympan.fem.roots import cubic_roots
 from tympan.fem.transient.energy import load_work
-from tympan.geometry.arrays import Array
 from tympan.studies.force.follow import Followed, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
 

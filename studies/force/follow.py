@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import held_plate, length
 from tympan.fem.equilibrium.held_path import HeldSpan, held_path, held_stiffness, with_tangent
@@ -26,7 +27,6 @@ from tympan.fem.results.limit_states import (
     Sign,
 )
 from tympan.fem.roots import NoValueHere, root_between
-from tympan.geometry.arrays import Array
 from tympan.studies.case import LimitKind
 from tympan.studies.force.result import ForceCurve, ForceLimit
 from tympan.studies.path import Stop

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks
+from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import AGAINST_THE_WAY, MASSES, OF_TESTER, VOLTAGES, Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import POSITIVE, Rule
 from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.force.cycle import load_line
 from tympan.studies.force.follow import Followed, at_displacement, follow

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
-from tympan.geometry.arrays import Array
 from tympan.studies.force.result import ForceLoop
 from tympan.studies.signals import Pieces
 

@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.fields import Key
+from tympan.base.units import place_text
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN
-from tympan.geometry.arrays import Array
-from tympan.geometry.fields import Key
-from tympan.geometry.units import place_text
 from tympan.studies.case import Band, LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
 from tympan.studies.columns import Column, write_sheet
 from tympan.studies.files import remove

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 _CHANCE = 3.0  # deviations: an inflation within so many of 1 is none
 

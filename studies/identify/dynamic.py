@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.studies.estimation.identifiability import (
     Identifiability,
     identifiability,

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tympan.base.errors import InputError
 from tympan.fem.rig import AGAINST_THE_WAY
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Settings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.identify.dynamic import (

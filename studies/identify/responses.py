@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.signals import Pieces, through
 
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump

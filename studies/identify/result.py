@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.estimation.identifiability import Estimate, Identifiability
 from tympan.studies.estimation.profile import Profile

@@ -11,12 +11,12 @@ from typing import Any, Literal
 import numpy as np
 from scipy.optimize import minimize
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import ConeCircle
 from tympan.studies.columns import Sheet

@@ -52,7 +52,7 @@ _ELSEWHERE = frozenset({
 
 #: The packages whose sources decide what a film's mesh and solution are, here and of others.
 _ROOT = Path(__file__).parents[2]
-_SOLVERS = ("fem", "geometry")
+_SOLVERS = ("base", "fem", "geometry")
 _MESHERS = ("cadquery-ocp", "gmsh")
 
 

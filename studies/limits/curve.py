@@ -11,11 +11,11 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.fields import Key
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import (
     Band,

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import numpy as np
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, number
+from tympan.base.toml_reader import Rule
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.rig import MOST_MASS, VOLTAGES, Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, number
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits.voltages import first_limit, rise
 

@@ -9,6 +9,8 @@ from typing import Annotated, Any, cast
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
@@ -26,8 +28,6 @@ from tympan.fem.results.limit_states import (
 )
 from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
 from tympan.fem.roots import root_between
-from tympan.geometry.arrays import Array
-from tympan.geometry.fields import Key
 from tympan.studies.case import (
     Case,
     CaseResult,

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.constants import epsilon_0
 
+from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.membrane.loading import Guide, Loading
 from tympan.fem.membrane.quintics import ForceCurve
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, solved_loading

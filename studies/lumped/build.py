@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from tympan.base.arrays import Array, Mask
+from tympan.base.errors import InputError, VoltageError
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
-from tympan.geometry.arrays import Array, Mask
-from tympan.geometry.errors import InputError, VoltageError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.circles import STILL_PLATE, Samples, equilibria, gas_area

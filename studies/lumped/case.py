@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import Settings
 from tympan.studies.limits.loads import usual_masses

@@ -13,8 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask, Numbers
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.signals import Signal
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from tympan.base.arrays import Array
+from tympan.base.errors import VoltageError
 from tympan.fem.roots import root_between
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import VoltageError
 from tympan.studies.lumped.actuator import Actuator
 
 Balance = Callable[[Any], tuple[Any, Any]]

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.system import MissingLibrary
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.system import MissingLibrary
 from tympan.studies.files import write_arrays, write_csv, write_json
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.errors import VoltageError
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
-from tympan.geometry.errors import VoltageError
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.films.film import ReducedFilm

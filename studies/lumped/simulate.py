@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.fem.roots import root_between
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.studies.lumped.actuator import Actuator, flat_capacitance
 from tympan.studies.lumped.collocation import CollocationSolver, DrawnIn, Motion, first_mesh
 from tympan.studies.lumped.equilibria import (

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.estimation.correlation import Spread, akaike, independent_count

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from tympan.fem.film.laws.invariants import first_invariant
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Material
 
 Bounds = tuple[float, float]

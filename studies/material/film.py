@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray
+from tympan.base.errors import InputError
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.admissibility import inadmissible_stretch
 from tympan.fem.results.fields import node_fields
-from tympan.geometry.arrays import AnyArray
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.case import Case, Settings, solve, solved
 from tympan.studies.data.coupon import Coupons

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
+from tympan.base.fields import fields_of
 from tympan.fem.film.admissibility import inadmissible_stretch
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.estimation.correlation import Spread, akaike, independent_count

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.memory import Memory
-from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.data.coupon import MODES, Coupons
 

@@ -9,9 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.layouts import Layout
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.case import Case, Settings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
@@ -27,6 +26,7 @@ from tympan.studies.material.fit import (
     warnings,
 )
 from tympan.studies.material.time_in_runs import time_in_runs
+from tympan.tables.layouts import Layout
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-from tympan.geometry.arrays import AnyArray
+from tympan.base.arrays import AnyArray
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.estimation.correlation import Spread, independent_count
 from tympan.studies.files import words_beside

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.dataset import read_dataset
 
 #: Rows of all tables here: the masses on the plate [kg].

@@ -7,9 +7,9 @@ from dataclasses import replace
 from importlib import resources
 from typing import Any
 
+from tympan.base.errors import InputError
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import EXAMINED
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.paper.actuators import actuators
 

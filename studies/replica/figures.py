@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import simulate

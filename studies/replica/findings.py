@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from tympan.base.arrays import Array
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import DEFAULT, MATERIALS
-from tympan.geometry.arrays import Array
 from tympan.geometry.outlines import area
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import NonlinearConstraint, least_squares, minimize
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.alpha import alpha
 from tympan.studies.columns import Column, read_own_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_csv, write_json

@@ -16,8 +16,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.polynomial import polynomial
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Array
+from tympan.base.fields import Key
 
 #: Degrees of the root of the excess that are tried.
 _DEGREES = range(2, 11)

@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.columns import Column
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Array
+from tympan.base.fields import Key
 from tympan.studies.case import SpecimenRecord, Unknowns, WallTime, Warnings
 from tympan.studies.columns import write_sheet
 from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
 from tympan.studies.sense.inverse import Inverse
+from tympan.tables.columns import Column
 
 #: Columns of the CSV: the table of the inverse, one row for each deflection and voltage.
 COLUMNS: tuple[Column, ...] = (

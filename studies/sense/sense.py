@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure, InputError
+from tympan.base.fields import Key, asks
+from tympan.base.toml_reader import Rule
 from tympan.fem.derivatives.quantities import named_quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, build_model, solve_grid
 from tympan.studies.force.follow import Followed, at_displacement
 from tympan.studies.force.force import ForceCase, followed_curves, left_out

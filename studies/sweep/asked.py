@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.errors import Failure, InputError
+from tympan.base.fields import Registry
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.vibration.modes import plate_motion, vibrations
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, Settings

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import one_of
-from tympan.geometry.units import DIMENSIONS, quantity, unit_of
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import one_of
+from tympan.base.units import DIMENSIONS, quantity, unit_of
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.table import LOADS, beyond_limits, column_name

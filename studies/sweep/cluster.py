@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from tympan.geometry.errors import Failure, InputError
+from tympan.base.errors import Failure, InputError
 from tympan.studies.parallel import Item, NoValue, Value, value_or_reason
 from tympan.studies.sweep.task import solver
 

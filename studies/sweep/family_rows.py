@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask
 from tympan.studies.films.family import FamilyStates, FilmFamily
 from tympan.studies.films.many_films import Films
 

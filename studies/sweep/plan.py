@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.process.interruption import signals_wait
+from tympan.base.read_file import file_text
+from tympan.base.toml_reader import WHOLE, Rule, Table, one_of
+from tympan.base.units import DIMENSIONS, any_quantity, quantity
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.interruption import signals_wait
-from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen, Unbuildable
-from tympan.geometry.toml_reader import WHOLE, Rule, Table, one_of
-from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
 from tympan.studies.sweep.asked import QUANTITIES, Ask

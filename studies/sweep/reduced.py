@@ -16,10 +16,10 @@ from itertools import repeat
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.process.threads import one_thread
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, breakdown_warning, remarks_on
 from tympan.studies.films.box import Box, kind_of

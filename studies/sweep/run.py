@@ -12,9 +12,9 @@ from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan.base.errors import InputError
+from tympan.base.process.folder import discard_temporaries
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.folder import discard_temporaries
 from tympan.studies.files import (
     from_json,
     read_json,

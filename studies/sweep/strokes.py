@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray, Mask
+from tympan.base.arrays import AnyArray, Mask
 from tympan.studies.films.many_films import Films
 from tympan.studies.force.cycle import Corner, PlateLoad, exchanged
 from tympan.studies.sweep.family_rows import TENSE, FamilyRows

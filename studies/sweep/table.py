@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.units import DIMENSIONS, unit_of
+from tympan.base.errors import InputError
+from tympan.base.units import DIMENSIONS, unit_of
 from tympan.studies.files import write_atomically, write_text
 from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.plan import Entry, Sweep, read_quantity

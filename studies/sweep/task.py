@@ -16,13 +16,13 @@ from typing import Any, get_args
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure, InputError
+from tympan.base.fields import write
+from tympan.base.process.folder import temporary_folder
+from tympan.base.process.threads import one_thread
 from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.fields import write
-from tympan.geometry.process.folder import temporary_folder
-from tympan.geometry.process.threads import one_thread
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import film_surface

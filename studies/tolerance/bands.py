@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Band, Case, CaseResult, Settings
 from tympan.studies.force.result import ForceResult

@@ -9,8 +9,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.films.box import STIFFNESS, Box

@@ -15,13 +15,13 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from scipy.special import erf, gamma
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks, checks_types, field_at, read
+from tympan.base.paths import at, with_numbers
+from tympan.base.toml_reader import Rule, Table
 from tympan.fem.film.library import MATERIALS, material_name
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks, checks_types, field_at, read
-from tympan.geometry.paths import at, with_numbers
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Rule, Table
 from tympan.studies.films.box import STIFFNESS, varying
 from tympan.studies.wanted import Bound, table_bounds, wanted_bounds
 

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Mask
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Mask
+from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
 from tympan.studies.films.first_limits import KINDS, label_of
 from tympan.studies.films.loaded import FamilyFilms

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from tympan.base.arrays import AnyArray, Mask
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, asks
+from tympan.base.toml_reader import Rule
 from tympan.fem.rig import MASSES, VOLTAGES, Rig
-from tympan.geometry.arrays import AnyArray, Mask
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, asks
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS, label_of

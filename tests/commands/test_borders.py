@@ -18,11 +18,11 @@ from benchmarks.trials.fuzz.contents import DATASET, STATIC
 from benchmarks.trials.python_words import words_of_python
 from tests.support.datasets import write_dataset
 from tests.support.specimens import OVAL, specimen_toml
+from tympan.base.errors import InputError
+from tympan.base.file_kinds import KINDS
+from tympan.base.process.folder import MANIFEST, alone
+from tympan.base.read_file import beside
 from tympan.cli import main
-from tympan.geometry.errors import InputError
-from tympan.geometry.file_kinds import KINDS
-from tympan.geometry.process.folder import MANIFEST, alone
-from tympan.geometry.read_file import beside
 from tympan.options import save_and_draw
 from tympan.reports import rebuild
 from tympan.studies.case import CaseResult

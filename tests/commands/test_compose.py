@@ -23,11 +23,11 @@ from benchmarks.compose.questions import (
     questions,
 )
 from benchmarks.compose.table import Allowed, allowed, counts, refusals
+from tympan.base.fields import Key, Registry, fields_of
 from tympan.cli import build_parser
 from tympan.commands import COMMANDS
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
-from tympan.geometry.fields import Key, Registry, fields_of
 from tympan.geometry.specimen import Specimen
 
 EVERY = concepts()

@@ -12,9 +12,9 @@ import pytest
 
 from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
+from tympan.base.toml_reader import Table
 from tympan.cli import main
 from tympan.geometry.outlines import OUTLINES
-from tympan.geometry.toml_reader import Table
 
 SPECIMEN = specimen_toml()
 LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'

@@ -12,14 +12,14 @@ import pytest
 from tests.support.lumped import MODELS
 from tests.support.specimens import circular
 from tympan import progress
-from tympan.geometry.columns import TOGETHER
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.case import Settings
 from tympan.studies.columns import Column, Sheet, read_own_sheet, read_sheet, write_sheet
 from tympan.studies.lumped import simulate as lumped
 from tympan.studies.signals import Pieces, step
 from tympan.studies.trace import sample_count
 from tympan.studies.transient import TransientCase, respond
+from tympan.tables.columns import TOGETHER
 
 COLUMNS = (Column("t", "s"), Column("voltage", "kV"))
 #: Rows of a table, many times what is in memory as texts at once.

@@ -162,8 +162,8 @@ def test_words_of_a_curve_and_of_a_stored_path_are_the_registry_s() -> None:
 def texts() -> Iterator[tuple[str, str]]:
     """Every text of the program that a reader may see, with its file; no docstring or comment."""
     root = Path(tympan.__file__).parent
-    for file in sorted(file for part in ("fem", "geometry", "studies", "reports", "commands",
-                                         "explore", ".") for file in (root / part).rglob("*")
+    parts = ("base", "tables", "fem", "geometry", "studies", "reports", "commands", "explore", ".")
+    for file in sorted(file for part in parts for file in (root / part).rglob("*")
                        if part != "." or file.parent == root):
         if file.suffix in (".txt", ".html", ".js", ".toml"):
             yield from ((str(file), line) for line in file.read_text("utf-8").splitlines())

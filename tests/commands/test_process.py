@@ -40,7 +40,7 @@ SWALLOWED = ("-c", """
 import os, signal, sys, time
 from pathlib import Path
 from tympan import __main__, cli
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.files import write_text
 
 def main():

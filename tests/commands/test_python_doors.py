@@ -6,9 +6,9 @@ import pytest
 
 from tests.support import python_doors
 from tests.support.python_doors import COMMON, OWN, WITHOUT, argument, in_python, options
+from tympan.base.errors import InputError
+from tympan.base.units import any_quantity
 from tympan.commands import COMMANDS
-from tympan.geometry.errors import InputError
-from tympan.geometry.units import any_quantity
 
 NAMES = [command.name for command in COMMANDS]
 #: Options whose default is another in Python, and why.

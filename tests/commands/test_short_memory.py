@@ -16,9 +16,9 @@ import pytest
 from tests.support.costs import dear
 from tests.support.specimens import specimen_toml
 from tympan import cli
-from tympan.geometry import system
-from tympan.geometry.errors import InputError
-from tympan.geometry.system import out_of_memory, silent
+from tympan.base import system
+from tympan.base.errors import InputError
+from tympan.base.system import out_of_memory, silent
 
 ADVICE = "use a smaller --refine, or fewer --workers\n"
 

@@ -23,6 +23,8 @@ from tests.support.costs import dear
 from tests.support.datasets import write_dataset
 from tests.support.moves import random_views
 from tests.support.specimens import circular, elliptical, skewed, specimen_toml
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
 from tympan.explore import latest
 from tympan.explore.copied import command_of, python_of
 from tympan.explore.curve import drawn_curve
@@ -46,10 +48,8 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.biases import Constant
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Polygon, Rotated, Stadium, examples, reshaped
 from tympan.geometry.specimen import Electrode, Plate, Specimen
-from tympan.geometry.toml_reader import Table
 from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
 from tympan.studies.case import Settings, solve
 

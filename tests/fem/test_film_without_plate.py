@@ -19,13 +19,13 @@ from tests.oracles.inflation import (
     voltage_at,
 )
 from tests.support.models import model
+from tympan.base.errors import InputError
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.results.fields import whole
 from tympan.fem.rig import GAS_SIGN, Rig
 from tympan.fem.vibration.air import air_volumes
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, Polygon, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve

@@ -10,12 +10,12 @@ import pytest
 from scipy.optimize import curve_fit
 
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
 from tympan.fem.vibration.harmonic import Harmonic
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, equilibrate, solve

@@ -26,6 +26,7 @@ from tests.support.specimens import (
     skewed,
     specimen_toml,
 )
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -44,7 +45,6 @@ from tympan.fem.vibration.modes import (
     symmetry_classes,
     vibrations,
 )
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, moments
 from tympan.geometry.specimen import Electrode, Plate

@@ -10,6 +10,8 @@ import pytest
 
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular, elliptical, skewed
+from tympan.base.errors import InputError
+from tympan.base.paths import numbers
 from tympan.fem.derivatives.quantities import QUANTITIES, named_quantity
 from tympan.fem.derivatives.residual_derivative import Stiffness
 from tympan.fem.derivatives.sensitivity import (
@@ -28,8 +30,6 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.biases import Magnet, Spring
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
-from tympan.geometry.errors import InputError
-from tympan.geometry.paths import numbers
 
 FORCE, VOLTAGE, PRESSURE = 0.2, 3000.0, 20.0
 LOADING = Loading((Spring(4.0), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)

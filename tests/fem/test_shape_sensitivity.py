@@ -12,6 +12,8 @@ import pytest
 from tests.oracles import axisymmetric
 from tests.support.models import deflection_gradient, model, pressed_model
 from tests.support.specimens import ROOT5, circular, skewed
+from tympan.base.errors import InputError
+from tympan.base.paths import with_change
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.sensitivity import limit_gradient, parameters
 from tympan.fem.derivatives.shape import edge_nodes, velocity
@@ -20,7 +22,6 @@ from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import (
     Circle,
     Ellipse,
@@ -31,7 +32,6 @@ from tympan.geometry.outlines import (
     Superellipse,
     examples,
 )
-from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
 
 FORCE, VOLTAGE = 0.2, 3000.0

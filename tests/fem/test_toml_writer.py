@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from tests.oracles.laws import SAMPLES
 from tests.support.biases import DECLARED as MECHANISMS
 from tests.support.specimens import circular, elliptical, skewed
+from tympan.base.errors import InputError
+from tympan.base.units import DIMENSIONS, LARGEST, quantity, quantity_text
 from tympan.fem.film.breakdown import STRENGTHS, ConstantStrength, PowerStrength
 from tympan.fem.film.laws import LAWS, Ogden
 from tympan.fem.film.library import EXAMINED, MATERIALS, load_specimen, material_name
 from tympan.fem.membrane.biases import BIASES
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Rotated, examples
 from tympan.geometry.specimen import Electrode, Film, Plate, Region
-from tympan.geometry.units import DIMENSIONS, LARGEST, quantity, quantity_text
 
 OUTLINES = examples()
 FIELDS = {"constant": (ConstantStrength(31e6),),

@@ -17,15 +17,17 @@ import numpy as np
 import pytest
 
 from tests.support.specimens import circular
+from tympan.base import reader_process
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
+from tympan.base.units import quantity
 from tympan.cli import main
 from tympan.commands.export import SIZES
 from tympan.fem.film.library import load_specimen
-from tympan.geometry import reader_process
 from tympan.geometry.cad import membrane as cad
 from tympan.geometry.cad import parts
 from tympan.geometry.cad.parts import PartOptions
 from tympan.geometry.cad.wires import outline_wire, planar
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import (
     OUTLINES,
     Circle,
@@ -42,8 +44,6 @@ from tympan.geometry.outlines.drawn import ClosedSpline
 from tympan.geometry.outlines.dxf import dxf_sheet
 from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Film, Plate, Specimen
-from tympan.geometry.toml_reader import Table
-from tympan.geometry.units import quantity
 from tympan.studies.case import Case
 from tympan.studies.paper.actuators import FILES
 

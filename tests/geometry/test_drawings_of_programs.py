@@ -11,12 +11,12 @@ import pytest
 from scipy.special import ellipe
 
 from benchmarks.trials.drawings import CASES, Case
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import OUTLINES, Outline, area, drawings, perimeter
 from tympan.geometry.outlines.contours import closed_curves
 from tympan.geometry.outlines.pieces import Arc, Line
-from tympan.geometry.toml_reader import Table
 
 FILES = Path(__file__).parent / "drawings"
 #: An ellipse of 120 x 80 mm.

@@ -17,11 +17,11 @@ import skfem
 from scipy.spatial import cKDTree
 
 from tests.support.specimens import circular, elliptical, skewed
+from tympan.base.errors import InputError
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry import mesher
 from tympan.geometry.cad.wires import pieces_wire, planar
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_meshio, to_bytes, unfold
 from tympan.geometry.mesher import MeshSettings, _widths, mesh_film
 from tympan.geometry.outlines import Circle, Ellipse, Outline, Superellipse, examples

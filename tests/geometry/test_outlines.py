@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from scipy.special import ellipe
 
 from tests.support.specimens import ROOT5
+from tympan.base.errors import InputError
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.library import MATERIALS
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import (
     Circle,

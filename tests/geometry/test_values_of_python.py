@@ -14,9 +14,9 @@ from benchmarks.trials.python_words import words_of_python
 from tests.oracles.laws import SAMPLES
 from tests.support.biases import DECLARED
 from tests.support.specimens import circular, skewed
+from tympan.base.errors import InputError
+from tympan.base.fields import Field, fields_of
 from tympan.fem.film.flows import ShearThinning
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Field, fields_of
 from tympan.geometry.outlines import Circle, examples
 from tympan.geometry.specimen import Electrode, Film, Patch, Plate, Region, Specimen, ViscousBranch
 from tympan.studies.case import Case

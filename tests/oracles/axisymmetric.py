@@ -52,7 +52,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import brentq
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 EnergyLaw = Callable[[Array, Array], Array]
 

@@ -15,13 +15,13 @@ from numpy.random import default_rng
 from scipy.constants import epsilon_0
 
 from tests.oracles.potential import potential
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.biases import Magnet, Spring
 from tympan.fem.membrane.loading import GUIDES
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
 from tympan.fem.results.fields import whole
-from tympan.geometry.arrays import Array
 
 _STEP = 1e-30
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 
 class Bent(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.integrate import solve_ivp
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 _VACUUM = 8.8541878128e-12
 

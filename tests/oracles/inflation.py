@@ -31,7 +31,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar, root_scalar
 
 from tests.oracles.axisymmetric import Film, energy_derivatives
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 _CENTRE = 1e-5  # where shooting starts in a disc, relative to its radius; the error is its square
 

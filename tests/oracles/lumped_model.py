@@ -18,7 +18,7 @@ from scipy.constants import epsilon_0, g
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 _STEP = 1e-30
 

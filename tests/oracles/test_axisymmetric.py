@@ -23,7 +23,7 @@ from tests.oracles.axisymmetric import (
     solve_deflection,
     solve_load,
 )
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 A, B, T, LP, EPSR = 0.010, 0.045, 1e-3, math.sqrt(5.0), 4.7
 GRAVITY = 9.81

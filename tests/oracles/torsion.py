@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 
 class Turned(NamedTuple):

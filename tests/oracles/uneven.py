@@ -40,7 +40,7 @@ from tests.oracles.axisymmetric import (
     energy_derivatives,
     solve_load,
 )
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 
 class Moved(NamedTuple):

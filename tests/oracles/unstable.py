@@ -24,7 +24,7 @@ from tests.oracles.axisymmetric import (
     pull_in_voltage,
     solve_load,
 )
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: Directions of a line and of the jump across it, in half a turn.
 _DIRECTIONS = 90

@@ -5,12 +5,12 @@ from __future__ import annotations
 from tests.oracles.axisymmetric import Film as Reference
 from tests.oracles.axisymmetric import RitzExpansion
 from tests.oracles.unstable import shape_at
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import Subspace
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
-from tympan.geometry.arrays import Array
 
 SOFT = Ogden((15e3,), (2.0,))
 WEIGHT = 17.9e-3 * 9.80665

@@ -21,10 +21,10 @@ from PIL import Image
 from tests.support.checks.accessible import wordless
 from tests.support.checks.policy import unlawful
 from tests.support.costs import dear
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
+from tympan.base.system import MissingLibrary
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse
-from tympan.geometry.system import MissingLibrary
 from tympan.reports import look as style
 from tympan.reports import scene
 from tympan.reports.figures.curve import VoltageCurve, draw_curve, frame_curves

@@ -18,10 +18,10 @@ import pytest
 from tests.support.checks.json_schema import faults
 from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
 from tympan.cli import main
 from tympan.commands import COMMANDS, doctor
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.options import Command
 from tympan.reports import schema
 from tympan.reports.schema import JsonKey, json_records

@@ -14,7 +14,7 @@ from matplotlib.textpath import TextPath
 from tests.support.checks.accessible import wordless
 from tests.support.checks.policy import unlawful
 from tests.support.sweeps import read
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports.sweep import page
 from tympan.reports.sweep.maps import Map, sweep_maps
 from tympan.reports.sweep.page import keep_page, render_sweep

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from benchmarks.explore.browser import pixels
 from tests.support.specimens import circular, specimen_toml
+from tympan.base.arrays import AnyArray, Array
+from tympan.base.toml_reader import Table
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.arrays import AnyArray, Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, Polygon
 from tympan.geometry.specimen import Plate
-from tympan.geometry.toml_reader import Table
 from tympan.reports import look
 from tympan.reports.colouring import COLOURINGS, MOST_MARGIN
 from tympan.reports.scales import round_scale

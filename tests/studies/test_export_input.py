@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Material, Plate, Specimen

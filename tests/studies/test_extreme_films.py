@@ -10,6 +10,7 @@ import pytest
 from benchmarks.trials.extreme_films import MESH, design, faults_of, judged, study, table
 from benchmarks.trials.robustness import write_section
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium import newton, path_following
 from tympan.fem.equilibrium.newton import EXHAUSTED, Budget, NewtonSettings, tangent_work
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -18,7 +19,6 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.laws import ArrudaBoyce, NeoHooke, Ogden
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch

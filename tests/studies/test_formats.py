@@ -14,7 +14,7 @@ import pytest
 
 from tests.support.datasets import write_dataset
 from tests.support.packages import installed, run
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import read_coupons
 from tympan.studies.data.dataset import read_dataset

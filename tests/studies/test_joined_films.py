@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from tests.support.biases import COARSE
 from tests.support.specimens import circular, elliptical, specimen_toml
+from tympan.base.errors import InputError
 from tympan.fem.derivatives.sensitivity import nearby_tangent
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.biases import JoinedFilm
@@ -18,7 +19,6 @@ from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.state import HEAVE
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, build_model, equilibrate, solve
 from tympan.studies.force import ForceCase
 from tympan.studies.force import force as force_of

@@ -13,11 +13,11 @@ from tests.oracles import axisymmetric, inflation
 from tests.oracles.laws import gent
 from tests.oracles.unstable import slack_voltage
 from tests.support.specimens import ROOT5, circular, elliptical
+from tympan.base.errors import InputError
 from tympan.fem.film.laws import Gent, NeoHooke
 from tympan.fem.film.library import MATERIALS, library_strength
 from tympan.fem.membrane.biases import ForceTable
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, Polygon, RegularPolygon, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen

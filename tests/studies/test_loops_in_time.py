@@ -10,9 +10,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tests.support.creeping import film
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.transient.integrate import StepSettings
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.parallel import NoValue, mapped, processes
 
 #: How long a process may take to end in the suite, where others compete for the processors [s].
@@ -232,7 +232,7 @@ def test_an_error_has_the_traceback_of_its_worker() -> None:
     assert "in here\nLookupError" in str(answers["here"].error.__cause__)
     assert "pickle" in answers["lambda"].reason
     with pytest.raises(InputError, match=r"^key: wrong$"):
-        list(mapped(exec, ["from tympan.geometry.errors import InputError\n"
+        list(mapped(exec, ["from tympan.base.errors import InputError\n"
                            "raise InputError('wrong', key='key')"] * 2, 2))
 
 

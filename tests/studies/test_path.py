@@ -14,11 +14,11 @@ import pytest
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import branch_voltage, slack_voltage
 from tests.support.specimens import ROOT5, ROUND, circular, elliptical, specimen_toml
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.biases import Magnet
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings
 from tympan.studies.path import PathResult, path
 

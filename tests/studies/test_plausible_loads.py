@@ -12,13 +12,13 @@ from scipy.constants import epsilon_0, g, pi
 import tympan
 from tests.support.biases import DECLARED
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.admissibility import equibiaxial_stiffness
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.plausible_loads import implausible_loads
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film
 from tympan.studies.alpha import AlphaSettings, LoadGrid

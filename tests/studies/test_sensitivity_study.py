@@ -18,6 +18,7 @@ from tests.support.specimens import (
     skewed,
     specimen_toml,
 )
+from tympan.base.paths import at, with_number
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import Ogden
@@ -29,7 +30,6 @@ from tympan.fem.membrane.biases import (
 )
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.paths import at, with_number
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.sensitivity import case_parameters, sensitivity
 

@@ -12,9 +12,9 @@ import meshio
 import numpy as np
 import pytest
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
+from tympan.base.process.folder import MANIFEST
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.process.folder import MANIFEST
 from tympan.studies import files as store
 from tympan.studies import study
 from tympan.studies.alpha import AlphaSettings, LoadGrid

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import Table
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
 from tympan.studies.wanted import (
     QUANTITIES,
     SCATTERING,

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm, qmc
 
+from tympan.base.arrays import AnyArray
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import AnyArray
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.ranges import Ranges

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tympan.base.errors import InputError
 from tympan.explore.view import FilmView, changed, controls
-from tympan.geometry.errors import InputError
 
 #: Loads are moved more often than sizes.
 _LOADS = ("voltage", "mass")

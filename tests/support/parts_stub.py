@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from tympan import parts
+from tympan.base.fields import Field, fields_of
 from tympan.fem.film.library import LibraryMaterial
-from tympan.geometry.fields import Field, fields_of
 
 FILE = Path(parts.__file__).with_suffix(".pyi")
 HEAD = '''\

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Numbers
 from tympan.studies.diagnosis.evidence.kind import Evidence, Shown
 from tympan.studies.diagnosis.evidence.registry import REST
 from tympan.studies.diagnosis.fits.first_order import Tangent

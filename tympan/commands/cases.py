@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.options import (
     JSON,
     MESH,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.options import (
     JSON,
     SEEDS,

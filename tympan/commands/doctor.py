@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-from tympan.geometry.errors import Failure
+from tympan.base.errors import Failure
 from tympan.options import JSON, command, print_record
 
 #: Distributions that results depend on, or that load system libraries.
@@ -26,7 +26,7 @@ print(type(plotter.render_window).__name__ if numpy.ptp(picture) > 100 else "not
 #: A script of the user: threads of the numerical libraries outside of tympan, and within.
 _COUNT = """
 import json, numpy, scipy.linalg
-from tympan.geometry.process.threads import blas_threads, one_thread
+from tympan.base.process.threads import blas_threads, one_thread
 outside = blas_threads()
 with one_thread():
     within = blas_threads()
@@ -39,8 +39,8 @@ def doctor(options: argparse.Namespace) -> None:
     """Versions, system libraries, drawing, threads, and a short self-check of the solver."""
     import platform
 
-    from tympan.geometry.process.threads import outer_environment
-    from tympan.geometry.system import missing_packages
+    from tympan.base.process.threads import outer_environment
+    from tympan.base.system import missing_packages
 
     versions = {name: _version(name) for name in PACKAGES}
     record: dict[str, Any] = {
@@ -93,7 +93,7 @@ def python_threads() -> dict[str, dict[str, int]]:
     import json
     import subprocess
 
-    from tympan.geometry.process.threads import outer_environment
+    from tympan.base.process.threads import outer_environment
 
     caller = {name: value for name, value in outer_environment().items() if value is not None}
     rest = {name: value for name, value in os.environ.items() if name not in outer_environment()}

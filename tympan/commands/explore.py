@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tympan.base.errors import Failure, InputError
 from tympan.commands.cases import TOLERANCES, given_tolerances
-from tympan.geometry.errors import Failure, InputError
 from tympan.options import RIG, argument, command, naming_file, naming_options, parse_quantity
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from tympan.base.errors import Failure, InputError
+from tympan.base.process.folder import alone
 from tympan.commands.cases import TOLERANCES, given_tolerances
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.process.folder import alone
 from tympan.options import (
     JSON,
     MESH,

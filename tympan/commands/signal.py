@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.options import SEEDS, Argument, argument, parse_quantity
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from tympan.base.errors import InputError
 from tympan.commands.signal import SIGNAL, wave_of
-from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,

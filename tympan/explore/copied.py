@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import tympan
+from tympan.base.command_line import command_line, file_word
+from tympan.base.fields import Key, fields_of
+from tympan.base.units import quantity_text
 from tympan.explore.view import FilmView
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.fem.rig import Rig
-from tympan.geometry.command_line import command_line, file_word
-from tympan.geometry.fields import Key, fields_of
 from tympan.geometry.specimen import Film
-from tympan.geometry.units import quantity_text
 
 #: Length of a script's line.
 _WIDTH = 100

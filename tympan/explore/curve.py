@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 
+from tympan.base.arrays import Array
 from tympan.explore.session import FollowedCurve, Readings
-from tympan.geometry.arrays import Array
 from tympan.reports.figures.curve import VoltageCurve
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.reports.template import template

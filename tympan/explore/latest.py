@@ -13,8 +13,8 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.workers import begin_worker, signals_blocked, start_worker
+from tympan.base.errors import InputError
+from tympan.base.process.workers import begin_worker, signals_blocked, start_worker
 
 #: Answers a question, in several parts where some come sooner; a :class:`Pause` between them.
 Answer: TypeAlias = Callable[[Any], Iterator[Any]]

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from math import floor, log10
 from typing import TypeAlias
 
+from tympan.base.units import BENCH, unit_of
 from tympan.explore.session import Blocked, FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.geometry.units import BENCH, unit_of
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import Band, Limit

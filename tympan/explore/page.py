@@ -12,6 +12,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+from tympan.base.errors import InputError
 from tympan.explore.copied import command_of, python_of, remark
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
@@ -46,7 +47,6 @@ from tympan.explore.view import (
 )
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import examples
 from tympan.geometry.specimen import Specimen
 from tympan.reports.viewer.payload import record_of

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.paths import with_arrays
 from tympan.explore.latest import Answer, Pause
 from tympan.explore.session import Bands, Blocked, FollowedCurve, Off
 from tympan.explore.view import FilmView, controls, value_of
 from tympan.fem.results.limit_states import PULL_IN
 from tympan.fem.rig import MOST_VOLTAGE, Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.paths import with_arrays
 from tympan.studies.case import Limit, Limits, Settings
 from tympan.studies.films.box import STIFFNESS, Box, kind_of, varying
 from tympan.studies.films.family import FamilySettings, FilmFamily, require_reducible

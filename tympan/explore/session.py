@@ -10,6 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
+from tympan.base.paths import at
 from tympan.explore.view import FilmView
 from tympan.fem.derivatives.shape import motion_between, moved_by
 from tympan.fem.equilibrium.newton import Solution
@@ -19,9 +22,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE
 from tympan.fem.results.fields import Unfolding
 from tympan.fem.rig import DIRECTIONS, Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
-from tympan.geometry.paths import at
 from tympan.geometry.specimen import Specimen
 from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tympan.base.errors import InputError
 from tympan.explore.view import FilmView
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import read_dataset

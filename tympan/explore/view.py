@@ -7,17 +7,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from tympan.base.errors import InputError
+from tympan.base.fields import Field, field_at
+from tympan.base.paths import at, numbers, with_number
+from tympan.base.toml_reader import Table
+from tympan.base.units import quantity
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.toml_writer import specimen_content
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Field, field_at
 from tympan.geometry.outlines import Outline, reshaped
-from tympan.geometry.paths import at, numbers, with_number
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Table
-from tympan.geometry.units import quantity
 from tympan.studies.case import Case
 
 #: Units of the controls, by dimension, and how many of them make the SI unit.

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.material.branches import BranchFit, TimedTests, fit_branches
 from tympan.studies.material.families import FAMILIES

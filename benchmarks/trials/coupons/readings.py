@@ -15,7 +15,7 @@ from scipy.constants import epsilon_0
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 MODULUS, THICKNESS, PERMITTIVITY, VOLTAGE = 20e3, 1e-3, 4.7, 6e3
 #: What a laboratory writes in dataset.toml.

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.trials.drawings import CASES
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 
 
 def main() -> int:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
 from tympan.geometry.outlines import OUTLINES, Outline, area, check_outline, perimeter
-from tympan.geometry.toml_reader import Table
 
 Rng = np.random.Generator
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import ezdxf
 
 from benchmarks.trials.fuzz.kind import Kind, register
+from tympan.base.toml_reader import Table
 from tympan.geometry.outlines import OUTLINES, check_outline
-from tympan.geometry.toml_reader import Table
 
 
 def _dxf() -> bytes:

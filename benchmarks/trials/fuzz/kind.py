@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 
 #: What a number, a text or a line may become.
 VALUES = (

@@ -9,8 +9,8 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from benchmarks.trials.fuzz.kind import Kind, changed_bytes, changed_text, register
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.folder import MANIFEST
+from tympan.base.errors import InputError
+from tympan.base.process.folder import MANIFEST
 from tympan.studies.files import write_text
 
 _FOLDER = "results"

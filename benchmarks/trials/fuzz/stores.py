@@ -16,8 +16,8 @@ from openpyxl import Workbook
 
 from benchmarks.trials.fuzz.contents import SIGNAL
 from benchmarks.trials.fuzz.kind import Kind, changed_bytes, changed_text, register
-from tympan.geometry.fields import Registry
-from tympan.geometry.plugins import _loaded, load_plugins
+from tympan.base.fields import Registry
+from tympan.base.plugins import _loaded, load_plugins
 from tympan.studies.kept.store import Store
 from tympan.studies.signals import read_signal
 

@@ -14,7 +14,7 @@ HELD = """
 import sys
 from pathlib import Path
 from tympan.cli import main
-from tympan.geometry.process.folder import alone
+from tympan.base.process.folder import alone
 with alone(Path("m")):
     sys.exit(main(sys.argv[1:]))
 """

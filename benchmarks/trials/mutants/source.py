@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 #: Folders of the product; links between them are not followed.
-PRODUCT = ("geometry", "fem", "studies", "reports", "tympan")
+PRODUCT = ("base", "tables", "geometry", "fem", "studies", "reports", "tympan")
 _NO_CODE = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
             tokenize.ENCODING, tokenize.ENDMARKER)
 

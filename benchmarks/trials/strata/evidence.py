@@ -23,14 +23,14 @@ from benchmarks.trials.synthetic_trials import (
     readings,
     scaled,
 )
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.dataset import FILES

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
+from tympan.base.fields import Key
+from tympan.base.toml_reader import NON_NEGATIVE
 from tympan.fem.membrane.biases import BIASES
-from tympan.geometry.fields import Key
-from tympan.geometry.toml_reader import NON_NEGATIVE
 from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
 _REFERENCE = 1e-3  #: heave at which the pull is stated [m]

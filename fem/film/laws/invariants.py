@@ -13,10 +13,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
+from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.geometry.specimen import LAWS
-from tympan.geometry.toml_reader import POSITIVE, Rule
 
 _ABOVE_ONE: Rule = (lambda x: 1 < x < float("inf"),
                     "must be above 1 (at 1 the chains would be taut at rest)")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.base.errors import InputError
+from tympan.base.fields import Key
+from tympan.base.toml_reader import Rule
 from tympan.geometry.specimen import LAWS
-from tympan.geometry.toml_reader import Rule
 
 _POWER: Rule = (lambda x: 0 < abs(x) <= 50, "must not be zero, nor beyond 50")
 _POSITIVE_POWER: Rule = (lambda x: 0 < x <= 50, "must be above 0, at most 50")

@@ -8,10 +8,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from tympan.base.fields import Key, fields_of
+from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.fem.film.laws.invariants import MooneyRivlin, of_first_invariant
-from tympan.geometry.fields import Key, fields_of
 from tympan.geometry.specimen import LAWS, Material
-from tympan.geometry.toml_reader import POSITIVE, Rule
 
 _EXPONENT: Rule = (lambda x: -1 < x <= 10, "must be above -1 and at most 10")
 _INVARIANT: Rule = (lambda x: 3 <= x <= 1000, "must be from 3 (the virgin film's) to 1000")

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial import legendre
 
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.coupon import Coupons

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 
+from tympan.base.arrays import AnyArray, Array, Mask, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import AnyArray, Array, Mask, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.diagnosis.evidence.kind import Evidence, Model, Shown, Split

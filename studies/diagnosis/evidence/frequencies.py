@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows

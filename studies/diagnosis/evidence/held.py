@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of

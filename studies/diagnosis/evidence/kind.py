@@ -10,9 +10,9 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import clock_runs_back, findings
 from tympan.studies.data.dataset import CHANNELS, Dataset

@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 from numpy.polynomial import legendre
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.ramps import groups

@@ -8,8 +8,8 @@ from functools import reduce
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.data.checked_runs import CheckedRun
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.sampled_run import WORDS, SampledRun

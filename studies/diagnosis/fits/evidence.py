@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, parameters_of
 

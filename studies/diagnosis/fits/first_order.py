@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.kind import Predicts, Shown
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import with_sizes

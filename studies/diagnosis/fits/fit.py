@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, sizes_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model, Predicts
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of

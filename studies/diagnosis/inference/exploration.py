@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, with_sizes

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit

@@ -17,7 +17,7 @@ from operator import itemgetter
 import numpy as np
 from scipy.special import expit
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Memory, Noise

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 from scipy.special import logsumexp
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by, without

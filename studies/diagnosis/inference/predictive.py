@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Predicts
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy

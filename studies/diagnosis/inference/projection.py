@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import svd
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 
 #: What is left of a pattern's column, as a share, below which the readings do not tell its
 #: direction.

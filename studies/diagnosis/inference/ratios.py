@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Ratio
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit

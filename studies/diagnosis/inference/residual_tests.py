@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.diagnosis.inference.projection import (
     RANK,
     orthonormal,

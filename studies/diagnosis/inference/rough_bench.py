@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit

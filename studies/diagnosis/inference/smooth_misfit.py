@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.projection import orthonormal
 from tympan.studies.diagnosis.patterns.reading_patterns import among

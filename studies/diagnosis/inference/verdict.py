@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit

@@ -10,7 +10,7 @@ from itertools import permutations
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.history import staircase

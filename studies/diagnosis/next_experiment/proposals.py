@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.data.effort import Effort
 from tympan.studies.diagnosis.calibration import with_masses
 from tympan.studies.diagnosis.fits.fit import Fit

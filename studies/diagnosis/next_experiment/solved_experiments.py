@@ -11,9 +11,9 @@ from functools import reduce
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import build_model, voltage_ramp

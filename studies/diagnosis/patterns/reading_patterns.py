@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial import legendre
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
 #: What a misfit is, by its pattern's name or the first word of it; {1} is the rest of it.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, product
 
+from tympan.base.errors import InputError
 from tympan.fem.membrane.loading import Loading
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
 from tympan.studies.effects.effect import Quantity

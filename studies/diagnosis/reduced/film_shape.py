@@ -15,8 +15,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tympan.geometry.arrays import Array, Mask, Numbers
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.rays import exits, outside
 from tympan.geometry.specimen import Plate

@@ -8,9 +8,9 @@ from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.loading import Guide, Loading
-from tympan.geometry.arrays import Array, Mask, Numbers
 from tympan.studies.case import solved_loading
 from tympan.studies.diagnosis.hypothesis import (
     PERMITTIVITY,

@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tympan.geometry.arrays import Array, Numbers
+from tympan.base.arrays import Array, Numbers
 from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, Sample
 
 #: Which of the nominal film's nodes by heave are those of effects, which change a film smoothly.

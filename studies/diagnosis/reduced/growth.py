@@ -10,8 +10,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.system import MissingLibrary
+from tympan.base.arrays import Array
+from tympan.base.system import MissingLibrary
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.axes import (
     FIRST_SPAN,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.reading_table import States
 
 

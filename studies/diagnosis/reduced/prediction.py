@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.registry import BY_ROWS, REST
 from tympan.studies.diagnosis.hypothesis import Hypothesis, parameters_of
 from tympan.studies.diagnosis.reading_table import ReadingTable

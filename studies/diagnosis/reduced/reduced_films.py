@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     STIFFNESS,

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
@@ -19,7 +20,6 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
-from tympan.geometry.arrays import Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Plate, Specimen

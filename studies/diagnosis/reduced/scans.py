@@ -7,11 +7,11 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.results.places import Places
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reading_table import Scan

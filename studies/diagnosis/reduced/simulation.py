@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.kind import Evidence, Shown, rows_of
 from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of

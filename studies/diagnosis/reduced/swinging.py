@@ -14,11 +14,11 @@ from functools import cached_property
 
 import numpy as np
 
+from tympan.base.arrays import Array, Numbers
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.places import Places
 from tympan.fem.vibration.heave import FollowingFilm, following
-from tympan.geometry.arrays import Array, Numbers
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import Model
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.fits.fit import Fit

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable

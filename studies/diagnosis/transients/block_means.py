@@ -18,7 +18,7 @@ from math import nan
 
 import numpy as np
 
-from tympan.geometry.arrays import Array, Mask, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.diagnosis.transients.noise_density import noise_density

@@ -12,7 +12,7 @@ from math import nan
 import numpy as np
 from scipy.optimize import minimize
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: Samples without which a spectrum says nothing.
 _FEWEST = 64

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 #: Samples that a period must have, to be told from noise.
 _SAMPLES = 5

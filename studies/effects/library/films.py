@@ -8,9 +8,9 @@ from typing import Annotated
 
 import numpy as np
 
+from tympan.base.paths import with_change
 from tympan.fem.film.laws import MooneyShare, Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
-from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import NARROWEST, Film, Patch, Specimen
 from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
 from tympan.studies.effects.library.families import BARE_FILM, LESS_MOVED, STIFFER_FILM

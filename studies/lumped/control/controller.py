@@ -13,9 +13,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure
-from tympan.geometry.fields import Key
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure
+from tympan.base.fields import Key
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest, squared_at
 from tympan.studies.lumped.export.c_source import identifier

@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.control.controller import Controller, Made, Method, StaticInverse
 from tympan.studies.lumped.control.loop import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.lumped.control.controller import LinearLaw
 
 Complex = NDArray[np.complex128]

@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.studies.lumped.control.controller import Controller, LinearLaw, Made
 from tympan.studies.lumped.control.loop import Sampled, closed_poles, frequencies
 

@@ -7,10 +7,10 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure, InputError
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure, InputError
 from tympan.studies.films.driven_film import ReducedMoment
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.actuator import Actuator, Viscous

@@ -9,14 +9,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pandas as pd
 
-from tympan.geometry.column import Column
-from tympan.geometry.fields import Key
+from tympan.base.fields import Key
 from tympan.studies.case import Warnings
 from tympan.studies.columns import read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
 from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.sense.inverse import Inverse
+from tympan.tables.column import Column
 
 #: Columns of control.csv: the run, and beside it the same without feedback.
 COLUMNS: tuple[Column, ...] = (

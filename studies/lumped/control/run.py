@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import numpy as np
 import pandas as pd
 
+from tympan.base.arrays import Array
+from tympan.base.errors import InputError, VoltageError
+from tympan.base.fields import Key, asks
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.fem.rig import Rig
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import InputError, VoltageError
-from tympan.geometry.fields import Key, asks
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.lumped.model_file import LumpedModel
 
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure, InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure, InputError
 from tympan.studies.files import write_text
 from tympan.studies.lumped.model_file import LumpedModel
 

@@ -18,8 +18,8 @@ from pathlib import Path
 from string import Template
 from xml.etree import ElementTree as Xml
 
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.process.folder import temporary_folder
+from tympan.base.errors import Failure, InputError
+from tympan.base.process.folder import temporary_folder
 from tympan.studies.files import write_atomically
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.model_file import LumpedModel

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import least_squares
 
-from tympan.geometry.arrays import Array
-from tympan.geometry.errors import Failure, InputError
+from tympan.base.arrays import Array
+from tympan.base.errors import Failure, InputError
 from tympan.studies.files import write_json
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest

@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 
 from tests.support.biases import COARSE, DECLARED, JOINED, SAMPLES
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import (
     BIASES,
     Bistable,
@@ -23,7 +24,6 @@ from tympan.fem.membrane.biases import (
 )
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits

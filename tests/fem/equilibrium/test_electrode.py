@@ -14,11 +14,11 @@ from scipy.constants import epsilon_0
 
 from tests.support.models import model
 from tests.support.specimens import PATCH_TOML, ROOT5, circular
+from tympan.base.errors import InputError
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.library import load_specimen
 from tympan.fem.results.fields import edge_fields
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen

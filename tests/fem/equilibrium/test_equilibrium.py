@@ -223,7 +223,7 @@ alpha = [2]
 """
     si = {"a": "0.06 m", "b": "0.045 m", "r": "0.01 m", "t": "0.001 m", "mu": "20000 Pa"}
     mm = {"a": "60 mm", "b": "45 mm", "r": "10 mm", "t": "1 mm", "mu": "20000 g/mm/s^2"}
-    from tympan.geometry.units import quantity
+    from tympan.base.units import quantity
 
     deflections = []
     for number, (values, mass, voltage) in enumerate(
@@ -349,7 +349,7 @@ def test_unsymmetric_specimen_is_found_from_another_direction(skewed_model: Mode
 
 
 def test_mesh_settings_say_what_they_allow() -> None:
-    from tympan.geometry.errors import InputError
+    from tympan.base.errors import InputError
 
     with pytest.raises(InputError, match="1, 2, 3, 4"):
         MeshSettings(order=5)

@@ -8,10 +8,10 @@ from math import pi
 import numpy as np
 import pytest
 
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import MooneyRivlin, NeoHooke
 from tympan.fem.rig import GAS_SIGN, Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Film, Plate, Specimen

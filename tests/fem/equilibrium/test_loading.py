@@ -16,6 +16,8 @@ from tests.oracles.potential import potential
 from tests.support.biases import SAMPLES
 from tests.support.models import loaded, model
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.solve import equilibrium
@@ -23,11 +25,9 @@ from tympan.fem.membrane.biases import BIASES, Magnet, Spring, acting
 from tympan.fem.membrane.loading import GUIDES, Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate
-from tympan.geometry.toml_reader import Table
 from tympan.reports.study.page import settings
 from tympan.studies.case import Case, Settings, build_model, solve
 from tympan.studies.files import to_json

@@ -11,6 +11,7 @@ import pytest
 
 from tests.oracles.laws import SAMPLES
 from tests.support.specimens import ROOT5, circular, elliptical
+from tympan.base.errors import InputError
 from tympan.fem.film.admissibility import (
     checked,
     ellipticity_margin,
@@ -20,7 +21,6 @@ from tympan.fem.film.admissibility import (
 )
 from tympan.fem.film.laws import Ogden, PrestretchedOgden, Separable, Yeoh
 from tympan.fem.results.fields import Fields, lost_tension, node_fields
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, equilibrate, field_warnings, solve
 
 BETA, GAMMA = (13.4e3, 34.8e3, 35.8e3), (-0.41e3, -113e3, -34.2e3)

@@ -12,6 +12,7 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, PATCH_TOML, ROOT5, circular
+from tympan.base.errors import InputError
 from tympan.fem.film.breakdown import (
     STRENGTH_LIBRARY,
     STRENGTHS,
@@ -20,7 +21,6 @@ from tympan.fem.film.breakdown import (
 )
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.results.fields import cell_fields
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.specimen import Electrode, Region
 from tympan.studies.case import Case, Settings, solve

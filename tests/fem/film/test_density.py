@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, skewed
+from tympan.base.errors import InputError
 from tympan.fem.film.admissibility import checked, inadmissible_stretch
 from tympan.fem.film.density import (
     FilmDensity,
@@ -21,7 +22,6 @@ from tympan.fem.film.density import (
 )
 from tympan.fem.film.laws import LAWS, Ogden
 from tympan.fem.film.library import MATERIALS
-from tympan.geometry.errors import InputError
 
 STEP = 1e-30
 MATERIALS_TO_TEST = {

@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 
 from tests.support.flowing_film import SAMPLES, film, path, rate
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
 from tympan.fem.film.flows import ShearThinning
 from tympan.fem.film.library import load_specimen
 from tympan.fem.film.memory import Memory, incompressible
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import FLOWS, ConstantFlow, FlowLaw
 
 

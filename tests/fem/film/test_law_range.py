@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.admissibility import beyond_range
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import load_specimen
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.coupon import Coupons

@@ -16,6 +16,9 @@ from tests.oracles import axisymmetric
 from tests.oracles.laws import SAMPLES, Sample, gent, shear_modulus
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import ROOT5, circular
+from tympan.base.errors import InputError
+from tympan.base.fields import read
+from tympan.base.toml_reader import Table
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -27,9 +30,6 @@ from tympan.fem.film.admissibility import (
 )
 from tympan.fem.film.laws import LAWS, ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from tympan.fem.film.library import MATERIALS
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import read
-from tympan.geometry.toml_reader import Table
 
 STEP = 1e-30
 GRID = tuple(axis.ravel() for axis in np.meshgrid(np.linspace(0.6, 3.2, 27),

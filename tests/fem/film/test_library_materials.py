@@ -10,9 +10,9 @@ import pytest
 import tympan
 from benchmarks.external import library_laws
 from tests.support.specimens import circular, specimen_toml
+from tympan.base.errors import InputError
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.library import MATERIALS, REFUSED, load_specimen
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film
 from tympan.studies.case import Case, Settings, solve

@@ -14,6 +14,7 @@ from scipy.special import gamma
 from tests.oracles.axisymmetric import solve_deflection
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical, reference_film, skewed, specimen_toml
+from tympan.base.errors import InputError
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.newton import newton
@@ -23,7 +24,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Patch, Plate, Specimen

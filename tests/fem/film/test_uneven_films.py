@@ -11,11 +11,11 @@ from scipy.constants import epsilon_0
 from tests.oracles.uneven import solve_uneven
 from tests.support.models import deformed, model
 from tests.support.specimens import NEO_HOOKE, circular, reference_film
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.results.fields import film_integrals
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Electrode, Patch, Specimen
 
 UNEVEN = (0.3, -0.1)

@@ -15,7 +15,7 @@ import numpy as np
 from tests.oracles.creep import CreepingFilm
 from tests.oracles.readings.round_actuators import GRAVITY, MASSES, SHAPES, Hidden, dataset_file
 from tests.oracles.readings.swinging_plate import SwingingPlate
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 VOLTAGES = (0.0, 1.5e3, 2.5e3, 3.2e3)
 

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RectBivariateSpline
 
 from tests.oracles.creep import CreepingFilm
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 
 _VACUUM = 8.8541878128e-12
 #: Heaves [m] and voltages [V] up to which forces are tabulated.

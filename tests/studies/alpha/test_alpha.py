@@ -13,10 +13,10 @@ from scipy.optimize import minimize
 
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.datasets import HEAD, write_dataset
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.data.checks import dataset_warnings, slips_of_sign
 from tympan.studies.data.dataset import Dataset, read_dataset
 from tympan.studies.data.findings import step_of

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from tests.support.datasets import HEAD, write_dataset
+from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, read_sheet
 from tympan.studies.data import dataset
 from tympan.studies.data.checks import dataset_warnings, summary

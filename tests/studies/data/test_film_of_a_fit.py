@@ -18,10 +18,10 @@ from benchmarks.trials.coupons.rubbers import (
     outcome,
     viscous,
 )
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS

@@ -12,8 +12,8 @@ import pytest
 import tympan
 from benchmarks.trials.lab_drafts import REFUSED, RIGHT, SILENT, Judged, judged, lab_tables
 from tests.support.datasets import SPECIMEN
-from tympan.geometry.errors import InputError
-from tympan.geometry.units import quantity
+from tympan.base.errors import InputError
+from tympan.base.units import quantity
 from tympan.studies.data import doubts
 from tympan.studies.data.dataset import Dataset, read_dataset
 

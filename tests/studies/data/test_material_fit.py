@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tests.oracles.laws import shear_modulus
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
 from tympan.fem.film.library import MATERIALS, load_specimen
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons, read_coupons
 from tympan.studies.estimation.identifiability import covariance
@@ -387,8 +387,8 @@ def test_fit_command_writes_a_material_for_specimens(tmp_path, capsys) -> None:
 def test_material_lines_are_read_back(law) -> None:
     import tomllib
 
+    from tympan.base.toml_reader import Table
     from tympan.fem.film.laws import LAWS
-    from tympan.geometry.toml_reader import Table
 
     table = tomllib.loads(material_lines(law))["membrane"]["material"]
     assert LAWS.read(Table("x.toml", table)) == law

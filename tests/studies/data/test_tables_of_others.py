@@ -11,14 +11,14 @@ import pytest
 import tympan
 from benchmarks.trials.tables import followed, made, wrong
 from tests.support.datasets import SPECIMEN, write_dataset
+from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.geometry.errors import InputError
-from tympan.geometry.layouts import Layout
 from tympan.studies.columns import Sheet
 from tympan.studies.data.coupon import Coupons, coupon_layout, read_coupons
 from tympan.studies.data.dataset import Dataset, read_dataset
 from tympan.studies.data.draft import write_draft
 from tympan.studies.signals import read_signal
+from tympan.tables.layouts import Layout
 
 STRETCH_STRESS = "Stretch,Stress\n1.1,0.030\n1.5,0.110\n2.0,0.180\n2.5,0.240\n3.0,0.310\n"
 INSTRON = """Specimen Thickness (mm);3;;

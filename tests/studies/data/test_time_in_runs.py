@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from benchmarks.trials.coupons.limits import exact, noisy
+from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.geometry.errors import InputError
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons
 from tympan.studies.estimation.correlation import akaike

@@ -20,11 +20,11 @@ import tympan
 from tests.oracles import axisymmetric
 from tests.support.costs import dear
 from tests.support.specimens import OVAL, ROUND, SOFT, VHB, reference_film, specimen_toml
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.reports.figures.design import draw_bounds
 from tympan.studies.case import Settings
 from tympan.studies.design.design import design

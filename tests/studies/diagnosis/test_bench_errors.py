@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.trials import design, every_cause
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.bench_errors import with_film_scatter, with_voltage_errors
 from tympan.studies.diagnosis.fits.fitting import fit

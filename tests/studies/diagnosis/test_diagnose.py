@@ -15,10 +15,10 @@ from tests.support.checks.json_schema import faults, schema_of
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular
 from tests.support.trials import design, every_cause, read
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.data.dataset import read_dataset

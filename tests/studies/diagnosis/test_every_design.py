@@ -15,9 +15,9 @@ from tests.oracles import axisymmetric
 from tests.support.costs import dear
 from tests.support.library import among
 from tests.support.specimens import reference_film
+from tympan.base.errors import InputError
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.laws.stiffened import scaled
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated, law_error

@@ -14,9 +14,9 @@ from tests.oracles.readings import runs_in_time
 from tests.oracles.readings.round_actuators import GRAVITY, Hidden, dataset_file
 from tests.oracles.readings.runs_in_time import Run
 from tests.support.checks.json_schema import faults
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.errors import InputError
 from tympan.reports.schema import json_records
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.film_fit import FilmFit, fit_film

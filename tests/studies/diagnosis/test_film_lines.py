@@ -17,12 +17,12 @@ from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.library import among
 from tests.support.specimens import circular, reference_film, skewed
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.reports.diagnosis.page import build_diagnosis_page
 from tympan.studies.case import Settings, build_model

@@ -13,9 +13,9 @@ from tests.oracles import axisymmetric
 from tests.oracles.axisymmetric import neo_hooke
 from tests.oracles.inflation import Disc, Loads, minimise
 from tests.support.datasets import SPECIMEN, write_dataset
+from tympan.base.errors import InputError
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.data.checks import summary

@@ -13,13 +13,13 @@ import pytest
 
 from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.laws import Gent, MooneyRivlin, MooneyShare, NeoHooke, Stiffened
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import DIRECTIONS, Rig
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.effects import EFFECTS, Setup, Use, extended

@@ -19,9 +19,9 @@ from tests.oracles.readings import swinging
 from tests.oracles.readings.round_actuators import Hidden, specimen_table
 from tests.support.packages import installed, run
 from tests.support.specimens import specimen_toml
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Registry
-from tympan.geometry.plugins import GROUPS, load_plugins
+from tympan.base.errors import InputError
+from tympan.base.fields import Registry
+from tympan.base.plugins import GROUPS, load_plugins
 from tympan.studies.columns import Column, read_own_sheet, read_sheet, write_sheet
 from tympan.studies.effects import EFFECTS
 from tympan.studies.formats import FORMATS
@@ -231,7 +231,7 @@ def test_laws_and_outlines_are_added_the_same_way(tmp_path: Path) -> None:
     (tmp_path / "soft_law.py").write_text(
         "from dataclasses import dataclass\nfrom typing import Annotated, ClassVar\n"
         "from tympan.fem.film.laws.invariants import FirstInvariantLaw\n"
-        "from tympan.geometry.fields import Key\nfrom tympan.geometry.specimen import LAWS\n"
+        "from tympan.base.fields import Key\nfrom tympan.geometry.specimen import LAWS\n"
         "@LAWS.register\n@dataclass(frozen=True)\nclass Soft(FirstInvariantLaw):\n"
         "    law: ClassVar[str] = 'soft'\n"
         "    slope: Annotated[float, Key('half the modulus', 'stress')]\n"

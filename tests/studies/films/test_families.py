@@ -8,8 +8,8 @@ from functools import cache
 import pytest
 
 from benchmarks.trials.film_families import GATE, Family, families, on_mesh, specimens
+from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Patch, Specimen
 from tympan.studies.diagnosis.reduced.axes import film_axes, sampled_film
 from tympan.studies.effects import Setup

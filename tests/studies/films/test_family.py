@@ -11,6 +11,7 @@ import pytest
 
 from tests.support.biases import DECLARED
 from tests.support.costs import dear
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import PowerStrength
 from tympan.fem.film.laws import Ogden
@@ -19,7 +20,6 @@ from tympan.fem.membrane.biases import (
     Spring,
 )
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Patch, Plate, Specimen
 from tympan.studies.case import Case, Settings, build_model

@@ -14,11 +14,11 @@ from tests.oracles import axisymmetric
 from tests.oracles.axisymmetric import neo_hooke
 from tests.oracles.inflation import Disc, Loads, minimise
 from tests.support.costs import dear
+from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.loading import film_volume, plate_volume
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.case import Case, Settings, solve

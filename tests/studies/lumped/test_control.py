@@ -23,11 +23,11 @@ import tympan
 from tests.support.costs import dear
 from tests.support.lumped import MODELS, OVAL, compiled_controller
 from tests.support.specimens import elliptical
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import ReducedFilm

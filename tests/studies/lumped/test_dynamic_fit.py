@@ -14,9 +14,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.support.lumped import MASSES, NOISE, TRUTH, noisy
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Separable
-from tympan.geometry.errors import InputError
 from tympan.studies.identify.dynamic import (
     DynamicFit,
     DynamicProblem,

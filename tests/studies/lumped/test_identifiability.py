@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.lumped import clean
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.reports.figures.identification import _prefix, draw_correlations, draw_profiles
 from tympan.studies.estimation.identifiability import identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise

@@ -12,9 +12,9 @@ import pytest
 from tests.oracles.lumped_model import equations
 from tests.support.lumped import MODELS, OVAL, free_energy
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
+from tympan.base.system import MissingLibrary
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.system import MissingLibrary
 from tympan.studies.circles import ConeCircle
 from tympan.studies.lumped.actuator import (
     Actuator,

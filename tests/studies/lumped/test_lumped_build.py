@@ -17,11 +17,11 @@ from scipy.integrate import quad
 
 from tests.oracles import axisymmetric
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, NeoHooke, Ogden, Stiffened
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, examples
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.studies.case import Settings

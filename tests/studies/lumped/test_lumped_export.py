@@ -19,9 +19,9 @@ from scipy.integrate import solve_ivp
 
 from tests.support.lumped import OVAL
 from tests.support.specimens import circular
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
-from tympan.geometry.errors import InputError
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.export.fmu import export_fmu

@@ -10,9 +10,9 @@ import pytest
 
 from tests.support.biases import COARSE, DECLARED, JOINED
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import Bistable, Constant, ForceTable
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.lumped.control.run import ControlSettings

@@ -13,8 +13,8 @@ from scipy.linalg import expm
 
 from tests.oracles.lumped_model import equations
 from tests.support.lumped import MODELS, free_energy
+from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, roots

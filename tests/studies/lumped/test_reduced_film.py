@@ -17,6 +17,7 @@ from scipy.constants import epsilon_0
 from tests.oracles.creep import CreepingFilm
 from tests.support.biases import DECLARED
 from tests.support.specimens import circular, elliptical
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.flows import ShearThinning
@@ -26,7 +27,6 @@ from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
 from tympan.fem.transient.integrate import Stopped
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch

@@ -13,8 +13,8 @@ import pytest
 
 from tests.support.checks.json_schema import faults, schema_of
 from tests.support.checks.policy import unlawful
+from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.geometry.errors import InputError
 from tympan.reports.paper import page
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import pull_in, rest

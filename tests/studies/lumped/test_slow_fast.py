@@ -11,9 +11,9 @@ import pytest
 
 from tests.support.lumped import OVAL
 from tests.support.specimens import circular
+from tympan.base.errors import Failure
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
-from tympan.geometry.errors import Failure
 from tympan.studies.lumped.actuator import Viscous
 from tympan.studies.lumped.export.slow_fast import SlowFast, slow_fast
 from tympan.studies.lumped.model_file import LumpedModel, write_model

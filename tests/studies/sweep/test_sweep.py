@@ -16,8 +16,8 @@ import xarray as xr
 
 import tympan
 from tests.support.sweeps import CHEAP, Lethal, finished, read, table, written
-from tympan.geometry.errors import Failure, InputError
-from tympan.geometry.process.folder import alone
+from tympan.base.errors import Failure, InputError
+from tympan.base.process.folder import alone
 from tympan.studies.alpha import alpha
 from tympan.studies.case import Case, solve
 from tympan.studies.force import ForceCase, force

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tympan
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances
 

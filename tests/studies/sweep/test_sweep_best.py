@@ -16,8 +16,8 @@ import pytest
 
 import tympan
 from tests.support.sweeps import read, written
+from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.geometry.errors import InputError
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import dataset, frame
 from tympan.studies.sweep.task import COLUMNS, SweepTask, TaskResult

@@ -18,7 +18,7 @@ import pytest
 import xarray as xr
 
 from tests.support.sweeps import read
-from tympan.geometry.errors import Failure, InputError
+from tympan.base.errors import Failure, InputError
 from tympan.studies.parallel import serial
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.run import run_sweep

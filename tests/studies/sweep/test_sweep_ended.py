@@ -21,8 +21,8 @@ import xarray as xr
 
 from tests.support.costs import dear
 from tests.support.sweeps import Command, finished, read, table, written
+from tympan.base.process.workers import signals_blocked
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.process.workers import signals_blocked
 from tympan.studies.case import Settings
 from tympan.studies.parallel import serial
 from tympan.studies.sweep.plan import Sweep

@@ -12,12 +12,12 @@ import pytest
 
 from tests.support.specimens import specimen_toml
 from tests.support.sweeps import CHEAP, read, written
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
 from tympan.geometry.cad.membrane import membrane_part
 from tympan.geometry.cad.parts import write_dxf
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.sweep.asked import Ask

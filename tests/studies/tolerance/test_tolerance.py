@@ -16,15 +16,15 @@ from scipy.stats import binomtest
 
 import tympan
 from tests.support.specimens import specimen_toml
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import Table
 from tympan.cli import main
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import Table
 from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.films.first_limits import KINDS
 from tympan.studies.limits import solve_within

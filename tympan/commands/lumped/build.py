@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.options import (
     JSON,
     MESH,

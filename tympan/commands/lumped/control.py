@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
+from tympan.base.errors import InputError
 from tympan.commands.lumped.response import ACTUATORS, read_case
 from tympan.commands.signal import voltages, wave_of
-from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,

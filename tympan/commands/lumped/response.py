@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tympan.base.errors import InputError
 from tympan.commands.signal import SIGNAL, wave_of
-from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,

@@ -31,10 +31,10 @@ from benchmarks.trials.coupons.readings import (
 from tests.support.costs import dear
 from tests.support.datasets import SPECIMEN, write_dataset
 from tests.support.library import WHOLE, library_of
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.evidence.coupon_readings import coupon_readings

@@ -13,8 +13,8 @@ from tests.oracles.axisymmetric import solve_deflection, solve_load
 from tests.support.costs import dear
 from tests.support.datasets import HEAD, write_dataset
 from tests.support.specimens import circular, reference_film
+from tympan.base.errors import InputError
 from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.diagnose import diagnose, plan_readings

@@ -13,10 +13,10 @@ from tests.support.costs import dear
 from tests.support.datasets import write_dataset
 from tests.support.specimens import circular
 from tests.support.trials import design, read
+from tympan.base.arrays import Array
 from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
-from tympan.geometry.arrays import Array
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Polygon, RoundedRectangle
 from tympan.geometry.sectors import covered_share

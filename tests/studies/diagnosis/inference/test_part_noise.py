@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tympan.geometry.arrays import Array
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.inference.projection import without
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import ALARM

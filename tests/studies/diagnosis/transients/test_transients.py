@@ -12,7 +12,7 @@ from tests.oracles.readings import runs_in_time
 from tests.oracles.readings.round_actuators import Hidden
 from tests.oracles.readings.runs_in_time import Run
 from tests.support.costs import dear
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated

@@ -14,9 +14,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.specimens import specimen_toml
-from tympan.cli import main
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.folder import (
+from tympan.base.errors import InputError
+from tympan.base.process.folder import (
     MANIFEST,
     _discard_folders,
     alone,
@@ -24,6 +23,7 @@ from tympan.geometry.process.folder import (
     temporary_beside,
     temporary_folder,
 )
+from tympan.cli import main
 from tympan.studies.files import remove, replaced, write_atomically, write_text
 
 #: A command that is killed while it draws: its picture is half there.
@@ -145,7 +145,7 @@ def test_temporary_folders_of_killed_processes_go(tmp_path, monkeypatch) -> None
     """None of processes that live, none that was made just now, and none of another name."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code = ("import sys, tempfile, time; from pathlib import Path\n"
-            "from tympan.geometry.process.folder import temporary_folder\n"
+            "from tympan.base.process.folder import temporary_folder\n"
             "tempfile.tempdir = sys.argv[1]\n"
             "with temporary_folder() as folder:\n"
             "    (folder / 'film.brep').write_text('half')\n"
@@ -204,7 +204,7 @@ def test_a_second_command_into_a_folder_is_refused(tmp_path, capsys) -> None:
 
 def test_who_waits_gets_the_folder(tmp_path) -> None:
     code = ("import sys, time; from pathlib import Path\n"
-            "from tympan.geometry.process.folder import alone\n"
+            "from tympan.base.process.folder import alone\n"
             "with alone(Path(sys.argv[1])):\n    print(flush=True); time.sleep(0.5)")
     with subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "m")], env=os.environ | {
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},

@@ -15,7 +15,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tympan.geometry.column import (
+from tympan.base.errors import InputError, did_you_mean
+from tympan.base.fields import Key, asks, fields_of, read
+from tympan.base.toml_reader import POSITIVE, Rule, Table
+from tympan.base.units import any_quantity
+from tympan.tables.column import (
     NUMBER,
     Column,
     Heading,
@@ -23,11 +27,7 @@ from tympan.geometry.column import (
     quantity_of,
     usual_unit,
 )
-from tympan.geometry.errors import InputError, did_you_mean
-from tympan.geometry.fields import Key, asks, fields_of, read
-from tympan.geometry.formats import Row
-from tympan.geometry.toml_reader import POSITIVE, Rule, Table
-from tympan.geometry.units import any_quantity
+from tympan.tables.formats import Row
 
 #: Headings are looked for in so many lines: preambles of testers have some 60.
 SEARCHED = 200

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, Self
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.formats import DECIMAL_COMMA, THOUSANDS
-from tympan.geometry.toml_reader import FINITE, Rule
-from tympan.geometry.units import SPELLED, USUAL, any_quantity, bounded, quantity, unit_factor
+from tympan.base.errors import InputError
+from tympan.base.toml_reader import FINITE, Rule
+from tympan.base.units import SPELLED, USUAL, any_quantity, bounded, quantity, unit_factor
+from tympan.tables.formats import DECIMAL_COMMA, THOUSANDS
 
 #: How a reading that was not made is written.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
@@ -211,7 +211,7 @@ class Column:
 
     @property
     def dimension(self) -> str:
-        """One of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers and texts."""
+        """One of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers and texts."""
         return dimension_of(self.unit) if self.unit else ""
 
     @property

@@ -28,9 +28,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Registry
-from tympan.geometry.system import silent
+from tympan.base.errors import InputError
+from tympan.base.fields import Registry
+from tympan.base.system import silent
 
 #: Groups of entry points, and what their values are called.
 GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",

@@ -11,9 +11,9 @@ import pytest
 
 import tympan
 from tests.support.specimens import OVAL, VHB, circular, specimen_toml
+from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
-from tympan.geometry.errors import InputError
 from tympan.options import parse_quantities
 
 AXES = 'semi_axes = ["6 cm", "4.5 cm"]'

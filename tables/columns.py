@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tympan.geometry.arrays import AnyArray, Numbers
-from tympan.geometry.column import Column as Column
-from tympan.geometry.errors import InputError
-from tympan.geometry.formats import Row, TwoMarks, read_rows, unfolded, unread
-from tympan.geometry.layouts import Layout, Reader, Source
-from tympan.geometry.read_file import file_bytes
+from tympan.base.arrays import AnyArray, Numbers
+from tympan.base.errors import InputError
+from tympan.base.read_file import file_bytes
+from tympan.tables.column import Column as Column
+from tympan.tables.formats import Row, TwoMarks, read_rows, unfolded, unread
+from tympan.tables.layouts import Layout, Reader, Source
 
 #: Values of a column that has to grow are so far apart [s or m]: no instrument tells less, and
 #: slopes over smaller steps are no numbers.
@@ -103,10 +103,10 @@ def read_sheet(file: Path | str, columns: Sequence[Column], some: bool = False,
     """Read a table that may have the given columns, in any of the formats.
 
     ``some``: only these columns, by their titles; others are left aside.
-    Other people's headings are found and understood (:mod:`tympan.geometry.layouts`), or as a
+    Other people's headings are found and understood (:mod:`tympan.tables.layouts`), or as a
     ``layout`` says; ``table`` is its name in a dataset.toml, and ``usual`` what holds where no
     heading says so. A wide table of specimens is unfolded
-    (:func:`tympan.geometry.formats.unfolded`). An :class:`InputError` names line and column of what
+    (:func:`tympan.tables.formats.unfolded`). An :class:`InputError` names line and column of what
     cannot be used, what was given and what is allowed.
     """
     file = Path(file)

@@ -21,8 +21,8 @@ from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.process.interruption import signals_wait
+from tympan.base.errors import InputError
+from tympan.base.process.interruption import signals_wait
 
 #: In each folder, digest and name of the files that were written there, one a line.
 MANIFEST = ".tympan"

@@ -43,9 +43,9 @@ from typing import (
     get_type_hints,
 )
 
-from tympan.geometry.errors import InputError, did_you_mean, one
-from tympan.geometry.toml_reader import A_NUMBER, FINITE, POSITIVE, WHOLE, Rule, Table, one_of
-from tympan.geometry.units import (
+from tympan.base.errors import InputError, did_you_mean, one
+from tympan.base.toml_reader import A_NUMBER, FINITE, POSITIVE, WHOLE, Rule, Table, one_of
+from tympan.base.units import (
     DIMENSIONS,
     LARGEST,
     bounded,
@@ -69,7 +69,7 @@ Special = Mapping[tuple[type, str], Callable[[Table, str], Any]]
 class Key:
     """Content of a key of an input file, or of a result; of a result the meaning alone.
 
-    ``dimension`` is one of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers; ``rule``
+    ``dimension`` is one of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers; ``rule``
     the limits of a text or of every number, from a file or at a door of Python; ``made`` those
     without which there is no such thing, also on the way of a fit: a thickness is positive;
     ``name`` the key where it is not the
@@ -734,7 +734,7 @@ def read(cls: type[T], table: Table, special: Special | None = None) -> T:
 def write(value: Any, plain: bool = False) -> Content:
     """A declared dataclass as a table that :func:`read` turns into an equal one.
 
-    ``plain``: for a plain :class:`tympan.geometry.toml_reader.Table`.
+    ``plain``: for a plain :class:`tympan.base.toml_reader.Table`.
     """
     content: Content = {}
     for field in fields_of(type(value)):

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from tympan.geometry.errors import InputError
+from tympan.base.errors import InputError
 
 #: Memory that the process may take [bytes]: no drawing of an outline needs so much, a damaged one
 #: may ask for any.

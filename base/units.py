@@ -11,7 +11,7 @@ from functools import cache
 from math import floor, log10, pi
 from typing import Any
 
-from tympan.geometry.errors import InputError, did_you_mean
+from tympan.base.errors import InputError, did_you_mean
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from queue import SimpleQueue
 from typing import Any, Generic, Self, TypeVar, cast
 from weakref import WeakSet
 
-from tympan.geometry.process.interruption import ENDING, signals_wait
-from tympan.geometry.process.threads import stay_single
+from tympan.base.process.interruption import ENDING, signals_wait
+from tympan.base.process.threads import stay_single
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")

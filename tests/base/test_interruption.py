@@ -16,7 +16,7 @@ from types import FrameType
 import numpy as np
 import pytest
 
-from tympan.geometry.process.interruption import signals_wait
+from tympan.base.process.interruption import signals_wait
 from tympan.studies.files import write_text
 from tympan.studies.sweep.plan import sample_points
 
@@ -117,7 +117,7 @@ def test_files_that_are_written_while_a_signal_comes_are_listed_or_not_there(tmp
 #: Starts a reader of drawings and, so that its input stays open, a process that has the pipe too.
 READER = """
 import subprocess, sys
-from tympan.geometry.reader_process import _started
+from tympan.base.reader_process import _started
 reader = _started("dxf")
 other = subprocess.Popen(["sleep", "60"], pass_fds=[reader.stdin.fileno()],
                          stdout=subprocess.DEVNULL)
@@ -166,7 +166,7 @@ import re, signal
 from pathlib import Path
 from tests.support.specimens import circular
 from tympan.geometry.mesher import MeshSettings, mesh_film
-from tympan.geometry.process.interruption import Interruption
+from tympan.base.process.interruption import Interruption
 
 def caught():
     status = Path("/proc/self/status").read_text()

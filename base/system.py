@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
-from tympan.geometry.errors import Failure
+from tympan.base.errors import Failure
 
 #: Debian packages of the libraries.
 DEBIAN = {

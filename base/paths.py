@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
 
-from tympan.geometry.fields import fields_of
+from tympan.base.fields import fields_of
 
 
 def numbers(value: Any, path: str) -> tuple[str, ...]:

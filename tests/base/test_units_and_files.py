@@ -13,13 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tympan.cli import main
-from tympan.fem.film.laws import Ogden
-from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Ellipse
-from tympan.geometry.units import (
+from tympan.base.errors import InputError
+from tympan.base.units import (
     DIMENSIONS,
     USUAL,
     AnglePerTime,
@@ -28,6 +23,11 @@ from tympan.geometry.units import (
     quantity,
     unit_factor,
 )
+from tympan.cli import main
+from tympan.fem.film.laws import Ogden
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.geometry.outlines import Ellipse
 from tympan.studies.paper.actuators import FILES, actuators
 
 GOOD = """
@@ -230,7 +230,7 @@ def test_an_angle_per_time_is_no_frequency(unit: str) -> None:
 
 
 def test_usual_units_need_no_table_of_all_others(tmp_path: Path) -> None:
-    code = ("import sys; from tympan.geometry.units import quantity\n"
+    code = ("import sys; from tympan.base.units import quantity\n"
             "for text, kind in (('4.5 cm', 'length'), ('1 um/min', 'speed'), ('5°', 'angle'),\n"
             "                   ('960 kg/m³', 'density'), ('62.4 kPa s', 'viscosity')):\n"
             "    quantity(text, kind)\n"

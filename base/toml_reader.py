@@ -10,10 +10,10 @@ from math import inf
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from tympan.geometry.errors import InputError, did_you_mean, nearest_word
-from tympan.geometry.file_kinds import require_kind
-from tympan.geometry.read_file import WRITTEN, beside, file_text
-from tympan.geometry.units import DIMENSIONS, bounded, quantity
+from tympan.base.errors import InputError, did_you_mean, nearest_word
+from tympan.base.file_kinds import require_kind
+from tympan.base.read_file import WRITTEN, beside, file_text
+from tympan.base.units import DIMENSIONS, bounded, quantity
 
 T = TypeVar("T")
 Rule = tuple[Callable[[Any], bool], str]
@@ -61,7 +61,7 @@ class Table:
     def read(cls, file: Path | str, kind: str = "") -> Self:
         """Parse a file; what cannot be read is an :class:`InputError` with line and column.
 
-        ``kind`` is one of :data:`tympan.geometry.file_kinds.KINDS`: a file of another one is
+        ``kind`` is one of :data:`tympan.base.file_kinds.KINDS`: a file of another one is
         refused, with what takes it.
         """
         text = file_text(file, WRITTEN)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from itertools import islice
 from pathlib import Path, PurePosixPath
 
-from tympan.geometry.errors import InputError, did_you_mean
+from tympan.base.errors import InputError, did_you_mean
 
 #: Most bytes of a file that a person writes, far more than anyone types.
 WRITTEN = 4_000_000

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tympan.geometry.command_line import file_word
-from tympan.geometry.errors import InputError
+from tympan.base.command_line import file_word
+from tympan.base.errors import InputError
 
 Content = Mapping[str, Any]
 

@@ -3,7 +3,7 @@
 Every table is counted before it is read: one with too many columns or cells is refused at once. A
 new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
 not enough by what is in them; those of users' own packages are loaded by entry points of the group
-``tympan.formats`` (:mod:`tympan.geometry.plugins`).
+``tympan.formats`` (:mod:`tympan.base.plugins`).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Registry
-from tympan.geometry.plugins import load_plugins
-from tympan.geometry.read_file import STORED
-from tympan.geometry.system import MissingLibrary
-from tympan.geometry.units import quantity
+from tympan.base.errors import InputError
+from tympan.base.fields import Registry
+from tympan.base.plugins import load_plugins
+from tympan.base.read_file import STORED
+from tympan.base.system import MissingLibrary
+from tympan.base.units import quantity
 
 #: A row: its line, the first of a file is 1, and its cells without blanks around them.
 Row = tuple[int, list[str]]

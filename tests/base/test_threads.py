@@ -15,7 +15,7 @@ import scipy.linalg
 
 from tests.support.specimens import specimen_toml
 from tests.support.threads import MAPS, counted
-from tympan.geometry.process.threads import VARIABLES, _linked, blas_threads, one_thread
+from tympan.base.process.threads import VARIABLES, _linked, blas_threads, one_thread
 from tympan.studies.parallel import mapped
 
 pytestmark = pytest.mark.skipif(not MAPS.exists(), reason="no /proc")
@@ -71,7 +71,7 @@ def test_a_door_s_call_has_one_thread_and_gives_the_callers_back(tmp_path) -> No
 LATER = """
 import json
 from tests.support.threads import counted
-from tympan.geometry.process.threads import one_thread
+from tympan.base.process.threads import one_thread
 with one_thread():
     import numpy, scipy.linalg
     within = counted()

@@ -7,7 +7,7 @@ those of a language in a line.
 
 from __future__ import annotations
 
-from tympan.geometry.column import CELSIUS, Meaning, plain_words
+from tympan.tables.column import CELSIUS, Meaning, plain_words
 
 #: What people call time.
 TIMES = Meaning.of(

@@ -1,0 +1,1 @@
+"""Tables of testers and laboratories: formats, headings, columns and their units."""
