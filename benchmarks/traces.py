@@ -37,7 +37,7 @@ def trace(command: list[str]) -> dict[str, set[str]]:
         pass
     finally:
         sys.setprofile(None)
-            threading.setprofile(None)
+        threading.setprofile(None)
     found: dict[str, set[str]] = {}
     for name, function in met:
         file = Path(name).resolve()
