@@ -34,7 +34,7 @@ class Recovery:
     repr=False)
 
     def recovered(self, values: AnyArray, elements: AnyArray) -> AnyArray:
-        """Recover values at the corners of some elements from those at the quadrature points around.
+        """Recover values at the corners of some elements from the quadrature points around.
 
         ``values`` (k, elements, points), the result (k, elements, 3).
         """

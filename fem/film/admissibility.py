@@ -58,7 +58,7 @@ def _hill(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
         h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
         mean, radius = (h11 + h22) / 2, np.hypot((h11 - h22) / 2, h12)
         larger = mean + radius
-        # The smaller eigenvalue as product over the larger keeps its digits where they are far apart.
+        # The product over the larger eigenvalue keeps its digits where they are far apart.
         return np.asarray(np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius))
 
 
@@ -127,7 +127,7 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
                          highest: float = STRETCH_RANGE[1], *,
                          margin: Margin = hill_margin, nearest: float = 1.0
                          ) -> tuple[float, float] | None:
-    """Find the first stretches (λ₁, λ₂) in a range, among those the law can reach, where it softens.
+    """Find the first stretches (λ₁, λ₂) in a range, within the law's reach, where it softens.
 
     First means nearest, in the logarithms, to the equibiaxial stretch ``nearest``. ``margin`` is
     :func:`hill_margin` or :func:`ellipticity_margin`.

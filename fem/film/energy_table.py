@@ -26,7 +26,7 @@ PRECISION = 1e-5
 #: Degrees tried in each variable, lowest first: a lower degree is quicker.
 _DEGREES = (3, 4, 5, 6, 8, 10)
 
-#: Number of fit nodes along an axis beyond the degree: a few more than the least, for least squares.
+#: Number of fit nodes along an axis beyond the degree: a few more, for least squares.
 _NODES = 2
 #: Number of check nodes along an axis beyond the degree: at other places than those of the fit.
 _CHECKS = 5
@@ -105,7 +105,7 @@ class EnergyTable:
         return stress, bend
 
     def _derivatives(self, trace: Array, area: Array, charge: Any, count: int) -> Array | None:
-        """Sum the first ``count`` rows of law and charge, (count, ..., points); None outside the box."""
+        """Sum ``count`` rows of law and charge, (count, ..., points); None outside the box."""
         powers = np.ones((self.degree + 1, 2, trace.size))
         place = powers[1]
         place[0], place[1] = trace.ravel(), area.ravel()

@@ -72,7 +72,7 @@ class LibraryMaterial:
         return known
 
     def holds(self, prestretch: tuple[float, float]) -> bool:
-        """Check whether the law was tested at a prestretch; True if it has no range of stretches."""
+        """Check that the law was tested at a prestretch; True if it has no range of stretches."""
         l1, l2 = prestretch
         low, high = self.law_range or (0.0, float("inf"))
         return low <= min(l1, l2, 1 / (l1 * l2)) and max(l1, l2) <= high
