@@ -140,7 +140,7 @@ class VoltageCurve:
     def line(self) -> tuple[Array, Array]:
         """Voltages and deflections close together; U² is interpolated smoothly over deflection."""
         y, squared = self.deflection, self.voltage**2
-        # Gas may hold the film up: then a voltage moves it up, to more and more negative deflections.
+        # Gas may hold the film up: then a voltage moves it up, to ever more negative deflections.
         way = self.way
         y = way * y
         if len(y) < 2 or not (np.diff(y) > 0).all():

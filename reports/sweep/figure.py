@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def draw_over(view: SweepView, axes: Axes, of: str, over: tuple[str, str]) -> None:
-    """Draw a result, by its name or label, over two keys; where more vary, its mean over these.
+    """Draw a result, by its name or label, over two keys; its mean where more keys vary.
 
     Raises
     ------
     InputError
-        When the sweep has no such result or key, or nothing was found.
+        When the sweep has no such result or key, or no values of it.
     """
     column = _named(view.columns, of, "of")
     across, up = (_named(view.keys, key, "over") for key in over)

@@ -1,4 +1,4 @@
-"""The films of a sweep side by side: all on one scale of size and one of colours."""
+"""The films of a sweep side by side, all on one scale of size and one of colours."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from tympan.studies.files import replaced
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.sweep.run import SweepResult, fields_file
 
-#: Films beside each other on a sheet.
+#: Number of films in a row of a sheet.
 _COLUMNS = 6
-#: Rows of films on a sheet, of about the height of a page.
+#: Rows of films on a sheet, about the height of a page.
 _ROWS = 8
 
-#: Room between films beside each other [mm].
+#: Width between films [mm].
 _GAP = 3.0
-#: Room above for the colour bar [mm].
+#: Height above for the colour bar [mm].
 _BAR = 14.0
-#: Room at the edges of the picture [mm].
+#: Margin at the edges of the picture [mm].
 _MARGIN = 2.0
 #: Height of a line of words [mm].
 _LINE = 2.5
 
-_LETTERS = 22  #: of a line as wide as a column
+_LETTERS = 22  #: letters in a line as wide as a column
 _DPI = 220
 
-#: What a specimen differs in from the others in lines, its deflection [m] and film.
+#: Lines of keys in which a specimen differs from the others, its deflection [m] and film.
 Film = tuple[list[str], float, FilmSurface]
 
 
 def draw_films(result: SweepResult, folder: Path) -> list[Path]:
-    """Draw the first case of every specimen that has one on sheets folder/films-N.png."""
+    """Draw the first case of every specimen with an equilibrium, on sheets folder/films-N.png."""
     with replaced(folder, [file.name for file in folder.glob("films-*.png")]):
         return _sheets(_films(result, folder), folder)
 
@@ -53,7 +53,7 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
     stresses = [film.values["stress_1"] / 1e3 for *_, film in films]
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
     paper = room / (1.02 * max(widths))
-    # Small as they are, a line of the net is narrower than a pixel: each is the average of four.
+    # A line of the net is narrower than a pixel: each pixel is the average of four.
     view = View(_DPI * style.MM * paper, 0.7 * _DPI / 72,
                 round_scale(min(map(np.min, stresses)), max(map(np.max, stresses))),
                 bar_length(max(widths)) / 2, samples=2)
@@ -66,7 +66,7 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
 
 
 def _films(result: SweepResult, folder: Path) -> list[Film]:
-    """Films of all specimens with an equilibrium under the first mass and voltage."""
+    """List the films of all specimens with an equilibrium under the first mass and voltage."""
     first = result.table.isel({load: 0 for load in ("mass", "voltage") if load in
                                result.table.dims})
     grid = [Measure.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]
