@@ -35,7 +35,7 @@ _DIRECTIONS = 7200
 #: Gas pressure that deforms nothing, over the film's force on the area of the plate.
 _LITTLE = 1e-3
 
-#: Number of radii at which forces are solved for the fit, with a cubic spline between. Set by trial.
+#: Number of radii at which forces are solved for the fit, a cubic spline between. Set by trial.
 _GRID = 9
 #: Factor by which these radii go beyond the frame's nearest and farthest distance, so that the best
 #: radius lies inside.
@@ -108,7 +108,7 @@ def gas_area(model: Model, samples: Samples, rig: Rig, settings: Settings) -> fl
 
 def _held(model: Model, deflection: float, voltage: float, settings: Settings,
           start: Solution | None, gas_pressure: float = 0.0) -> Solution:
-    """Solve a film with its plate at a deflection [m] under a film voltage [V], with or without gas.
+    """Solve a film with its plate at a deflection [m] under a film voltage [V].
 
     Raises
     ------

@@ -133,7 +133,7 @@ class MapSettings:
     seed: int = 2026
 
     def places(self) -> dict[str, list[Reading]]:
-        """Choose the places of each set: the formula is fitted on the grid and tested on the others.
+        """Choose the places of each set: the formula is fitted on the grid, tested on the others.
 
         Places outside are longer, have a larger plate, or both.
         """
