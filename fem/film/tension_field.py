@@ -135,7 +135,7 @@ class TensionField:
 
     def _at(self, l1: Any, l2: Any, points: Mask
             ) -> tuple[tuple[Any, ...], AnyArray, AnyArray]:
-        """Select materials and stretches at some points; a material's arrays are fields over all."""
+        """Select materials and stretches at points; a material's arrays are fields over all."""
         def chosen(value: Any) -> AnyArray:
             return np.asarray(np.broadcast_to(value, points.shape)[points])
 

@@ -382,7 +382,7 @@ class FilmMemory:
         return result
 
     def swing(self, setup: Setup, states: States, stiffness: float, rate: Array) -> Array:
-        """Compute each state's complex stiffness against deflection over that at rest; rates [1/s]."""
+        """Compute complex stiffness against deflection over that at rest; rates [1/s]."""
         result = np.ones(len(states), complex)
         for film, membrane, rows, place in self._of(setup, states):
             rates = np.zeros(len(film.asked))

@@ -343,7 +343,7 @@ class ForceSurface:
     coefficients: Array
 
     def by_heave(self, voltage_squared: Array) -> Array:
-        """Compute the force's coefficients by the deflection's polynomials at U² [V²], (n, heaves)."""
+        """Compute the force's coefficients by polynomials of deflection at U² [V²], (n, heaves)."""
         return np.asarray(self.grid.of_voltage(voltage_squared) @ self.coefficients[FORCE].T)
 
     def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
@@ -364,7 +364,7 @@ class ForceSurface:
         return self._value(TILT, heave, voltage_squared)
 
     def shape(self, heave: float, voltage_squared: float) -> Array:
-        """Compute the lattice's displacements [m] at a deflection [m] and a U² [V²], (3, points)."""
+        """Compute the lattice's displacements [m] at a deflection [m], a U² [V²], (3, points)."""
         v, _ = self.grid.of_heave(np.array([heave]))
         u = self.grid.of_voltage(np.array([voltage_squared]))
         values = np.asarray(v[0] @ (self.coefficients[SHAPE:] @ u[0]).T).reshape(3, -1)

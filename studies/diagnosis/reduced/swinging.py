@@ -79,7 +79,7 @@ class SwingingMasses:
         return Sag(lower.reshape(ALONG, AROUND) / (_WEIGHED * loading.gravity))
 
     def moving(self, setup: Setup, number: Numbers, mass: Array) -> Array:
-        """Add the masses [kg] that move with plates of given masses, by specimens' numbers, (n,)."""
+        """Add the masses [kg] that move with plates of given masses, by specimen, (n,)."""
         moving = np.empty(len(mass))
         for index, (film, specimen) in enumerate(zip(self.films, setup.specimens, strict=True)):
             moving[number == index] = film.mass(mass[number == index], _per_area(specimen),
@@ -87,7 +87,7 @@ class SwingingMasses:
         return moving
 
     def weight(self, setup: Setup) -> Array:
-        """Compute the share of the electrodes' weight that the plates carry [N], shape (specimens,).
+        """Compute the share of the electrodes' weight on the plates [N], shape (specimens,).
 
         For a film without plate it is its own weight and theirs, as a pressure [Pa].
         """
