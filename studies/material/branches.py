@@ -71,7 +71,7 @@ _AT_BOUND = 1e-3
 #: Distance between the logarithms of two times within which readings cannot distinguish them.
 _SAME_TIME = 0.05
 
-#: Stiffness of branches at the end of the longest test, over that at rest, from which a note is due.
+#: Stiffness of branches at the end of the longest test, over that at rest, that deserves a note.
 _CARRIED = 0.05
 #: Excess of the stretch over 1 at which stiffness is compared.
 _SMALL = 1e-3

@@ -19,7 +19,7 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True)
 class Family:
-    """A law with free constants: ``linear`` ones [Pa], in which stress is linear, and ``shape`` ones.
+    """A law with free constants: stress is linear in ``linear`` ones [Pa], not in ``shape`` ones.
 
     ``bounds`` are those of a shape constant, and searches begin between ``starts``; both depend on
     the largest I₁ − 3 of the readings.
@@ -53,7 +53,7 @@ class Family:
                         axis=-1)
 
     def jacobian(self, l1: Array, l2: Array, values: Array) -> Array:
-        """Differentiate nominal stress by every constant, with complex steps in the shape constants."""
+        """Differentiate nominal stress by every constant, with complex steps in shape constants."""
         linear, shape = np.split(values, [len(self.linear)])
         parts = [complex_step(lambda moved: self.columns(l1, l2, moved) @ linear, shape, row)
                  for row in np.eye(len(shape))]

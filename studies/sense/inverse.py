@@ -1,7 +1,7 @@
 """Deflection as a polynomial of capacitance and voltage.
 
-The capacitance of a flat film has its least value there, as an even function: its excess over that
-grows as the square of the deflection. So the polynomial is one of the root of the excess.
+The capacitance of a flat film is at its minimum there, as an even function: its excess over the
+minimum grows as the square of the deflection. So the polynomial is in the root of the excess.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from tympan.base.fields import Key
 
 #: Degrees of the root of the excess that are tried.
 _DEGREES = range(2, 11)
-#: Highest degree of the voltage squared: a curve for each is needed, and high ones swing.
+#: Highest degree of the voltage squared: each needs a curve, and high ones oscillate.
 _CHARGED = 3
-#: Spread of the capacitance of the first deflection over it, from which it changes with voltage.
+#: Relative spread of the first capacitance over voltages from which on it depends on voltage.
 _CHANGES = 1e-9
-#: Highest degree of the voltage squared in that capacitance: its root magnifies what it is off.
+#: Highest degree of the voltage squared in that capacitance, whose error the root magnifies.
 _BASE = 8
-#: Error over the range of deflections from which no higher degree is tried: no bridge tells more.
+#: Error over the range of deflections at which no higher degree is tried: no bridge reads better.
 _ENOUGH = 1e-5
-#: Share by which a row may be beyond the range: that of rounding, in units too.
+#: Share by which a row may exceed the range, for rounding, also of units.
 _ROUNDING = 1e-6
 
 
@@ -37,8 +37,8 @@ _ROUNDING = 1e-6
 class Inverse:
     """Deflection from capacitance C and nominal voltage U.
 
-    y = start + Σ a[i][j] uⁱ⁺¹ vʲ with v = (U / highest)² and u = √(C / C₀ − 1), C₀ = Σ b[j] vʲ.
-    Beyond the curves it was fitted to there is none.
+    y = start + Σ a[i][j] uⁱ⁺¹ vʲ with v = (U / highest)² and u = √(C / C₀ − 1), C₀ = Σ b[j] vʲ. It
+    does not hold beyond the curves of its fit.
     """
 
     start_m: Annotated[float, Key("deflection where u is 0")]
@@ -53,35 +53,35 @@ class Inverse:
     largest_F: Annotated[tuple[float, ...], Key("largest capacitance of each of these curves")]
 
     def root(self, capacitance: Any, voltage: Any) -> Array:
-        """Root u of the excess, 0 where there is none."""
+        """Compute the root u of the excess, 0 where there is no excess."""
         v = np.square(np.asarray(voltage, float) / self.highest_V)
         base = polynomial.polyval(v, self.base_F)
         return np.asarray(np.sqrt(np.maximum(np.asarray(capacitance, float) / base - 1, 0.0)))
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """The largest root u at v, ascending; between them it is straight, beyond there is none."""
+        """Largest root u at v, ascending; linear between these points, none beyond them."""
         v = np.square(np.array(self.voltages_V) / self.highest_V)
         u = (1 + _ROUNDING) * self.root(self.largest_F, self.voltages_V)
         return np.array([v[0] - _ROUNDING, *v, v[-1] + _ROUNDING]), np.array([u[0], *u, u[-1]])
 
     def deflection(self, capacitance: Any, voltage: Any) -> Array:
-        """Deflection [m] of capacitances [F] at nominal voltages [V], which broadcast.
+        """Compute the deflection [m] from capacitances [F] at nominal voltages [V] that broadcast.
 
-        NaN beyond the curves; the first deflection below its capacitance.
+        It is NaN beyond the curves, and the first deflection below its capacitance.
         """
         u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
         known = u <= np.interp(v, *self.ends, left=np.nan, right=np.nan)
         return np.asarray(np.where(known, self.continued(capacitance, voltage), np.nan))
 
     def continued(self, capacitance: Any, voltage: Any) -> Array:
-        """The same by the polynomial alone, also beyond the curves."""
+        """Evaluate the polynomial alone, also beyond the curves."""
         u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
         total = polynomial.polyval2d(u, v + 0 * u, np.array(self.coefficients_m))
         return np.asarray(self.start_m + u * total)
 
     def c_source(self, name: str) -> str:
-        """The same as a function of C99, named after a specimen."""
+        """Write the inverse as a function of C99, named after a specimen."""
         word = re.sub(r"[^A-Za-z0-9_]", "_", name)
         word = word if word[0].isalpha() else f"model_{word}"
         text = resources.files("tympan.studies.sense").joinpath("source.txt")
@@ -109,10 +109,10 @@ class Sampled:
 
 def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Sequence[Sampled]
                 ) -> Inverse:
-    """The polynomial through every other point of curves; those between and ``beside`` judge it.
+    """Fit the polynomial through every other point of curves; those between and ``beside`` test it.
 
-    The lowest degree that is near enough, or the one that errs least. ``firsts`` are the first
-    deflection at many voltages.
+    The result is the lowest degree that is accurate enough, or the one with the least error.
+    ``firsts`` are the first deflection at many voltages.
     """
     highest = max(abs(curve.voltage) for curve in curves) or 1.0
     count = min(len(curves), _CHARGED + 1)

@@ -1,4 +1,4 @@
-"""Capacitance of a film whose plate is displaced, and what can be told of the deflection by it."""
+"""Capacitance of a film with displaced plate, and the deflection determined from it."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ from tympan.studies.limits.loads import usual_masses
 from tympan.studies.sense.inverse import Sampled, fit_inverse
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
 
-#: Rows of the table of each voltage where their number is not given.
+#: Rows of the table of each voltage by default.
 USUAL_POINTS = 21
 _COUNTS: Rule = (lambda x: 5 <= x <= 1000, "must be a whole number from 5 to 1000")
 
-#: How much further than the loads' largest deflection curves go where no end is given.
+#: Factor by which curves exceed the loads' largest deflection where no end is given.
 _ROOM = 1.1
-#: Voltages at which the first deflection is solved, by Chebyshev's points of their square.
+#: Number of voltages at which the first deflection is solved, by Chebyshev's points of the square.
 _FIRSTS = 12
-#: Fewest rows that a curve must have.
+#: Least number of rows of a curve.
 _FEWEST = 5
 
-#: Share of prestretch and permittivity whose effect is told.
+#: Relative change of prestretch and permittivity whose effect is listed.
 _PERCENT = 0.01
-#: Quantities whose derivatives make those at a held plate.
+#: Quantities whose derivatives give those at a held plate.
 _QUANTITIES = ("heave", "capacitance")
 _PRESTRETCH = ("membrane.prestretch.0", "membrane.prestretch.1")
 _PERMITTIVITY = "membrane.relative_permittivity"
-#: Slope of the capacitance, over it and by the film's size, below which it is one of rounding.
+#: Slope of the capacitance, over it and by the film's size, below which it is rounding.
 _FLAT = 1e-9
 
 
 @asks
 @dataclass(frozen=True)
 class SenseCase:
-    """A specimen whose capacitance tells its deflection, at nominal voltages [V].
+    """A specimen whose capacitance determines its deflection, at nominal voltages [V].
 
     Deflections are those from ``start`` to ``to`` [m]; without ``to`` a little further than the
-    ``masses`` [kg] deflect the plate, and without these further than usual ones do.
+    ``masses`` [kg] deflect the plate, and without these further than typical ones do.
     """
 
     specimen: Specimen
@@ -78,12 +78,12 @@ class SenseCase:
 
 def sense(case: SenseCase, settings: Settings,
           progress: Callable[[str], None] = lambda words: None) -> SenseResult:
-    """Displace the plate at each voltage; fit and judge what tells the deflection."""
+    """Displace the plate at each voltage; fit and test the deflection from capacitance."""
     began = time.perf_counter()
     specimen, rig, voltages = case.specimen, case.rig, sorted(case.voltages)
     masses = case.masses or (usual_masses(specimen, settings, rig) if case.to is None else ())
     states = _states(case, settings, masses) if masses else []
-    # Where nothing weighs on the film itself, it is above its plane as it is below.
+    # Where nothing weighs on the film itself, states above its plane mirror those below.
     even = not (rig.gas_pressure or any(rig.weight_offset) or specimen.membrane.density
                 or specimen.electrode.mass)
     to = case.to
@@ -92,7 +92,7 @@ def sense(case: SenseCase, settings: Settings,
             raise InputError("must be given: under these loads and voltages there is no "
                              "equilibrium", key="to", given="none")
         to = _ROOM * max(abs(result[2]) if even else result[2] for result in states)
-    # A curve between the two highest voltages judges the polynomial.
+    # A curve between the two highest voltages tests the polynomial.
     between = [float(np.sqrt(np.mean(np.square(voltages[-2:]))))] if len(voltages) > 1 else []
     displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start, to=to,
                      points=2 * case.points - 1, rig=rig)
@@ -108,7 +108,7 @@ def sense(case: SenseCase, settings: Settings,
         raise InputError("must be a voltage at which the capacitance rises with the deflection, or "
                          "the film ends before it does", key="voltage", given=f"{lost[0]:g} V")
     first = max(rising[voltage].start for voltage in voltages)
-    # Even, so that the rows of the table are those that are fitted.
+    # The first index is even, so that the rows of the table are those that are fitted.
     first += first % 2
     sampled = {voltage: Sampled(voltage, np.array(stored[voltage].displacement_m)[first:end.stop],
                                 np.array(stored[voltage].capacitance_F)[first:end.stop])
@@ -145,7 +145,7 @@ def sense(case: SenseCase, settings: Settings,
 
 def _states(case: SenseCase, settings: Settings, masses: Sequence[float]
             ) -> list[tuple[float, float, float, float]]:
-    """Mass, voltage, deflection of the plate and capacitance of every equilibrium."""
+    """List mass, voltage, deflection of the plate and capacitance of every equilibrium."""
     model = build_model(case.specimen, settings, case.rig.loading)
     path = settings.bounded(model, loads=len(masses) * len(case.voltages)).path
     return [(result.mass_kg, result.voltage_V, model.deflection(outcome.state),
@@ -156,7 +156,7 @@ def _states(case: SenseCase, settings: Settings, masses: Sequence[float]
 
 def _firsts(curve: Followed, place: float, voltages: Sequence[float], rig: Rig, path: PathSettings
             ) -> Iterator[tuple[float, float]]:
-    """Capacitances of the first deflection from the lowest to the highest voltage, ascending."""
+    """Solve the first deflection's capacitance from the lowest to the highest voltage."""
     solution = at_displacement(curve, place, path)
     low, high = voltages[0] ** 2, voltages[-1] ** 2
     if solution is None or low == high:
@@ -171,14 +171,14 @@ def _firsts(curve: Followed, place: float, voltages: Sequence[float], rig: Rig, 
 
 
 def _rising(deflection: Array, capacitance: Array) -> slice:
-    """The points from the least capacitance to where it no longer rises."""
+    """Select the points from the least capacitance to where it no longer rises."""
     first = int(np.argmin(capacitance))
     falls = np.flatnonzero(np.diff(capacitance[first:]) <= 0)
     return slice(first, first + int(falls[0]) + 1 if len(falls) else len(deflection))
 
 
 def _curve(followed: Followed, sampled: Sampled, first: int) -> SenseCurve:
-    """Every other point of a curve, from its first on, with what moves the sensed deflection."""
+    """Select every other point of a curve, with the causes that shift the sensed deflection."""
     curve = followed.curve
     rows = range(first, first + len(sampled.deflection), 2)
     moved = [_moved(followed, row) for row in rows]
@@ -193,10 +193,10 @@ def _curve(followed: Followed, sampled: Sampled, first: int) -> SenseCurve:
 
 
 def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, float | None]:
-    """Change of the sensed deflection by capacitance, by 1 % of prestretch and of permittivity.
+    """Compute the change of the sensed deflection by capacitance, 1 % prestretch, 1 % permittivity.
 
-    A plate that is held keeps its deflection while a film changes: derivatives under a force are
-    made those at a deflection by that of the force.
+    A held plate keeps its deflection while a film changes: derivatives under a force become those
+    at a deflection by the derivative by the force.
     """
     model, state = followed.model, followed.states[row]
     names = (*_PRESTRETCH, _PERMITTIVITY, "force")
@@ -206,7 +206,7 @@ def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, fl
     if not heave["force"]:
         raise Failure("the force on the plate does not move it")
     rise = capacitance["force"] / heave["force"]
-    # Where the film is flat nothing but rounding is left.
+    # Where the film is flat only rounding is left.
     scale = float(followed.curve.capacitance_F[row]) / model.size
     if rise <= _FLAT * scale:
         return None, None, None
@@ -219,7 +219,7 @@ def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, fl
 
 
 def _between_rows(curve: Sampled) -> float:
-    """Largest error of the table between its rows."""
+    """Find the largest error of the table between its rows."""
     root = np.sqrt(np.maximum(curve.capacitance / curve.capacitance[0] - 1, 0.0))
     known = np.interp(root, root[::2], curve.deflection[::2])
     last = len(root) - (len(root) + 1) % 2
