@@ -34,6 +34,7 @@ FIELD_UNITS = {
 
 #: Factors of x, y and z between program and VTU. A VTU has z upwards, so that a picture of it is
 #: the right way up; in the program z is along the load.
+_TURNED_OVER = np.array([1.0, 1.0, -1.0])
 #: Field that only a VTU has [m], positive along the load. A file without it is from an older
 #: version, which wrote z along the load.
 _DEFLECTION = "deflection"
@@ -177,8 +178,7 @@ def cut_triangles(model: Model, parts: int) -> tuple[Array, Numbers]:
 
 
 def interpolated(model: Model, nodal: Array, points: Array) -> Array:
-    """Interpolate a nodal field, (nodes, 3), at points, (2, k), to (elements · k, 3).
-    """
+    """Interpolate a nodal field, (nodes, 3), at points, (2, k), to (elements · k, 3)."""
     shapes = tabulated(model.discretisation.mesh.order, points)[0]
     return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
 

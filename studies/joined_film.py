@@ -107,9 +107,9 @@ class HeldForce:
         return tuple(self._start.place + number * self._step for number in range(-most, most + 1))
 
     def derivatives(self, place: Any) -> tuple[Any, Any, Any]:
-        """Compute energy from the start [J], force [N], stiffness [N/m] at a deflection [m]; or nan.
+        """Compute energy from the start [J], force [N], stiffness [N/m] at a deflection [m].
 
-        The deflection may be complex.
+        They are nan where the film has none. The deflection may be complex.
         """
         piece = self._piece(float(np.real(place)))
         return (np.nan, np.nan, np.nan) if piece is None else piece.derivatives(place)

@@ -278,7 +278,7 @@ class Reader:
                                  given=heading)
 
     def chosen(self, rows: Iterable[Row]) -> Header:
-        """Find the header of a table of which only columns with exactly tympan's titles are read."""
+        """Find the header of a table of which only columns with tympan's own titles are read."""
         line, titles = next(iter(rows), (0, []))
         if not titles:
             raise InputError("is empty: a first line with the names of the columns is needed",
@@ -406,7 +406,7 @@ class Reader:
     @staticmethod
     def _with_units(titles: Sequence[str], below: Sequence[Row]
                     ) -> tuple[list[str], frozenset[int]]:
-        """Add the units of the line below to the headings, if it has only units; give its number."""
+        """Add the units of the line below to the headings, if it has only units; number it."""
         for line, cells in below:
             units = [cell.strip("[]() ") for cell in cells]
             said = [unit for unit in units if unit]
@@ -518,7 +518,7 @@ class Reader:
 
     def _guessed(self, line: int, titles: Sequence[str], free: Sequence[int],
                  have: Sequence[Column]) -> tuple[list[Source], dict[str, tuple[str, int]]]:
-        """Find columns by the words of their headings; and the missing keys of others, with places."""
+        """Find columns by the words of their headings; and the missing keys of others."""
         sources: list[Source] = []
         lacks: dict[str, tuple[str, int]] = {}
         for column in self.columns:

@@ -25,6 +25,7 @@ _BUDGET = 600
 _SLIGHT = 0.03
 #: Standard deviation of an undetermined constant, in its scales; an Ogden constant of 500 kPa does
 #: not belong to this film. Without it the fits behind a profile follow valleys without an end.
+CREDIBLE = 10.0
 #: Ratio of linearised limits to a profile's width from which on its fit has not converged.
 _DOUBTFUL = 5.0
 #: Stiffness that keeps undetermined combinations where the search began, in standard deviations per

@@ -86,7 +86,7 @@ class SenseResult(SpecimenRecord):
     warnings: Warnings = ()
 
     def sensed(self, capacitance: Any, voltage: Any) -> Array:
-        """Compute the deflection [m] from capacitances [F] at nominal voltages [V] by the polynomial.
+        """Compute the deflection [m] from capacitances [F] and nominal voltages [V] by polynomial.
 
         It is NaN beyond the curves.
         """
