@@ -199,7 +199,7 @@ class ResidualDerivative:
         forces = self.at.forces[mine.discretisation.plate_nodes]
         follows = np.einsum("nip,mp,ni->m", turned, self._plate, forces)
         returned, configurational = self._nodal_changes
-        moved = np.tensordot(returned, state.positions.imag, axes=2)
+        moved: AnyArray = np.tensordot(returned, state.positions.imag, axes=2)
         places = model.discretisation.reference.imag[:, :2]
         slid = np.tensordot(configurational, places, axes=2)
         return moved + slid + follows

@@ -370,5 +370,5 @@ def _normal(along: AnyArray, towards: AnyArray) -> AnyArray:
     """Compute unit normals of vectors in the plane, on the side of ``towards``."""
     normal = np.column_stack([along[:, 1], -along[:, 0]])
     normal = normal / np.linalg.norm(along, axis=1, keepdims=True)
-    normal *= np.sign((normal * towards).sum(axis=1, keepdims=True))
-    return normal
+    sides: AnyArray = np.sign((normal * towards).sum(axis=1, keepdims=True))
+    return sides * normal

@@ -129,11 +129,11 @@ class _Layer:
         return self.first + len(self.points)
 
     def faces(self, numbers: Any) -> tuple[Any, Any]:
-        """Number the lower and upper nodes at points."""
+        """Find the numbers of lower and upper nodes at points."""
         return numbers + self.first, numbers + self.first + len(self.flat)
 
     def between(self, numbers: Any) -> Any:
-        """Number the nodes between the faces at corners."""
+        """Find the numbers of nodes between the faces at corners."""
         return np.searchsorted(self.corners, numbers) + self.first + 2 * len(self.flat)
 
     def cards(self, name: str, first: int = 1) -> Iterator[str]:

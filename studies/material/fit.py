@@ -212,7 +212,7 @@ def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float |
 
 
 def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Numbers]:
-    """Number the readings of each run of each mode, in order of time or stretch."""
+    """Find the numbers of the readings of each run and mode, in order of time or stretch."""
     runs = {}
     for name, rows in coupons.series.items():
         for mode in coupons.modes:
