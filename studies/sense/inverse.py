@@ -114,37 +114,56 @@ def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Se
     The result is the lowest degree that is accurate enough, or the one with the least error.
     ``firsts`` are the first deflection at many voltages.
     """
-    highest = max(abs(curve.voltage) for curve in curves) or 1.0
-    count = min(len(curves), _CHARGED + 1)
-    v = np.array([(curve.voltage / highest) ** 2 for curve in curves])
-    first = np.array([(each.voltage / highest, each.capacitance[0]) for each in (*curves, *firsts)])
-    changes = np.ptp(first[:, 1]) > _CHANGES * first[0, 1]
-    degree = min(_BASE, len(first) - 1) if changes else 0
-    base = polynomial.polyfit(first[:, 0] ** 2, first[:, 1], degree)
-    start = float(curves[0].deflection[0])
-    plain = Inverse(start_m=start, highest_V=highest, base_F=tuple(base.tolist()),
-                    coefficients_m=((0.0,) * count,), error_m=np.inf,
-                    voltages_V=tuple(curve.voltage for curve in curves),
-                    largest_F=tuple(float(curve.capacitance[-1]) for curve in curves))
-    root = np.concatenate([plain.root(curve.capacitance, curve.voltage)[::2] for curve in curves])
-    charged = np.concatenate([np.full(len(curve.deflection[::2]), each)
-                              for curve, each in zip(curves, v, strict=True)])
-    rise = np.concatenate([curve.deflection[::2] for curve in curves]) - start
-    scale = float(root.max())
+    plain = _without_coefficients(curves, firsts)
+    count = len(plain.coefficients_m[0])
+    fitted = [Sampled(curve.voltage, curve.deflection[::2], curve.capacitance[::2])
+              for curve in curves]
+    root = np.concatenate([plain.root(each.capacitance, each.voltage) for each in fitted])
+    charged = np.concatenate([np.full(len(each.deflection), (each.voltage / plain.highest_V) ** 2)
+                              for each in fitted])
+    rise = np.concatenate([each.deflection for each in fitted]) - plain.start_m
     found = []
     for degree in _DEGREES:
         if degree * count >= len(rise):
             break
-        columns = (root[:, None] / scale) ** np.arange(1, degree + 1)
-        matrix = (columns[:, :, None] * charged[:, None, None] ** np.arange(count)).reshape(
-            len(rise), -1)
-        solved = np.linalg.lstsq(matrix, rise, rcond=None)[0].reshape(degree, count)
-        solved /= scale ** np.arange(1, degree + 1)[:, None]
-        given = replace(plain, coefficients_m=tuple(map(tuple, solved.tolist())))
-        error = max(float(np.abs(given.continued(curve.capacitance, curve.voltage)
-                                 - curve.deflection).max()) for curve in (*curves, *beside))
+        coefficients = _coefficients(root, charged, rise, (degree, count))
+        given = replace(plain, coefficients_m=tuple(map(tuple, coefficients.tolist())))
+        error = max(_error(given, curve) for curve in (*curves, *beside))
         found.append((error, given))
         if error <= _ENOUGH * float(np.ptp(rise)):
             break
     error, best = min(found, key=lambda each: each[0])
     return replace(best, error_m=error)
+
+
+def _without_coefficients(curves: Sequence[Sampled], firsts: Sequence[Sampled]) -> Inverse:
+    """Fit the capacitance of the first deflection by voltage; leave the coefficients 0."""
+    highest = max(abs(curve.voltage) for curve in curves) or 1.0
+    every = [*curves, *firsts]
+    shares = np.array([each.voltage / highest for each in every])
+    capacitances = np.array([each.capacitance[0] for each in every])
+    changes = np.ptp(capacitances) > _CHANGES * capacitances[0]
+    base = polynomial.polyfit(shares**2, capacitances, min(_BASE, len(every) - 1) if changes else 0)
+    powers = min(len(curves), _CHARGED + 1)
+    return Inverse(start_m=float(curves[0].deflection[0]), highest_V=highest,
+                   base_F=tuple(base.tolist()), coefficients_m=((0.0,) * powers,), error_m=np.inf,
+                   voltages_V=tuple(curve.voltage for curve in curves),
+                   largest_F=tuple(float(curve.capacitance[-1]) for curve in curves))
+
+
+def _coefficients(root: Array, charged: Array, rise: Array, shape: tuple[int, int]) -> Array:
+    """Fit rises of the deflection by powers of the root, from 1, and of v, from 0."""
+    degree, count = shape
+    scale = float(root.max())
+    along = np.arange(1, degree + 1)
+    columns = (root[:, None] / scale) ** along
+    powers = charged[:, None] ** np.arange(count)
+    matrix = (columns[:, :, None] * powers[:, None, :]).reshape(len(rise), -1)
+    solved: Array = np.linalg.lstsq(matrix, rise, rcond=None)[0].reshape(shape)
+    return solved / scale ** along[:, None]
+
+
+def _error(inverse: Inverse, curve: Sampled) -> float:
+    """Find the largest error of the polynomial on a curve [m]."""
+    sensed = inverse.continued(curve.capacitance, curve.voltage)
+    return float(np.abs(sensed - curve.deflection).max())

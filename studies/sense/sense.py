@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,7 +24,7 @@ from tympan.studies.case import Case, Settings, build_model, solve_grid
 from tympan.studies.force.follow import Followed, at_displacement
 from tympan.studies.force.force import ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
-from tympan.studies.sense.inverse import Sampled, fit_inverse
+from tympan.studies.sense.inverse import Inverse, Sampled, fit_inverse
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
 
 #: Rows of the table of each voltage by default.
@@ -86,19 +86,47 @@ def sense(case: SenseCase, settings: Settings,
     # Where nothing weighs on the film itself, states above its plane mirror those below.
     even = not (rig.gas_pressure or any(rig.weight_offset) or specimen.membrane.density
                 or specimen.electrode.mass)
-    to = case.to
-    if to is None:
-        if not states:
-            raise InputError("must be given: under these loads and voltages there is no "
-                             "equilibrium", key="to", given="none")
-        to = _ROOM * max(abs(result[2]) if even else result[2] for result in states)
     # A curve between the two highest voltages tests the polynomial.
     between = [float(np.sqrt(np.mean(np.square(voltages[-2:]))))] if len(voltages) > 1 else []
-    displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start, to=to,
-                     points=2 * case.points - 1, rig=rig)
+    displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start,
+                          to=_last_deflection(case, states, even), points=2 * case.points - 1,
+                          rig=rig)
     model = build_model(specimen, settings, replace(rig.loading, biases=()))
     path = settings.bounded(model, loads=len(displaced.voltages)).path
     every = {curve.voltage: curve for curve in followed_curves(displaced, model, path, progress)}
+    first, sampled = _sampled(every, voltages)
+    given = [sampled[voltage] for voltage in voltages]
+    place = float(given[0].deflection[0])
+    firsts = [Sampled(voltage, np.array([place]), np.array([capacitance]))
+              for voltage, capacitance in _firsts(every[voltages[0]], place, voltages, rig, path)]
+    tests = [sampled[voltage] for voltage in between if voltage in sampled]
+    inverse = fit_inverse(given, tests, firsts)
+    highest = min((state.displacement_m for state in states), default=0.0)
+    mirrored = even and place == 0 and highest < 0
+    ambiguous = _ambiguous(highest if mirrored else None, place if first else None)
+    return SenseResult(
+        specimen=specimen.name, inverse=inverse, table_error_m=max(map(_between_rows, given)),
+        curves=tuple(_curve(every[each.voltage], each, first) for each in given),
+        states=tuple(_sensed(state, inverse, mirrored) for state in states),
+        dofs=model.unknowns, wall_s=time.perf_counter() - began,
+        warnings=(*left_out(displaced), *ambiguous,
+                  *Case.greatest(specimen, masses, voltages, rig).remarks))
+
+
+def _last_deflection(case: SenseCase, states: Sequence[SensedState], even: bool) -> float:
+    """Choose the last deflection [m] of curves: the given one, or a little beyond the states."""
+    if case.to is not None:
+        return case.to
+    if not states:
+        raise InputError("must be given: under these loads and voltages there is no "
+                         "equilibrium", key="to", given="none")
+    deflections = [state.displacement_m for state in states]
+    return _ROOM * max(map(abs, deflections) if even else deflections)
+
+
+def _sampled(every: Mapping[float, Followed], voltages: Sequence[float]
+             ) -> tuple[int, dict[float, Sampled]]:
+    """Sample curves, by voltage, where the capacitance rises, from a first index in common."""
     stored = {voltage: curve.curve for voltage, curve in every.items() if curve.states}
     rising = {voltage: _rising(np.array(curve.displacement_m), np.array(curve.capacitance_F))
               for voltage, curve in stored.items()}
@@ -110,47 +138,44 @@ def sense(case: SenseCase, settings: Settings,
     first = max(rising[voltage].start for voltage in voltages)
     # The first index is even, so that the rows of the table are those that are fitted.
     first += first % 2
-    sampled = {voltage: Sampled(voltage, np.array(stored[voltage].displacement_m)[first:end.stop],
-                                np.array(stored[voltage].capacitance_F)[first:end.stop])
-               for voltage, end in rising.items()}
-    given = [sampled[voltage] for voltage in voltages]
-    place = float(given[0].deflection[0])
-    firsts = [Sampled(voltage, np.array([place]), np.array([capacitance]))
-              for voltage, capacitance in _firsts(every[voltages[0]], place, voltages, rig, path)]
-    inverse = fit_inverse(given, [sampled[voltage] for voltage in between if voltage in sampled],
-                          firsts)
-    curves = tuple(_curve(every[each.voltage], each, first) for each in given)
-    warnings = list(left_out(displaced))
-    highest = min((deflection for _, _, deflection, _ in states), default=0.0)
-    mirrored = even and place == 0 and highest < 0
+    sampled = {}
+    for voltage, part in rising.items():
+        deflection = np.array(stored[voltage].displacement_m)[first:part.stop]
+        capacitance = np.array(stored[voltage].capacitance_F)[first:part.stop]
+        sampled[voltage] = Sampled(voltage, deflection, capacitance)
+    return first, sampled
+
+
+def _ambiguous(highest: float | None, first: float | None) -> Iterator[str]:
+    """Warn of deflections [m] with the same capacitance: up to ``highest``, and below ``first``."""
+    if highest is not None:
+        yield (f"the plate rests up to {-1e3 * highest:.4g} mm above the flat film: "
+               "the capacitance there is that of the same distance below, and does not "
+               "tell on which side the plate is")
+    if first is not None:
+        yield (f"the capacitance rises from {1e3 * first:.4g} mm on: "
+               "below that it does not tell the deflection")
+
+
+def _sensed(state: SensedState, inverse: Inverse, mirrored: bool) -> SensedState:
+    """Add the deflection that the polynomial gives for a state; ``mirrored``: with its sign."""
+    sensed = float(inverse.deflection(state.capacitance_F, state.voltage_V))
+    if np.isnan(sensed):
+        return state
     if mirrored:
-        warnings.append(f"the plate rests up to {-1e3 * highest:.4g} mm above the flat film: "
-                        "the capacitance there is that of the same distance below, and does not "
-                        "tell on which side the plate is")
-    if first:
-        warnings.append(f"the capacitance rises from {1e3 * given[0].deflection[0]:.4g} mm on: "
-                        "below that it does not tell the deflection")
-    return SenseResult(
-        specimen=specimen.name, curves=curves, inverse=inverse,
-        table_error_m=max(map(_between_rows, given)),
-        states=tuple(SensedState(
-            mass_kg=mass, voltage_V=voltage, displacement_m=deflection, capacitance_F=capacitance,
-            sensed_m=None if np.isnan(told) else np.copysign(told, deflection).item()
-            if mirrored else told)
-            for mass, voltage, deflection, capacitance in states
-            for told in [float(inverse.deflection(capacitance, voltage))]),
-        dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(*warnings, *Case.greatest(specimen, masses, voltages, rig).remarks))
+        sensed = float(np.copysign(sensed, state.displacement_m))
+    return replace(state, sensed_m=sensed)
 
 
-def _states(case: SenseCase, settings: Settings, masses: Sequence[float]
-            ) -> list[tuple[float, float, float, float]]:
-    """List mass, voltage, deflection of the plate and capacitance of every equilibrium."""
+def _states(case: SenseCase, settings: Settings, masses: Sequence[float]) -> list[SensedState]:
+    """List every equilibrium under the masses [kg], not yet sensed."""
     model = build_model(case.specimen, settings, case.rig.loading)
     path = settings.bounded(model, loads=len(masses) * len(case.voltages)).path
-    return [(result.mass_kg, result.voltage_V, model.deflection(outcome.state),
-             result.capacitance_F)
-            for result, outcome in solve_grid(model, masses, sorted(case.voltages), case.rig, path)
+    solved = solve_grid(model, masses, sorted(case.voltages), case.rig, path)
+    return [SensedState(mass_kg=result.mass_kg, voltage_V=result.voltage_V, sensed_m=None,
+                        displacement_m=model.deflection(outcome.state),
+                        capacitance_F=result.capacitance_F)
+            for result, outcome in solved
             if outcome.status == "equilibrium" and result.capacitance_F is not None]
 
 
