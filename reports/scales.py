@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, log10
+from math import ceil, floor, log10
 
 from matplotlib.ticker import MaxNLocator
 
@@ -62,11 +62,13 @@ def round_scale(low: float, high: float, intervals: int = 5) -> AxisScale:
     if high - low < least:
         low, high = (low + high - least) / 2, (low + high + least) / 2
     locator = MaxNLocator(intervals, steps=[1, 2, 2.5, 5, 10])
-    step = float(locator.tick_values(low, high)[1] - locator.tick_values(low, high)[0])
+    start, second, *_ = locator.tick_values(low, high)
+    step = float(second - start)
     half = step / 2
     # A value on a half tick, up to rounding, needs no further one.
-    first, last = floor(low / half + 1e-9), -floor(-high / half + 1e-9)
-    ticks = tuple(round(index * step, 12) for index in range(-(-first // 2), last // 2 + 1))
+    first, last = floor(low / half + 1e-9), ceil(high / half - 1e-9)
+    first_tick, last_tick = ceil(first / 2), last // 2
+    ticks = tuple(round(index * step, 12) for index in range(first_tick, last_tick + 1))
     return AxisScale(round(first * half, 12), round(last * half, 12), ticks)
 
 

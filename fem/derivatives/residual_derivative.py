@@ -199,10 +199,11 @@ class ResidualDerivative:
         forces = self.at.forces[mine.discretisation.plate_nodes]
         follows = np.einsum("nip,mp,ni->m", turned, self._plate, forces)
         returned, configurational = self._nodal_changes
-        moved: AnyArray = np.tensordot(returned, state.positions.imag, axes=2)
+        moved = np.tensordot(returned, state.positions.imag, axes=2)
         places = model.discretisation.reference.imag[:, :2]
         slid = np.tensordot(configurational, places, axes=2)
-        return moved + slid + follows
+        slopes: AnyArray = moved + slid + follows
+        return slopes
 
     @cached_property
     def _nodal_changes(self) -> tuple[AnyArray, AnyArray]:

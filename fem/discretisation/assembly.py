@@ -64,14 +64,17 @@ def element_tangents(gradients: AnyArray, f: AnyArray, stress: AnyArray, tangent
 def _moduli(f: AnyArray, stress: AnyArray, tangent: AnyArray, volumes: AnyArray) -> AnyArray:
     """Compute ∂²ψ/∂F_iα∂F_jβ times volume, (elements, points, 12, 2): rows (α, ij), columns β."""
     a, b = np.ascontiguousarray(f.transpose(3, 2, 0, 1))
-    d, s = tangent.transpose(2, 3, 0, 1) * volumes, stress.transpose(2, 0, 1) * volumes
-    # ∂S/∂F_jβ, rows S₁₁, S₂₂, S₁₂.
-    by = d[:, 0, None] * a + d[:, 2, None] * b, d[:, 1, None] * b + d[:, 2, None] * a
+    d = tangent.transpose(2, 3, 0, 1) * volumes
+    s = stress.transpose(2, 0, 1) * volumes
+    # ∂S/∂F_jβ for both β: rows S₁₁, S₂₂, S₁₂, columns j.
+    slopes = (d[:, 0, None] * a + d[:, 2, None] * b,
+              d[:, 1, None] * b + d[:, 2, None] * a)
     result = np.empty((2, len(_PAIRS), 2, *volumes.shape))
     for pair, (i, j) in enumerate(_PAIRS):
-        for beta in range(2):
-            result[0, pair, beta] = a[i] * by[beta][0, j] + b[i] * by[beta][2, j]
-            result[1, pair, beta] = b[i] * by[beta][1, j] + a[i] * by[beta][2, j]
+        for beta, slope in enumerate(slopes):
+            s11, s22, s12 = slope[:, j]
+            result[0, pair, beta] = a[i] * s11 + b[i] * s12
+            result[1, pair, beta] = b[i] * s22 + a[i] * s12
         if i == j:
             result[:, pair] += s[[0, 2, 2, 1]].reshape(2, 2, *volumes.shape)
     return result.transpose(3, 4, 0, 1, 2).reshape(*volumes.shape, 12, 2)

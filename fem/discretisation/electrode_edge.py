@@ -86,10 +86,11 @@ def _directions(slopes: AnyArray, line: AnyArray, rows: AnyArray, order: int) ->
     ``slopes``: ∂φ/∂X at the sides' ends (sides, 2, local, 2); ``line``: element and both corners of
     each (sides, 3); ``rows``: the nodes at their ends (sides, 2).
     """
-    shapes = ELEMENTS[order].doflocs
-    chords = (shapes[line[:, 2]] - shapes[line[:, 1]])[:, None, :, None]
+    nodes = ELEMENTS[order].doflocs
+    chords = (nodes[line[:, 2]] - nodes[line[:, 1]])[:, None, :, None]
     # ∂ξ/∂X is the sum of the places of the shape functions' nodes times their slopes.
-    tangents = np.linalg.solve(np.einsum("li,...lj->...ij", shapes, slopes), chords)[..., 0]
+    reference_by_place = np.einsum("li,...lj->...ij", nodes, slopes)
+    tangents = np.linalg.solve(reference_by_place, chords)[..., 0]
     tangents = tangents / np.sqrt((tangents**2).sum(axis=-1, keepdims=True))
     total = np.zeros((int(rows.max(initial=-1)) + 1, 2), dtype=tangents.dtype)
     for row, tangent in zip(rows.ravel().tolist(), tangents.reshape(-1, 2), strict=True):

@@ -105,19 +105,24 @@ def acoustic_margin(c: tuple[Array, Array, Array], stress: Array, tangent: Array
     are those of :mod:`tympan.fem.film.density`.
     """
     c11, c22, c12 = c
+    s11, s22, s12 = stress[..., 0], stress[..., 1], stress[..., 2]
+    det = c11 * c22 - c12**2
     result = np.full(np.shape(c11), np.inf)
     for angle in np.pi * np.arange(_LINES) / _LINES:
         a, b = np.cos(angle), np.sin(angle)
         # A jump u of the material's own components strains it by the symmetric part of (C u) ⊗ N.
         strain = np.empty((*np.shape(c11), 3, 2), dtype=np.result_type(c11, c22, c12, float))
-        strain[..., 0, 0], strain[..., 0, 1] = a * c11, a * c12
-        strain[..., 1, 0], strain[..., 1, 1] = b * c12, b * c22
-        strain[..., 2, 0], strain[..., 2, 1] = b * c11 + a * c12, b * c12 + a * c22
-        along = stress[..., 0] * a * a + stress[..., 1] * b * b + 2 * stress[..., 2] * a * b
+        strain[..., 0, 0] = a * c11
+        strain[..., 0, 1] = a * c12
+        strain[..., 1, 0] = b * c12
+        strain[..., 1, 1] = b * c22
+        strain[..., 2, 0] = b * c11 + a * c12
+        strain[..., 2, 1] = b * c12 + a * c22
+        along = s11 * a * a + s22 * b * b + 2 * s12 * a * b
         q = strain.swapaxes(-1, -2) @ tangent @ strain
-        det = c11 * c22 - c12**2
-        mean = (q[..., 0, 0] * c22 + q[..., 1, 1] * c11 - 2 * q[..., 0, 1] * c12) / (2 * det)
-        product = (q[..., 0, 0] * q[..., 1, 1] - q[..., 0, 1] ** 2) / det
+        q11, q22, q12 = q[..., 0, 0], q[..., 1, 1], q[..., 0, 1]
+        mean = (q11 * c22 + q22 * c11 - 2 * q12 * c12) / (2 * det)
+        product = (q11 * q22 - q12**2) / det
         least = mean - np.sqrt(np.maximum(mean**2 - product, 0.0)) + along
         result = np.minimum(result, least)
     return result

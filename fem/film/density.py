@@ -241,15 +241,20 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     equal = np.abs(radius) < _EQUAL * np.abs(mean)
     alike = equal.any()
     if tangent or alike:
-        g11, g22 = by1 * by1 * (w11 - 2 * g1), by2 * by2 * (w22 - 2 * g2)
+        g11 = by1 * by1 * (w11 - 2 * g1)
+        g22 = by2 * by2 * (w22 - 2 * g2)
         both = 2 * (by1 * by2 * w12)
-        sum_, bend = g11 + both + g22, g11 - both + g22
-    total, over = g1 + g2, (g1 - g2) / (np.where(equal, 1.0, radius) if alike else radius)
+        sum_ = g11 + both + g22
+        bend = g11 - both + g22
+    total = g1 + g2
+    over = (g1 - g2) / (np.where(equal, 1.0, radius) if alike else radius)
     if alike:
         over = np.where(equal, bend, over)
     split = over * half
     stress = np.empty((3, *np.shape(w)), dtype=np.result_type(w, 0.0))
-    stress[0], stress[1], stress[2] = total + split, total - split, over * shear
+    stress[0] = total + split
+    stress[1] = total - split
+    stress[2] = over * shear
     if not virgin:  # stretches may be numbers, or arrays that differ between films
         scale = np.array(np.broadcast_arrays(first * first, second * second, first * second))
         stress = stress * _outermost(scale, stress)
@@ -258,12 +263,15 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     safe = np.where(radius == 0, 1.0, radius) if alike else radius
     n1, n2 = half / safe, shear / safe
     mb, bb = g11 - g22, bend - over
-    md, ms, b1 = 2 * mb * n1, mb * n2, bb * n1
+    md, ms = 2 * mb * n1, mb * n2
+    b1 = bb * n1
     dd, ds = over + b1 * n1, b1 * n2
-    apart, together = sum_ - dd, sum_ + dd
+    together = sum_ + dd
     d = np.empty((3, 3, *np.shape(w)), dtype=stress.dtype)
-    d[0, 0], d[1, 1], d[2, 2] = together + md, together - md, over + bb * n2 * n2
-    d[0, 1] = d[1, 0] = apart
+    d[0, 0] = together + md
+    d[1, 1] = together - md
+    d[2, 2] = over + bb * n2 * n2
+    d[0, 1] = d[1, 0] = sum_ - dd
     d[0, 2] = d[2, 0] = ms + ds
     d[1, 2] = d[2, 1] = ms - ds
     if not virgin:

@@ -64,14 +64,18 @@ class EnergyTable:
             fit = _fit(degree)
             places = (middle + reach * fit.nodes).T
             slopes = np.stack([_slopes(energy, *places) * reach[:, None] for energy in energies])
-            coefficients = slopes[..., :fit.count].reshape(2, -1) @ fit.inverse
-            error = np.abs(coefficients @ fit.checks - slopes[..., fit.count:].reshape(2, -1))
-            if (error.max(1) <= PRECISION * np.abs(slopes).max((1, 2))).all():
-                rows = (coefficients @ fit.derivatives).swapaxes(0, 1) / units[:, None]
-                rows[:, :2], rows[:, 2:] = 2 * rows[:, :2], 4 * rows[:, 2:]
-                residual = FilmDensity(specimen, 0.0, covered).material.residual
-                return cls(middle[:, None], reach[:, None], rows, covered,
-                           float(residual))
+            fitted = slopes[..., :fit.count].reshape(2, -1)
+            checked = slopes[..., fit.count:].reshape(2, -1)
+            coefficients = fitted @ fit.inverse
+            errors = np.abs(coefficients @ fit.checks - checked).max(1)
+            precise = errors <= PRECISION * np.abs(slopes).max((1, 2))
+            if not precise.all():
+                continue
+            rows = (coefficients @ fit.derivatives).swapaxes(0, 1) / units[:, None]
+            rows[:, :2] *= 2
+            rows[:, 2:] *= 4
+            residual = FilmDensity(specimen, 0.0, covered).material.residual
+            return cls(middle[:, None], reach[:, None], rows, covered, float(residual))
         return None
 
     def stress(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True

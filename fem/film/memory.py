@@ -125,11 +125,15 @@ class Memory:
     def _driving(self, c: Any) -> AnyArray:
         """Compute (tr X² − (tr X)²/3)/2, X = C C_v⁻¹, shape (branches, *points)."""
         full, back = incompressible(c)[:, None], inverse(self.viscous)
+        c11, c22, c12, c33 = full
+        v11, v22, v12, v33 = back
         trace = inner(back, full)
         # tr X² = C C_v⁻¹ : (C C_v⁻¹)ᵀ, by components in the plane.
-        first, last = full[0] * back[0] + full[2] * back[2], full[1] * back[1] + full[2] * back[2]
-        above, below = full[0] * back[2] + full[2] * back[1], full[2] * back[0] + full[1] * back[2]
-        square = first**2 + last**2 + 2 * above * below + (full[3] * back[3]) ** 2
+        x11 = c11 * v11 + c12 * v12
+        x22 = c22 * v22 + c12 * v12
+        x12 = c11 * v12 + c12 * v22
+        x21 = c12 * v11 + c22 * v12
+        square = x11**2 + x22**2 + 2 * x12 * x21 + (c33 * v33) ** 2
         driving = (square - trace**2 / 3) / 2
         # Rounding may leave a negative value where the branch is relaxed.
         return np.where(np.real(driving) > 0, driving, 0.0)
@@ -206,13 +210,16 @@ class Flow:
     def _stress(self, full: AnyArray, weight: AnyArray, grown: AnyArray, growth: AnyArray,
                 tangent: bool
                 ) -> tuple[AnyArray, AnyArray | None]:
-        by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
-        pull, strength = (by_grown - ratio * by_full)[:3], self._moduli(full.ndim) * growth
+        by_grown, by_full = inverse(grown), inverse(full)
+        ratio = full[3] / grown[3]
+        pull = (by_grown - ratio * by_full)[:3]
+        strength = self._moduli(full.ndim) * growth
         stress = (strength * pull).sum(1)
         if not tangent:
             return stress, None
         softer, stiffer = strength * weight, strength * ratio
-        along, by_stretch = 2 / 3 * softer * pull, 2 * stiffer * (2 - weight * ratio) * by_full
+        along = 2 / 3 * softer * pull
+        by_stretch = 2 * stiffer * (2 - weight * ratio) * by_full
         by_growth = 2 * softer * by_grown
         area = stiffer * plane_determinant(by_full) - softer * plane_determinant(by_grown)
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)

@@ -75,19 +75,22 @@ class StagedFlow:
         grown = self._grown(full)
         area = plane_determinant(grown)
         size = cube_root(area * grown[3])
-        strength, plane = self.memory.each(self.memory.moduli) * size, cofactor(grown) / area
+        strength = self.memory.each(self.memory.moduli) * size
+        plane = cofactor(grown) / area
         thick = strength / grown[3]
         stretch = plane * full[:3]
         stretch[2] *= 2
-        flow = self._at(full, grown, np.add.reduce(stretch, 0) + full[3] / grown[3], size)
-        whole = np.add.reduce(strength * plane, 1), np.add.reduce(thick, 0)
+        trace = np.add.reduce(stretch, 0) + full[3] / grown[3]
+        flow = self._at(full, grown, trace, size)
+        by_plane = np.add.reduce(strength * plane, 1)
+        by_area = np.add.reduce(thick, 0)
         if not slopes:
-            return *whole, None, flow
+            return by_plane, by_area, None, flow
         part = full[3] * full[3] / grown[3] * cofactor(full)
         along, pull = plane + part, plane - part
         bend = -(strength * along)[:, None] * along - (strength / 3 * pull)[:, None] * pull
         add_across(bend, -strength / area)
-        return *whole, bend, flow
+        return by_plane, by_area, bend, flow
 
     def after(self, c: Any) -> list[Memory]:
         """Compute the memories at the stages, at their C."""

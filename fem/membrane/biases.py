@@ -188,8 +188,10 @@ class Magnet:
         near: Any = 1 + (self.gap - deflection) / d
         # No step may end at or beyond the pole.
         near = np.where(np.real(near) > 0, near, np.nan)[()]
-        return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
-                -self.force * n / d * near ** (-n - 1))
+        energy = -self.force * d / (n - 1) * near ** (1 - n)
+        push = -self.force * near**-n
+        stiffness = -self.force * n / d * near ** (-n - 1)
+        return energy, push, stiffness
 
 
 @BIASES.register
@@ -233,10 +235,12 @@ class Bistable:
         return (low, high),
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        (middle, factor), s = self._shape, (deflection - self.rest) / self.travel
-        return (factor * self.travel * s * s * (middle / 2 + s * (s / 4 - (1 + middle) / 3)),
-                factor * s * (s - middle) * (s - 1),
-                factor / self.travel * (middle + s * (3 * s - 2 * (1 + middle))))
+        middle, factor = self._shape
+        s = (deflection - self.rest) / self.travel
+        energy = factor * self.travel * s * s * (middle / 2 + s * (s / 4 - (1 + middle) / 3))
+        push = factor * s * (s - middle) * (s - 1)
+        stiffness = factor / self.travel * (middle + s * (3 * s - 2 * (1 + middle)))
+        return energy, push, stiffness
 
 
 def _peaks(middle: Any) -> tuple[Any, Any]:
@@ -356,18 +360,23 @@ def _beam_column(x: Any) -> tuple[Any, Any, Any, Any]:
         e, e_x = _series(_SHEAR, x)
         m, m_x = _series(_SHORTENING, x)
         c, c_x = _series(_COSINE, x)
-        v, g = c / e, m / (4 * e**2)
-        return v, (c_x - v * e_x) / e, g, m_x / (4 * e**2) - 2 * g * e_x / e
+        v = c / e
+        v_x = (c_x - v * e_x) / e
+        g = m / (4 * e**2)
+        g_x = m_x / (4 * e**2) - 2 * g * e_x / e
+        return v, v_x, g, g_x
     # All terms are over cosh y, y² = −x, which may be large.
     y = np.sqrt(-x)
-    tangent, square = np.tanh(y) / y, 1 / np.cosh(np.where(np.real(y) > 300, 300, y)) ** 2
+    tangent = np.tanh(y) / y
+    square = 1 / np.cosh(np.where(np.real(y) > 300, 300, y)) ** 2
     e = tangent - 1
-    tangent_x = (tangent - square) / (2 * -x)
+    e_x = (tangent - square) / (2 * -x)
     v = x / e
+    v_x = 1 / e - v * e_x / e
     g = (square - 3 * tangent + 2) / (4 * e**2)
     square_x = square * tangent
-    return (v, 1 / e - v * tangent_x / e, g,
-            (square_x - 3 * tangent_x) / (4 * e**2) - 2 * g * tangent_x / e)
+    g_x = (square_x - 3 * e_x) / (4 * e**2) - 2 * g * e_x / e
+    return v, v_x, g, g_x
 
 
 _ORDERS = range(_TERMS)
@@ -462,14 +471,17 @@ class ForceTable:
         return curve.x, curve.c, stored - np.interp(0.0, curve.x, stored)
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        breaks, (a, b, c, d), stored = self._cubics
+        breaks, cubics, stored = self._cubics
         at = np.real(deflection)
         k = np.clip(np.searchsorted(breaks, at, "right") - 1, 0, len(breaks) - 2)
         # The mechanism cannot be beyond the table.
-        u = deflection - np.where((at >= breaks[0]) & (at <= breaks[-1]), breaks[k], np.nan)[()]
-        return (stored[k] + u * (d[k] + u * (c[k] / 2 + u * (b[k] / 3 + u * a[k] / 4))),
-                d[k] + u * (c[k] + u * (b[k] + u * a[k])),
-                c[k] + u * (2 * b[k] + u * 3 * a[k]))
+        within = (at >= breaks[0]) & (at <= breaks[-1])
+        u = deflection - np.where(within, breaks[k], np.nan)[()]
+        a, b, c, d = cubics[:, k]
+        energy = stored[k] + u * (d + u * (c / 2 + u * (b / 3 + u * a / 4)))
+        push = d + u * (c + u * (b + u * a))
+        stiffness = c + u * (2 * b + u * 3 * a)
+        return energy, push, stiffness
 
 
 def _file_beside(table: Table, key: str) -> str | None:

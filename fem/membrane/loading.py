@@ -93,9 +93,11 @@ class Loading:
         These are force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²], which
         lifts it.
         """
-        plate, lift = state.plate, self.lift(state.plate)
+        plate = state.plate
         height = centre[HEAVE] + plate.translation[HEAVE] + plate.rotation[HEAVE, :2] @ self.arm
-        energy, first, second = -state.force * height, -state.force * lift, np.zeros((6, 6))
+        energy = -state.force * height
+        first = -state.force * self.lift(plate)
+        second = np.zeros((6, 6))
         if any(self.arm):
             arm, weight = np.array([[*self.arm, 0.0]]), np.array([[0.0, 0.0, -state.force]])
             second = plate.curvature(arm, weight)
@@ -121,26 +123,30 @@ def film_volume(mesh: Discretisation, positions: AnyArray, *, second: bool = Fal
     nodes have shape (nodes, 3) [m]. The derivatives are by those of the elements' nodes, shapes
     (elements, local, 3) [m²] and (elements, 3 local, 3 local), node-major [m].
     """
-    f, g, w, shapes = mesh.deformation(positions), mesh.gradients, _GAS * mesh.weights, mesh.shapes
-    height = positions[mesh.connectivity, 2] @ shapes.T
+    f, shapes = mesh.deformation(positions), mesh.shapes
+    g1, g2 = mesh.gradients[..., 0], mesh.gradients[..., 1]
+    weights = _GAS * mesh.weights
+    below = weights * (positions[mesh.connectivity, 2] @ shapes.T)
     # x,₁ y,₂ − x,₂ y,₁ is the area on the frame's plane per mounted area. Its derivatives by x and
     # y of each node have the shape (elements, points, local).
-    shadow = f[..., 0, 0] * f[..., 1, 1] - f[..., 0, 1] * f[..., 1, 0]
-    slopes = (g[..., 0] * f[..., 1, 1, None] - g[..., 1] * f[..., 1, 0, None],
-              g[..., 1] * f[..., 0, 0, None] - g[..., 0] * f[..., 0, 1, None])
-    across = [np.matmul((w * height)[:, None], slope)[:, 0] for slope in slopes]
-    first = np.stack([*across, (w * shadow) @ shapes], axis=-1)
-    value = (w * height * shadow).sum()
+    x1, x2 = f[..., 0, 0], f[..., 0, 1]
+    y1, y2 = f[..., 1, 0], f[..., 1, 1]
+    shadow = x1 * y2 - x2 * y1
+    slopes = (g1 * y2[..., None] - g2 * y1[..., None],
+              g2 * x1[..., None] - g1 * x2[..., None])
+    across = [np.matmul(below[:, None], slope)[:, 0] for slope in slopes]
+    first = np.stack([*across, (weights * shadow) @ shapes], axis=-1)
+    value = (below * shadow).sum()
     if not second:
         return value, first, None
-    elements, _, local, _ = g.shape
+    elements, _, local = g1.shape
     result = np.zeros((elements, local, 3, local, 3))
-    turned = np.matmul((g[..., 0] * (w * height)[..., None]).transpose(0, 2, 1), g[..., 1])
+    turned = np.matmul((g1 * below[..., None]).transpose(0, 2, 1), g2)
     turned = turned - turned.transpose(0, 2, 1)
     result[:, :, 0, :, 1] = turned
     result[:, :, 1, :, 0] = turned.transpose(0, 2, 1)
     for axis, slope in enumerate(slopes):
-        part = np.matmul((slope * w[..., None]).transpose(0, 2, 1), shapes)
+        part = np.matmul((slope * weights[..., None]).transpose(0, 2, 1), shapes)
         result[:, :, axis, :, 2] = part
         result[:, :, 2, :, axis] = part.transpose(0, 2, 1)
     return value, first, result.reshape(elements, 3 * local, 3 * local)

@@ -96,17 +96,20 @@ class ForceCurve:
             if runs[-1] and runs[-1][-1][-1] is not piece[0]:
                 runs.append([])
             runs[-1].append(piece)
-        pieces = next((run for run in runs if run and run[0][0][0] <= through <= run[-1][-1][0]),
-                      [])
-        if not pieces:
+        for run in filter(None, runs):
+            bounds = [piece[0][0] for piece in run] + [run[-1][-1][0]]
+            if bounds[0] <= through <= bounds[-1]:
+                break
+        else:
             return None
-        breaks = np.array([*(first[0] for first, *_ in pieces), pieces[-1][-1][0]])
-        powers = np.array([powers_of(*piece) for piece in pieces]).T
+        breaks = np.array(bounds)
+        powers = np.array([powers_of(*piece) for piece in run]).T
         spans = np.diff(breaks)
         ends = np.cumsum(values(powers, np.ones(len(spans)), spans)[0])
         stored = np.append(0.0, ends[:-1])
         made = cls(breaks, powers, stored)
-        return cls(breaks, powers, stored + force(through)[0] - made.derivatives(through)[0])
+        missing = force(through)[0] - made.derivatives(through)[0]
+        return cls(breaks, powers, stored + missing)
 
     def derivatives(self, deflection: Any) -> tuple[Any, Any, Any]:
         """Evaluate energy [J], force [N] and stiffness [N/m] at deflections [m]."""

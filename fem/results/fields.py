@@ -273,17 +273,19 @@ def _tension(model: Model, states: Sequence[State], gradients: AnyArray, points:
     """
     mesh = model.discretisation
     positions = np.stack([state.positions for state in states])
-    c = cauchy_green(deformation(gradients, positions[:, mesh.connectivity[cells]]))
+    nodes = mesh.connectivity[cells]
+    c = cauchy_green(deformation(gradients, positions[:, nodes]))
     squared = np.array([state.voltage_squared for state in states])[:, None, None]
-    there = tabulated(mesh.mesh.order, points)[0].T @ mesh.reference[mesh.connectivity[cells]]
-    place = there[..., 0], there[..., 1]
-    covered = mesh.covered[cells] * model.specimen.electrode.coverage(*place)
+    there = tabulated(mesh.mesh.order, points)[0].T @ mesh.reference[nodes]
+    x, y = there[..., 0], there[..., 1]
+    covered = mesh.covered[cells] * model.specimen.electrode.coverage(x, y)
     density = FilmDensity(model.specimen, squared, covered, model.wrinkles,
-                          _flow_at(model, cells, points), model.specimen.relative_thickness(*place))
+                          _flow_at(model, cells, points), model.specimen.relative_thickness(x, y))
     # Principal stresses are the eigenvalues of S C.
-    s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
-    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
-    product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
+    s11, s22, s12 = np.moveaxis(density(c, tangent=False).stress, -1, 0)
+    c11, c22, c12 = c
+    mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
+    product = (s11 * s22 - s12**2) * (c11 * c22 - c12**2)
     radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
     return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
 
@@ -356,19 +358,20 @@ def _cauchy(f: AnyArray, stress: AnyArray, radial: AnyArray) -> tuple[AnyArray, 
     first = np.einsum("nik,nk->ni", f, radial)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
     normal = np.cross(f[:, :, 0], f[:, :, 1])
-    second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
-    a, b = np.einsum("ni,nik->nk", first, f), np.einsum("ni,nik->nk", second, f)
-
-    def pair(u: AnyArray, v: AnyArray) -> AnyArray:
-        along = u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
-        return np.asarray(along + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
-
-    return pair(a, a), pair(b, b), pair(a, b)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    second = np.cross(normal, first)
+    a1, a2 = np.einsum("ni,nik->kn", first, f)
+    b1, b2 = np.einsum("ni,nik->kn", second, f)
+    s11, s22, s12 = stress[:, 0], stress[:, 1], stress[:, 2]
+    radial_stress = a1 * a1 * s11 + a2 * a2 * s22 + 2 * a1 * a2 * s12
+    around = b1 * b1 * s11 + b2 * b2 * s22 + 2 * b1 * b2 * s12
+    shear = a1 * b1 * s11 + a2 * b2 * s22 + (a1 * b2 + a2 * b1) * s12
+    return radial_stress, around, shear
 
 
 def _normal(along: AnyArray, towards: AnyArray) -> AnyArray:
     """Compute unit normals of vectors in the plane, on the side of ``towards``."""
     normal = np.column_stack([along[:, 1], -along[:, 0]])
-    normal = normal / np.linalg.norm(along, axis=1, keepdims=True)
-    sides: AnyArray = np.sign((normal * towards).sum(axis=1, keepdims=True))
-    return sides * normal
+    normal /= np.linalg.norm(along, axis=1, keepdims=True)
+    normal *= np.sign((normal * towards).sum(axis=1, keepdims=True))
+    return normal

@@ -104,18 +104,22 @@ def _cover(specimen: Specimen, axes: Axes) -> None:
 def _dimensions(specimen: Specimen, axes: Axes) -> None:
     """Draw sizes from edge to edge: the frame's outside the drawing, the plate's on it."""
     a, b = (1e3 * length for length in specimen.frame.semi_axes)
-    away = 0.09 * max(a, b)
-    _arrow(axes, (-a, -b - away), (a, -b - away), f"frame {2 * a:.4g} mm", across=True)
-    _arrow(axes, (a + away, -b), (a + away, b), f"{2 * b:.4g} mm", across=False)
+    size = max(a, b)
+    away = 0.09 * size
+    below, beside = -b - away, a + away
+    _arrow(axes, (-a, below), (a, below), f"frame {2 * a:.4g} mm", across=True)
+    _arrow(axes, (beside, -b), (beside, b), f"{2 * b:.4g} mm", across=False)
     axes.plot([0], [0], "+", color="white", markersize=5, markeredgewidth=0.8, zorder=4)
     if specimen.plate is None:
         return
     c, d = (1e3 * length for length in specimen.plate.outline.semi_axes)
     x, y = (1e3 * length for length in specimen.plate.offset)
-    words = f"plate {2 * c:.4g} mm" if abs(c - d) < 1e-6 else f"plate {2 * c:.4g} × {2 * d:.4g} mm"
+    other = "" if abs(c - d) < 1e-6 else f" × {2 * d:.4g}"
+    words = f"plate {2 * c:.4g}{other} mm"
     if x or y:
         words += f"\nat {x:.4g}, {y:.4g} mm"
-    axes.annotate(words, (x, y + d), (x, y + d + 0.06 * max(a, b)), ha="center", va="bottom",
+    edge = y + d
+    axes.annotate(words, (x, edge), (x, edge + 0.06 * size), ha="center", va="bottom",
                   fontsize=7.5, zorder=4)
 
 

@@ -84,25 +84,22 @@ def _sheet(films: list[Film], view: View, paper: float) -> Figure:
     for *_, film in films:
         x, y, _ = np.ptp(film.mounted, axis=0)
         pictures.append(film_picture(film, film.values["stress_1"] / 1e3, view, bool(y > x)))
-    heights = [max(extent[3] - extent[2] for _, extent in pictures[start:start + _COLUMNS]) * paper
-               for start in range(0, len(films), _COLUMNS)]
+    sizes = [(upper - bottom) * paper for _, (_, _, bottom, upper) in pictures]
+    heights = [max(sizes[start:start + _COLUMNS]) for start in range(0, len(films), _COLUMNS)]
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
     caption = _LINE * (1.5 + max(len(lines) for lines, *_ in films))
     figure = style.new_figure(_BAR + sum(heights) + len(heights) * caption)
     style.colour_bar(figure, (style.WIDTH - 70) / 2, 2.0, (70, 2.6), view.scale, view.colours,
                      stress_label(view.scale))
-    top = _BAR
-    for row, height in enumerate(heights):
-        for column, number in enumerate(range(row * _COLUMNS,
-                                              min((row + 1) * _COLUMNS, len(films)))):
-            lines, deflection, _ = films[number]
-            low_x, high_x, bottom, upper = pictures[number][1]
-            width = (high_x - low_x) * paper
-            axes = style.place_axes(figure, _MARGIN + column * (room + _GAP) + (room - width) / 2,
-                                    top + caption, width, (upper - bottom) * paper)
-            above = [*lines, f"{digits(1e3 * deflection)} mm"][::-1]
-            style.show_picture(axes, pictures[number], *(
-                (line, 0.5 + _LINE * place, "bold" if place else "normal", 5.5)
-                for place, line in enumerate(above)), interpolation="none")
-        top += height + caption
+    for number, ((lines, deflection, _), picture) in enumerate(zip(films, pictures, strict=True)):
+        row, column = divmod(number, _COLUMNS)
+        low_x, high_x, bottom, upper = picture[1]
+        width = (high_x - low_x) * paper
+        left = _MARGIN + column * (room + _GAP) + (room - width) / 2
+        top = _BAR + sum(heights[:row]) + (row + 1) * caption
+        axes = style.place_axes(figure, left, top, width, (upper - bottom) * paper)
+        above = [*lines, f"{digits(1e3 * deflection)} mm"][::-1]
+        captions = [(line, 0.5 + _LINE * place, "bold" if place else "normal", 5.5)
+                    for place, line in enumerate(above)]
+        style.show_picture(axes, picture, *captions, interpolation="none")
     return figure

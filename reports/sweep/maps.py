@@ -181,16 +181,19 @@ def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.Da
             means["name"], means["beyond"], means["word"], strict=True):
         colour = shade if np.isfinite(value) else ""
         text = digits(value) if colour else "no result"
-        text = (f"{text}, mean of {count}" if count > 1 else text if cases > 1
-                else f"{name}: {text}")
+        if count > 1:
+            text += f", mean of {count}"
+        elif cases == 1:
+            text = f"{name}: {text}"
         if 0 < count < cases:
             text += f"; {cases - count} of {cases} without a result"
         if beyond:
-            text += (f"; {beyond} of {cases}" if cases > 1 else ",") + f" beyond {word}"
+            of_cases = f"; {beyond} of {cases}" if cases > 1 else ","
+            text += f"{of_cases} beyond {word}"
         marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text, count < cases,
                           bool(beyond)))
-    bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
-           for tick in scale.ticks]
+    span = scale.high - scale.low
+    bar = [(HEIGHT * (1 - (tick - scale.low) / span), scale.text(tick)) for tick in scale.ticks]
     y_ticks = [(HEIGHT - at, text) for at, text in y_ticks]
     return Map(column.heading, where, x_ticks, y_ticks, marks, bar, cells, shown), scale
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -99,21 +100,26 @@ def _rows(view: SweepView) -> tuple[list[str], list[list[Cell]]]:
     columns = [*keys, *view.columns]
     first = view.at_shown("voltage")
     reached = (view.table["status"] == "equilibrium").reset_coords(drop=True)
-    many = "voltage" in view.loads and view.table.sizes["voltage"] > 1
+    voltages = view.table.sizes["voltage"] if "voltage" in view.loads else 1
+    many = voltages > 1
     headings = ["specimen", *(column.heading for column in columns), *(["voltages reached"] * many),
                 "beyond"]
-    counts = (reached.sum("voltage").values.ravel().tolist() if many else [0] * len(first))
+    counts = reached.sum("voltage").values.ravel().tolist() if many else [0] * len(first)
     rows = []
     for (_, row), count in zip(first.iterrows(), counts, strict=True):
-        cells: list[Cell] = [(row["specimen"], row["specimen"])]
-        for column in columns:
-            value = row[column.name]
-            cells.append((f"{value / column.size:.4g}" if isinstance(value, float)
-                          and np.isfinite(value) else "" if isinstance(value, float) else value,
-                          value if not isinstance(value, float) or np.isfinite(value) else ""))
-        rows.append([*cells, *([(f"{count} of {view.table.sizes['voltage']}", count)] * many),
-                     (row["beyond"], row["beyond"])])
+        cells = [_cell(row["specimen"])]
+        cells += [_cell(row[column.name], column.size) for column in columns]
+        if many:
+            cells.append((f"{count} of {voltages}", count))
+        rows.append([*cells, _cell(row["beyond"])])
     return headings, sorted(rows, key=lambda row: row[-1][0] != "")
+
+
+def _cell(value: Any, size: float = 1.0) -> Cell:
+    """Write a word, or a number in units of this size [SI]; a number that is missing is empty."""
+    if not isinstance(value, float):
+        return value, value
+    return (f"{value / size:.4g}", value) if np.isfinite(value) else ("", "")
 
 
 def _failures(view: SweepView) -> Iterator[FailedCases]:

@@ -252,15 +252,17 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     radii = RADII[how](specimen, count, forces, fit) if radii is None else radii
     membrane = [forces(radii, samples) for samples in (fit, test)]
     cone = [cone_forces(specimen, radii, samples) for samples in (fit, test)]
-    scale = float(membrane[0][:, 0] @ cone[0][:, 0] / (cone[0][:, 0] @ cone[0][:, 0]))
+    first_film, first_cone = membrane[0][:, 0], cone[0][:, 0]
+    scale = float(first_film @ first_cone / (first_cone @ first_cone))
     bases: dict[Basis, list[Array]] = {
         "membrane": membrane, "cone": cone, "cone_scaled": [scale * part for part in cone]}
     by_basis = {name: _weigh(simplex_fit(parts[0], fit.force), parts, fit, test)
                 for name, parts in bases.items()}
     shares = fit.shares.mean(axis=0)
-    spread = tuple((float(low), float(high))
-                   for low, high in zip(fit.shares.min(0), fit.shares.max(0), strict=True))
-    best = np.abs(membrane[0] @ by_basis["membrane"].alpha / fit.force - 1).max()
+    lows, highs = fit.shares.min(0).tolist(), fit.shares.max(0).tolist()
+    spread = tuple(zip(lows, highs, strict=True))
+    fitted_force = membrane[0] @ by_basis["membrane"].alpha
+    best = np.abs(fitted_force / fit.force - 1).max()
     ranges = weight_ranges(membrane[0], fit.force, best + alpha_settings.tolerance)
     result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
                          spread, tuple(warnings), how, ranges, condition(membrane[0]), loads)

@@ -85,13 +85,15 @@ class FlatFilm:
         The points are those of ``plate``, then the centre, then those halfway to it.
         """
         edges = self.triangles[:, [[0, 1, 3], [1, 2, 4], [2, 0, 5]]].reshape(-1, 3)
-        edges = np.searchsorted(self.plate, edges[np.isin(edges, self.plate).all(axis=1)])
-        corners = np.unique(edges[:, :2])
-        centre = np.full(len(edges), len(self.plate))
-        halfway = np.searchsorted(corners, edges[:, :2]) + len(self.plate) + 1
+        on_plate = np.isin(edges, self.plate).all(axis=1)
+        first, last, middle = np.searchsorted(self.plate, edges[on_plate]).T
+        ends = np.column_stack([first, last])
+        corners = np.unique(ends)
+        centre = np.full(len(ends), len(self.plate))
+        halfway = np.searchsorted(corners, ends) + len(self.plate) + 1
         rim = self.points[self.plate]
         points = np.vstack([rim, self.centre, (rim[corners] + self.centre) / 2])
-        triangles = np.column_stack([edges[:, 1], edges[:, 0], centre, edges[:, 2], halfway])
+        triangles = np.column_stack([last, first, centre, middle, halfway])
         if (_areas(points, triangles) <= 0).any():
             raise InputError("cannot be exported: its whole edge must be seen from its centre",
                              key="plate",

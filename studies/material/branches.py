@@ -358,15 +358,19 @@ class TimedTests:
         products, against = columns.T @ columns, columns.T @ self.read
         choices = np.array(list(combinations(range(len(grid)), count)), int)
         choices = choices.reshape(comb(len(grid), count), count)
-        every = np.hstack([np.tile(np.arange(linear), (len(choices), 1)), linear + choices])
+        of_law = np.tile(np.arange(linear), (len(choices), 1))
+        every = np.hstack([of_law, linear + choices])
         # A trace on the diagonal keeps choices solvable that the readings cannot distinguish.
-        matrix = products[every[:, :, None], every[:, None, :]] + 1e-10 * np.eye(linear + count)
-        linears = np.linalg.solve(matrix, against[every][..., None])[..., 0]
-        cost = self.read @ self.read - np.sum(against[every] * linears, axis=1)
-        cost = np.where((linears[:, linear:] > 0).all(axis=1), cost, np.inf)
+        trace = 1e-10 * np.eye(linear + count)
+        matrix = products[every[:, :, None], every[:, None, :]] + trace
+        sides = against[every]
+        linears = np.linalg.solve(matrix, sides[..., None])[..., 0]
+        cost = self.read @ self.read - np.sum(sides * linears, axis=1)
+        positive = (linears[:, linear:] > 0).all(axis=1)
+        cost = np.where(positive, cost, np.inf)
+        lowest = np.where(np.arange(linear + count) < linear, -np.inf, 0.0)
         for index in np.argsort(cost)[:best]:
-            constants = np.maximum(linears[index] / scale[every[index]],
-                                   np.where(np.arange(linear + count) < linear, -np.inf, 0.0))
+            constants = np.maximum(linears[index] / scale[every[index]], lowest)
             yield np.concatenate([constants[:linear], shape, constants[linear:],
                                   grid[choices[index]]])
 

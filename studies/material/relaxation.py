@@ -127,15 +127,16 @@ def _marched(coupons: Coupons, runs: list[AnyArray], times: AnyArray, fineness: 
     durations, along = (np.stack(padded, axis=1) for padded in _side_by_side(marches))
     powers = np.array([MODES[str(coupons.mode[run[0]])] for run in runs])
     across = along**powers
-    memory = Memory.relaxed(_unit_film(times), (*np.ones((2, len(runs))), np.zeros(len(runs))))
+    one, none = np.ones(len(runs)), np.zeros(len(runs))
+    memory = Memory.relaxed(_unit_film(times), (one, one, none))
     pull = np.empty((len(along), len(times), len(runs)))
-    before = _strain(np.ones(len(runs)), np.ones(len(runs)))
+    before = _strain(one, one)
     for row, duration in enumerate(durations):
         now = _strain(along[row], across[row])
         memory = memory.step(before, duration).after(now)
         before = now
-        pull[row] = (along[row] / memory.viscous[0]
-                     - 1 / (along[row] ** 3 * across[row] ** 2 * memory.viscous[3]))
+        thickness = along[row] ** 3 * across[row] ** 2 * memory.viscous[3]
+        pull[row] = along[row] / memory.viscous[0] - 1 / thickness
     result = np.zeros((len(coupons), len(times)))
     for number, (run, (_, _, ends)) in enumerate(zip(runs, marches, strict=True)):
         result[run] = pull[ends, :, number]

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.polynomial import polynomial
 
-from tympan.base.arrays import Array
+from tympan.base.arrays import AnyArray, Array
 from tympan.base.fields import Key
 
 #: Degrees of the root of the excess that are tried.
@@ -159,8 +159,9 @@ def _coefficients(root: Array, charged: Array, rise: Array, shape: tuple[int, in
     columns = (root[:, None] / scale) ** along
     powers = charged[:, None] ** np.arange(count)
     matrix = (columns[:, :, None] * powers[:, None, :]).reshape(len(rise), -1)
-    solved: Array = np.linalg.lstsq(matrix, rise, rcond=None)[0].reshape(shape)
-    return solved / scale ** along[:, None]
+    solved: AnyArray = np.linalg.lstsq(matrix, rise, rcond=None)[0]
+    coefficients: Array = solved.reshape(shape) / scale ** along[:, None]
+    return coefficients
 
 
 def _error(inverse: Inverse, curve: Sampled) -> float:

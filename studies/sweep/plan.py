@@ -165,7 +165,7 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
     return Sweep(entries, file_text(file), grid, ask, figures)
 
 
-def _bases(table: Table) -> dict[Path, dict[str, Any]]:
+def _bases(table: Table) -> dict[Path, Mapping[str, Any]]:
     """Read the specimen files that a sweep names; two of one name would give the same entries."""
     given = table.value("specimen")
     names = [given] if isinstance(given, str) else given

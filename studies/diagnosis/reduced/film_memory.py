@@ -220,9 +220,9 @@ class RememberingFilm:
         times = np.clip(self.passages.times[asked] + histories[0].begins, time[0], time[-1])
         path = Trace(time).at(heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
         values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
+        force = motion.force.reshape(3, -1)[:, lines].T
         squared = np.multiply.outer(self._squares[asked], [1.0, 1.0, 1 + _CHANGE])
-        etas = self._eta(values.ravel(), motion.force.reshape(3, -1)[:, lines].T.ravel(),
-                         squared.ravel()).reshape(-1, 3).T
+        etas = self._eta(values.ravel(), force.ravel(), squared.ravel()).reshape(-1, 3).T
         etas[1:] = (etas[1:] - etas[0]) / np.log1p(_CHANGE)
         return etas
 

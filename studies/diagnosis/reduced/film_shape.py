@@ -207,8 +207,8 @@ class FilmShape:
         near = (share > -_BEYOND - slid) & (share < 1 + _BEYOND)
         if not near.any():
             return share, turn
-        share[near], turn[near] = self._newton(share[near].clip(0, 1), turn[near], places[near],
-                                               moved)
+        start = share[near].clip(0, 1)
+        share[near], turn[near] = self._newton(start, turn[near], places[near], moved)
         return share, turn
 
     def _newton(self, share: Array, turn: Array, places: Array, moved: bool
@@ -219,7 +219,8 @@ class FilmShape:
             missing = places.T - value
             determinant = by_share[0] * by_turn[1] - by_share[1] * by_turn[0]
             step = np.stack([by_turn[1] * missing[0] - by_turn[0] * missing[1],
-                             by_share[0] * missing[1] - by_share[1] * missing[0]]) / determinant
+                             by_share[0] * missing[1] - by_share[1] * missing[0]])
+            step /= determinant
             before, share = share, np.clip(share + step[0], -2 * _BEYOND, 1 + 2 * _BEYOND)
             turn = (turn + step[1]) % AROUND
             # A place on the plate or beyond the frame stays at the bound, without further search.

@@ -375,9 +375,10 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
         far = np.where(force[0] > 0, low, high)
         force, rate = along(shares)
     crossed = force >= 0
-    rests = np.asarray(crossed.any(axis=0))
+    rests: Mask = np.any(crossed, axis=0)
     place = np.where(rests, crossed.argmax(0), force.argmax(0))
-    before, after = shares[np.maximum(place - 1, 0), 0], shares[place, 0]
+    earlier = np.maximum(place - 1, 0)
+    before, after = shares[earlier, 0], shares[place, 0]
     last, rising = place == _PLACES - 1, rate >= 0
     limited = ~rests & np.where(last, ~rising[-1], rising[0] | (place > 0))
     if limited.any():
@@ -387,13 +388,14 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
             return -along(share)[1], -(ahead - behind) / (2 * tiny)
 
         beyond = shares[np.minimum(place + 1, _PLACES - 1), 0]
-        after = crossing(falling, np.where(limited, before, after),
-                         np.where(limited, beyond, after), after)
+        nearest = np.where(limited, before, after)
+        farthest = np.where(limited, beyond, after)
+        after = crossing(falling, nearest, farthest, after)
         rests = rests | (limited & (along(after)[0] >= 0))
     before = np.where(rests, before, after)
-    ends = np.take_along_axis(force, np.stack([np.maximum(place - 1, 0), place]), 0)
+    start, end = np.take_along_axis(force, np.stack([earlier, place]), 0)
     with np.errstate(all="ignore"):
-        secant = before + ends[0] / (ends[0] - ends[1]) * (after - before)
+        secant = before + start / (start - end) * (after - before)
     return crossing(along, before, after, secant) * far, rests
 
 

@@ -99,11 +99,12 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     heaves, voltages_squared = grid.nodes
     rows, columns = grid.numbers
     nodes = Nodes(model, np.full((SHAPE, len(heaves), len(voltages_squared)), np.nan))
+    row_numbers, column_numbers = rows.tolist(), columns.tolist()
     reached = len(voltages_squared)
     for i, heave in enumerate(heaves.tolist()):
         for j, voltage_squared in enumerate(voltages_squared[:reached].tolist()):
-            guess = _guess(nodes, near, rows[: i + 1].tolist(), columns[: j + 1].tolist())
-            last = nodes.states.get((int(rows[i]), int(columns[j - 1]))) if j else None
+            guess = _guess(nodes, near, row_numbers[: i + 1], column_numbers[: j + 1])
+            last = nodes.states.get((row_numbers[i], column_numbers[j - 1])) if j else None
             solution = _solved(model, guess, last, heave, voltage_squared, film.gas_pressure)
             if solution is None:
                 if strict:
@@ -113,7 +114,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
             state = solution.state
             push = state.force if film.specimen.plate is not None else -state.pressure
             nodes.values[:, i, j] = push, model.capacitance(state), state.plate.tilt**2
-            nodes.states[int(rows[i]), int(columns[j])] = state
+            nodes.states[row_numbers[i], column_numbers[j]] = state
     fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
     if fewest.sum() < _FEWEST:
         raise NotSampled(voltages_squared[_FEWEST - 1])
@@ -150,10 +151,15 @@ def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
 def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]) -> State | None:
     """Guess a state from a similar film's, corrected by its last error, or from states before."""
     i, j = rows[-1], columns[-1]
-    before = ((i, columns[-2]) if len(columns) > 1 else (rows[-2], j) if len(rows) > 1 else None)
+    before = None
+    if len(columns) > 1:
+        before = i, columns[-2]
+    elif len(rows) > 1:
+        before = rows[-2], j
     last = None if before is None else nodes.states.get(before)
     if near is not None and (i, j) in near.states:
-        similar, there = near.states[i, j], None if before is None else near.states.get(before)
+        similar = near.states[i, j]
+        there = None if before is None else near.states.get(before)
         if last is None or there is None:
             return similar
         return replace(similar, positions=similar.positions + last.positions - there.positions)
