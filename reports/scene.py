@@ -70,7 +70,8 @@ class View:
     def project(self, placed: Array) -> Array:
         """Project onto the picture: across and up [mm], shape (n, 2)."""
         _, back, depth = self.up
-        return np.column_stack([placed[:, 0], placed[:, 1] * back + placed[:, 2] * depth])
+        x, y, z = placed.T
+        return np.column_stack([x, y * back + z * depth])
 
 
 def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> Picture:
@@ -147,8 +148,9 @@ def picture_frame(projected: Array, resolution: float
     low, high = projected.min(0), projected.max(0)
     room = _ROOM * float((high - low).max())
     width, height = (ceil((span + 2 * room) * resolution) for span in high - low)
-    (x, y), half = (low + high) / 2, np.array([width, height]) / resolution / 2
-    return (x - half[0], x + half[0], y - half[1], y + half[1]), (width, height)
+    x, y = (low + high) / 2
+    across, up = np.array([width, height]) / resolution / 2
+    return (x - across, x + across, y - up, y + up), (width, height)
 
 
 def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:

@@ -74,9 +74,10 @@ class FilmSurface:
         corners = self.mounted[self.triangles][:, :, :2]
         count = min(_NEAREST, len(corners))
         near = cKDTree(corners.mean(axis=1)).query(places, count)[1].reshape(len(places), count)
-        first = corners[near][:, :, 0]
-        edges = (corners[near][:, :, 1:] - first[:, :, None]).swapaxes(-1, -2)
-        along = np.linalg.solve(edges, (places[:, None] - first)[..., None])[..., 0]
+        first, others = corners[near][:, :, 0], corners[near][:, :, 1:]
+        edges = (others - first[:, :, None]).swapaxes(-1, -2)
+        away = places[:, None] - first
+        along = np.linalg.solve(edges, away[..., None])[..., 0]
         shares = np.concatenate([1 - along.sum(-1, keepdims=True), along], axis=-1)
         best = shares.min(axis=-1).argmax(axis=1)
         rows = np.arange(len(places))
@@ -194,7 +195,10 @@ def lattice(parts: int) -> tuple[Array, Numbers]:
     """
     places = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
     number = {place: index for index, place in enumerate(places)}
-    up = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < parts]
-    down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number
-            if i + j < parts - 1]
+    up, down = [], []
+    for i, j in places:
+        if i + j < parts:
+            up.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+        if i + j < parts - 1:
+            down.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
     return np.array(places).T / parts, np.array(up + down)

@@ -304,7 +304,8 @@ def line_profile(model: Model, state: State, line: str) -> tuple[Array, Fields]:
     """
     fields, _ = edge_fields(model, state, _BOUNDARIES[line])
     arm = fields.position - model.centre
-    along = np.arctan2(arm[:, 1], arm[:, 0]) if line == "plate" else arm[:, "xy".index(line)]
+    x, y, _ = arm.T
+    along = {"x": x, "y": y, "plate": np.arctan2(y, x)}[line]
     order = np.argsort(along, kind="stable")
     fields = fields[order]
     if line != "plate":

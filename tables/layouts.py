@@ -307,12 +307,14 @@ class Reader:
                           for place, found in sorted(lines.items()))
         blocks = [header.titles[place] for place in sorted(lines)
                   if in_blocks([cells[place] for _, cells in below if place < len(cells)])]
-        fill = ", ".join(f'"{title}"' for title in blocks)
-        advice = ("if the value above holds there, "
-                  + self._write(None, f"fill = [{fill}]", "write it into the cells") if blocks else
-                  "if there are values, write them into the cells")
-        return (f"{self.file.name}: {sum(bool(places) for _, places in lacking)} of {len(below)} "
-                f"lines are left out because needed cells are blank: {where}; {advice}",)
+        advice = "if there are values, write them into the cells"
+        if blocks:
+            fill = ", ".join(f'"{title}"' for title in blocks)
+            written = self._write(None, f"fill = [{fill}]", "write it into the cells")
+            advice = f"if the value above holds there, {written}"
+        count = sum(bool(places) for _, places in lacking)
+        return (f"{self.file.name}: {count} of {len(below)} lines are left out because needed "
+                f"cells are blank: {where}; {advice}",)
 
     def _require_one_unit(self, header: Header, rows: Callable[[], Iterable[Row]],
                           left_out: Container[int]) -> None:

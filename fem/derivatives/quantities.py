@@ -74,9 +74,12 @@ def larger_stretch(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) 
 
 def larger_stress(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
     """Compute the larger principal true stress, elastic minus Maxwell [Pa]: eigenvalue of S C."""
-    s = np.moveaxis(model.density(voltage_squared)(c, tangent=False).stress, -1, 0)
-    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
-    return mean + np.sqrt(mean**2 - (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2))
+    stress = model.density(voltage_squared)(c, tangent=False).stress
+    s11, s22, s12 = np.moveaxis(stress, -1, 0)
+    c11, c22, c12 = c
+    mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
+    product = (s11 * s22 - s12**2) * (c11 * c22 - c12**2)
+    return mean + np.sqrt(mean**2 - product)
 
 
 def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:

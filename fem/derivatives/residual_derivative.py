@@ -68,8 +68,10 @@ class Stiffness:
 
     def strains(self, change: AnyArray) -> AnyArray:
         """Compute the strains conjugate to S₁₁, S₂₂ and S₁₂ when F changes."""
-        (a, b), (by_a, by_b) = ((f[..., 0], f[..., 1]) for f in (self.deformation, change))
-        return np.stack([_dot(a, by_a), _dot(b, by_b), _dot(a, by_b) + _dot(b, by_a)], axis=-1)
+        a, b = np.moveaxis(self.deformation, -1, 0)
+        by_a, by_b = np.moveaxis(change, -1, 0)
+        shear = _dot(a, by_b) + _dot(b, by_a)
+        return np.stack([_dot(a, by_a), _dot(b, by_b), shear], axis=-1)
 
     @cached_property
     def _following(self) -> AnyArray:

@@ -122,7 +122,11 @@ def _length(name: str) -> ModelParameter:
         motion = velocity(model.discretisation, model.specimen, path)
         return moved_by(model, state, lengthened(model.specimen, path, change), change * motion)
 
-    odd = "xy"[int(path[-1])] if path[-2] == "offset" else "xy" if path[-1] == "rotation" else ""
+    odd = ""
+    if path[-2] == "offset":
+        odd = "xy"[int(path[-1])]
+    elif path[-1] == "rotation":
+        odd = "xy"
     return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,
                           frozenset(odd))
 

@@ -27,8 +27,9 @@ def element_forces(gradients: AnyArray, f: AnyArray, stress: AnyArray) -> AnyArr
 
 def first_piola(f: AnyArray, stress: AnyArray) -> AnyArray:
     """Multiply F S, by its two columns, shape (2, elements, points, 3)."""
-    a, b, s = f[..., 0], f[..., 1], stress[..., None]
-    return np.stack([a * s[..., 0, :] + b * s[..., 2, :], a * s[..., 2, :] + b * s[..., 1, :]])
+    a, b = f[..., 0], f[..., 1]
+    s11, s22, s12 = np.moveaxis(stress, -1, 0)[..., None]
+    return np.stack([a * s11 + b * s12, a * s12 + b * s22])
 
 
 def gathered(gradients: AnyArray, piola: AnyArray) -> AnyArray:

@@ -55,17 +55,21 @@ def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
 def _hill(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
     _, w1, w2, w11, w12, w22 = derivatives
     with np.errstate(all="ignore"):
-        h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
+        h11 = l1**2 * w11 + l1 * w1
+        h22 = l2**2 * w22 + l2 * w2
+        h12 = l1 * l2 * w12
         mean, radius = (h11 + h22) / 2, np.hypot((h11 - h22) / 2, h12)
         larger = mean + radius
         # The product over the larger eigenvalue keeps its digits where they are far apart.
-        return np.asarray(np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius))
+        by_product = (h11 * h22 - h12**2) / larger
+        return np.where(larger > 0, by_product, mean - radius)
 
 
 def equibiaxial_stiffness(material: Material, l1: Any, l2: Any) -> Array:
     """Differentiate the mean true stress [Pa] by the logarithm of an equibiaxial stretch."""
     l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
-    return np.asarray((l1**2 * w11 + l1 * w1 + l2**2 * w22 + l2 * w2) / 2 + l1 * l2 * w12)
+    own = l1**2 * w11 + l1 * w1 + l2**2 * w22 + l2 * w2
+    return np.asarray(own / 2 + l1 * l2 * w12)
 
 
 def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
@@ -88,7 +92,8 @@ def strong_ellipticity(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> 
     """
     _, w1, w2, w11, w12, w22 = derivatives
     with np.errstate(all="ignore"):
-        gap, near = l1 - l2, np.abs(l1 - l2) < 1e-6 * (l1 + l2)
+        gap = l1 - l2
+        near = np.abs(gap) < 1e-6 * (l1 + l2)
         safe = np.where(near, 1.0, gap)
         shear = np.where(near, w1 + l1 * (w11 - w12), (l1 * w1 - l2 * w2) / safe)
         slope = np.where(near, w11 - w12, (w1 - w2) / safe)

@@ -45,8 +45,8 @@ class Maxwell:
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         p = self.power
         w = -0.5 * (self.coefficient * self.covered) * (l1 * l2) ** p
-        bend = p * (p - 1) * w
-        return w, p * w / l1, p * w / l2, bend / l1**2, p * p * w / (l1 * l2), bend / l2**2
+        first, bend = p * w, p * (p - 1) * w
+        return w, first / l1, first / l2, bend / l1**2, p * first / (l1 * l2), bend / l2**2
 
 
 @dataclass(frozen=True)

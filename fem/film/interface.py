@@ -48,9 +48,10 @@ def interface_margin(sides: Sequence[Side], along: AnyArray) -> AnyArray:
     """
     (first, turn), (other, back) = (impedance(moduli(side, along)) for side in sides)
     real, imaginary = first + other, turn - back
-    mean = (real[..., 0, 0] + real[..., 1, 1]) / 2
-    half = (real[..., 0, 0] - real[..., 1, 1]) / 2
-    return np.asarray(mean - np.sqrt(half**2 + real[..., 0, 1] ** 2 + imaginary**2))
+    r11, r22, r12 = real[..., 0, 0], real[..., 1, 1], real[..., 0, 1]
+    mean, half = (r11 + r22) / 2, (r11 - r22) / 2
+    least: AnyArray = mean - np.sqrt(half**2 + r12**2 + imaginary**2)
+    return least
 
 
 def impedance(stiffness: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -68,7 +69,8 @@ def impedance(stiffness: AnyArray) -> tuple[AnyArray, AnyArray]:
     mixed = _along(stiffness, n, m)
     real = _inverse(across.mean(axis=-1))
     turned = np.einsum("...ija,...jka->...ik", across, mixed) / _DIRECTIONS
-    return real, -(real[..., 0, 0] * turned[..., 0, 1] + real[..., 0, 1] * turned[..., 1, 1])
+    product = np.einsum("...j,...j->...", real[..., 0, :], turned[..., :, 1])
+    return real, -product
 
 
 def _along(stiffness: AnyArray, first: AnyArray, second: AnyArray) -> AnyArray:
@@ -81,8 +83,10 @@ def _inverse(matrices: AnyArray) -> AnyArray:
     """Invert matrices (n, 2, 2, …)."""
     a, b = matrices[:, 0, 0], matrices[:, 0, 1]
     c, d = matrices[:, 1, 0], matrices[:, 1, 1]
-    rows = [np.stack([d, -b], axis=1), np.stack([-c, a], axis=1)]
-    return np.asarray(np.stack(rows, axis=1) / (a * d - b * c)[:, None, None])
+    determinant = a * d - b * c
+    adjugate = np.stack([np.stack([d, -b], axis=1), np.stack([-c, a], axis=1)], axis=1)
+    inverse: AnyArray = adjugate / determinant[:, None, None]
+    return inverse
 
 
 def moduli(side: Side, along: AnyArray) -> AnyArray:
@@ -96,9 +100,11 @@ def moduli(side: Side, along: AnyArray) -> AnyArray:
     stretch = np.sqrt(a * a * c11 + b * b * c22 + 2 * a * b * c12)
     slide = (a * b * (c22 - c11) + (a * a - b * b) * c12) / stretch
     rise = np.sqrt(c11 * c22 - c12 * c12) / stretch
-    f = np.stack([np.stack([stretch * a - slide * b, stretch * b + slide * a], axis=-1),
-                  np.stack([-rise * b, rise * a], axis=-1)], axis=-2)
+    first = np.stack([stretch * a - slide * b, stretch * b + slide * a], axis=-1)
+    second = np.stack([-rise * b, rise * a], axis=-1)
+    f = np.stack([first, second], axis=-2)
     bend = side.tangent[..., _VOIGT[:, :, None, None], _VOIGT]
     stress = side.stress[..., _VOIGT]
-    return np.asarray(np.einsum("...iM,...kN,...MJNL->...iJkL", f, f, bend)
-                      + np.einsum("ik,...JL->...iJkL", np.eye(2), stress))
+    elastic = np.einsum("...iM,...kN,...MJNL->...iJkL", f, f, bend)
+    result: AnyArray = elastic + np.einsum("ik,...JL->...iJkL", np.eye(2), stress)
+    return result

@@ -292,7 +292,9 @@ def inverse(a: AnyArray) -> AnyArray:
     first, last, shear, thick = a
     plane = first * last - shear * shear
     result = np.empty_like(a)
-    result[0], result[1], result[2] = last / plane, first / plane, -shear / plane
+    result[0] = last / plane
+    result[1] = first / plane
+    result[2] = -shear / plane
     result[3] = 1 / thick
     return result
 
@@ -311,7 +313,8 @@ def _weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
         return _slow_weights(rate)
     k = np.where(slow, 1.0, rate)
     fading = np.exp(-k)
-    first, last = (1 - fading * (1 + k)) / k**2, (k - 1 + fading) / k**2
+    first = (1 - fading * (1 + k)) / k**2
+    last = (k - 1 + fading) / k**2
     if slow.any():
         near = _slow_weights(np.minimum(rate, _SLOW))
         first, last = np.where(slow, near[0], first), np.where(slow, near[1], last)

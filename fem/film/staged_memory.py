@@ -57,7 +57,8 @@ class StagedFlow:
         z = (duration * rates / memory.times)[:, None, None] * matrix
         unit = np.eye(len(matrix))
         weights = np.array([dgesv(unit + each, each)[2] for each in z]).reshape(z.shape)
-        share = (1 - np.add.reduce(weights, 2)).reshape(-1, *(1,) * (full.ndim - 4), len(matrix), 1)
+        ones = (1,) * (full.ndim - 4)
+        share = (1 - np.add.reduce(weights, 2)).reshape(-1, *ones, len(matrix), 1)
         flow = cls(start, weights, rates, share * start.viscous, 1.0, np.empty(0))
         return flow._at(full, start.viscous, inner(inverse(start.viscous), full))
 

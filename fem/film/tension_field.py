@@ -204,7 +204,8 @@ class _Wrinkled:
     def relaxed(self, k: Any) -> tuple[AnyArray, ...]:
         """Compute W and its derivatives with a residual tension k [Pa]."""
         (a, b), (first, second) = self.seen, self.natural
-        energy = self.energy + k / 2 * (a * a + b * b - first * first - second * second)
+        squares = a * a + b * b - first * first - second * second
+        energy = self.energy + k / 2 * squares
         w1 = np.where(self.slack, k * a, self.tension)
         w11 = np.where(self.slack, k, self.stiffness)
         return energy, w1, k * b, w11, 0 * a, k + 0 * a

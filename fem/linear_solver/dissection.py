@@ -43,7 +43,8 @@ def elimination_order(connectivity: AnyArray, points: AnyArray) -> AnyArray:
 def _bisected(connectivity: AnyArray, points: AnyArray) -> AnyArray:
     """Compute the code of each element: the sides it fell on, cut after cut, as binary digits."""
     angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
-    along = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ points[connectivity].mean(axis=1).T
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    along = directions @ points[connectivity].mean(axis=1).T
     ranks = np.argsort(np.argsort(along, kind="stable"), kind="stable")
     codes = np.zeros(len(connectivity), dtype=np.int64)
     corners = _Sharing.of(connectivity[:, :3])

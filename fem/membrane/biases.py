@@ -305,7 +305,8 @@ class BuckledBeam:
         half = self.length / 2
         # x is the square of a half's phase: P = 4 EI x/half², under which it yields by yielding x.
         yielding = self.thickness**2 / (3 * half)
-        shear = self.number * 2 * self.modulus * self.width * self.thickness**3 / 12 * 4 / half**3
+        bending = self.number * 2 * self.modulus * self.width * self.thickness**3 / 12
+        shear = bending * 4 / half**3
         x, held = self._phase(moved, yielding, half)
         v, v_x, g, g_x = _beam_column(x)
         push = shear * v * moved
@@ -553,8 +554,8 @@ def _check_sign(sheet: Sheet, where: AnyArray, force: AnyArray) -> None:
     """
     if force[0] == force.max() > 0 > force.min() == force[-1]:
         past = int(np.argmax(force < 0))
-        turn = where[past] - force[past] * (where[past] - where[past - 1]) / (
-            force[past] - force[past - 1])
+        gap, rise = where[past] - where[past - 1], force[past] - force[past - 1]
+        turn = where[past] - force[past] * gap / rise
         raise InputError(
             "must be positive where the mechanism pushes the plate back towards smaller "
             f"displacements: this one drives it off from {1e3 * turn:.4g} mm to both sides, to "

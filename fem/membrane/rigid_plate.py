@@ -49,7 +49,8 @@ class RigidPlate:
                              key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
         area, _, second = moments(outline)
         (xx, xy), (_, yy) = (mass - point_mass) / area * second
-        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
+        inertia = np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]])
+        return cls(mass, inertia, arm)
 
     def matrix(self, plate: PlateMotion) -> Array:
         """Compute the mass matrix of the six freedoms where the plate is, shape (6, 6)."""

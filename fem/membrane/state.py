@@ -74,8 +74,9 @@ class PlateMotion:
 
     def gathered(self, arms: Array, forces: Array) -> Array:
         """Sum forces at plate points on the six freedoms: force and moment, shape (6,)."""
-        moment = forces.T @ (arms @ self.rotation.T)
-        return np.concatenate([forces.sum(axis=0), (moment.T - moment)[(1, 2, 0), (2, 0, 1)]])
+        products = forces.T @ (arms @ self.rotation.T)
+        moment = (products.T - products)[(1, 2, 0), (2, 0, 1)]
+        return np.concatenate([forces.sum(axis=0), moment])
 
     def curvature(self, arms: Array, forces: Array) -> Array:
         """Sum forces · second derivative of positions, (6, 6): ½ (a × (b × r) + b × (a × r))."""

@@ -67,7 +67,8 @@ def _located(mesh: Discretisation, points: AnyArray) -> tuple[AnyArray, AnyArray
     tree = cKDTree(nodes.reshape(-1, 2))
     local = nodes.shape[1]
     near = tree.query(points, min(_NEAREST * local, len(nodes) * local))[1] // local
-    best, at = np.zeros(len(points), dtype=np.int64), np.full((len(points), 2), 1 / 3)
+    best = np.zeros(len(points), dtype=np.int64)
+    at = np.full((len(points), 2), 1 / 3)
     excess = np.full(len(points), np.inf)
     for candidates in _distinct(near).T:
         sought = np.flatnonzero(excess > _INSIDE)
@@ -77,7 +78,9 @@ def _located(mesh: Discretisation, points: AnyArray) -> tuple[AnyArray, AnyArray
         outside = _outside(where)
         nearer = outside < excess[sought]
         some = sought[nearer]
-        best[some], at[some], excess[some] = candidates[some], where[nearer], outside[nearer]
+        best[some] = candidates[some]
+        at[some] = where[nearer]
+        excess[some] = outside[nearer]
     return best, at
 
 
@@ -106,4 +109,6 @@ def _within(mesh: Discretisation, nodes: AnyArray, points: AnyArray) -> AnyArray
 
 def _outside(at: AnyArray) -> AnyArray:
     """Measure how far reference coordinates lie outside the reference triangle; 0 within."""
-    return np.asarray(np.maximum(np.maximum(-at.min(axis=1), at.sum(axis=1) - 1), 0.0))
+    beyond_sides = np.maximum(-at.min(axis=1), at.sum(axis=1) - 1)
+    outside: AnyArray = np.maximum(beyond_sides, 0.0)
+    return outside

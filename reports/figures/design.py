@@ -57,8 +57,10 @@ def _compose(result: DesignResult) -> Figure:
 def _draw_front(axes: Axes, result: DesignResult, front: DesignFront) -> None:
     """Draw films between two quantities, and the best film."""
     scales = [BENCH.get(unit, (unit, 1.0)) for unit in (front.first_unit, front.second_unit)]
-    words = [f"{name.replace('_', ' ')}{f' ({unit})' if unit != '1' else ''}" for name, (unit, _)
-             in zip((front.first, front.second), scales, strict=True)]
+    words = []
+    for name, (unit, _) in zip((front.first, front.second), scales, strict=True):
+        in_unit = "" if unit == "1" else f" ({unit})"
+        words.append(name.replace("_", " ") + in_unit)
     (_, across), (_, up) = scales
     axes.plot([across * film.first for film in front.films],
               [up * film.second for film in front.films], "o-", color=style.PALETTE[0],

@@ -120,10 +120,12 @@ def _dynamic(fit: Fitted) -> Figure:
             above, below = style.place_pair(
                 figure, style.LEFT + column * style.WIDTH / 2, style.TITLE + row * height, width,
                 (_WHOLE, style.GAP, _LEFTOVER))
-            for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
-                _response(above, below, part, end, style.colour_of(
-                    names.index(part["specimen"].iloc[0])))
-            title, (up, error) = (f"{1e3 * mass:g} g", _UP) if column == 0 else ("", ("", ""))
+            for part in fit.runs:
+                name, loaded = part[["specimen", "mass"]].iloc[0]
+                if loaded == mass:
+                    _response(above, below, part, end, style.colour_of(names.index(name)))
+            up, error = _UP if column == 0 else ("", "")
+            title = f"{1e3 * mass:g} g" if column == 0 else ""
             style.describe(above, "", up, title, bold=True)
             style.describe(below, "time since the voltage changed (s)", error)
         above.plot([], [], color="black", linewidth=0.5, label="fit")

@@ -41,7 +41,8 @@ def _compose(statics: pd.DataFrame) -> Figure:
             above.legend(loc="upper left", ncols=2)
     _key(columns[-1][len(columns) == 1])
     for row in zip(*columns, strict=True):
-        low, high = min(axes.get_ylim()[0] for axes in row), max(axes.get_ylim()[1] for axes in row)
+        lows, highs = zip(*(axes.get_ylim() for axes in row), strict=True)
+        low, high = min(lows), max(highs)
         for axes in row:
             axes.set_ylim((0, 1.3 * high) if row[0] is columns[0][0] else (low, high))
     return figure

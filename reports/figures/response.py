@@ -46,8 +46,8 @@ def _responses(responses: Sequence[Response]) -> Figure:
                    label=_label(item))
         if number == 0:
             first = item.first_voltage_V
-            above.plot([-end, time[0], *time], 1e-3 * np.array([first, first, *voltage]),
-                       color="black", linewidth=0.8)
+            steps = 1e-3 * np.array([first, first, *voltage])
+            above.plot([-end, time[0], *time], steps, color="black", linewidth=0.8)
     above.legend(*below.get_legend_handles_labels(), loc="lower right", bbox_to_anchor=(1, 1),
                  ncols=_COLUMNS)
     style.describe(above, "", "voltage (kV)")

@@ -31,9 +31,10 @@ def draw_over(view: SweepView, axes: Axes, of: str, over: tuple[str, str]) -> No
     drawn, scale = map_of(view, column, across, up)
     for mark in drawn.marks:
         if drawn.cells:
-            axes.add_patch(Rectangle((mark.x - mark.width / 2, HEIGHT - mark.y - mark.height / 2),
-                                     mark.width, mark.height, facecolor=mark.colour or "white",
-                                     hatch="////" * mark.hatched + r"\\" * mark.beyond,
+            corner = mark.x - mark.width / 2, HEIGHT - mark.y - mark.height / 2
+            hatch = "////" * mark.hatched + r"\\" * mark.beyond
+            axes.add_patch(Rectangle(corner, mark.width, mark.height, hatch=hatch,
+                                     facecolor=mark.colour or "white",
                                      edgecolor="white" if mark.colour else "#b8bfca"))
         else:
             axes.plot(mark.x, HEIGHT - mark.y, "o", color=mark.colour or "white",

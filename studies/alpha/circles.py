@@ -165,9 +165,10 @@ def part_shares(model: Model, state: State, part_of: Numbers) -> Array:
     force = (fields.plate_traction[:, 2] * weights)[order]
     # The midpoint rule on the cumulative force lets a part end between two points of an edge.
     cumulative, total = np.cumsum(force) - force / 2, force.sum()
-    angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])
-    ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
-                     np.concatenate([cumulative - total, cumulative, cumulative + total]))
+    around, turn = angle[order], 2 * np.pi
+    angles = np.concatenate([around - turn, around, around + turn])
+    sums = np.concatenate([cumulative - total, cumulative, cumulative + total])
+    ends = np.interp(turn * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles, sums)
     return np.asarray(np.bincount(part_of, np.diff(ends), parts) / total)
 
 

@@ -45,13 +45,16 @@ def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[flo
     [(0.0, 0.5), (0.0, 1.0), (0.0, 0.5)]
     """
     relative = forces / target[:, None]
-    rows, limits = np.vstack([relative, -relative]), np.repeat([1 + error, error - 1], len(target))
-    ends = [[linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1))
-             for sign in (1, -1)]
-            for unit in np.eye(forces.shape[1])]
-    return tuple((float(low.fun), float(-high.fun)) if low.success and high.success
-                 else (np.nan, np.nan)
-                 for low, high in ends)
+    rows = np.vstack([relative, -relative])
+    limits = np.repeat([1 + error, error - 1], len(target))
+    ranges = []
+    for unit in np.eye(forces.shape[1]):
+        # The weights are from 0 to 1, and their sum is 1.
+        low, high = (linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1))
+                     for sign in (1, -1))
+        found = low.success and high.success
+        ranges.append((float(low.fun), float(-high.fun)) if found else (np.nan, np.nan))
+    return tuple(ranges)
 
 
 def condition(forces: Array) -> float:

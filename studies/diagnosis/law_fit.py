@@ -83,8 +83,8 @@ class LawConstants:
 
         whole, units = stress(self.values), []
         for number, value in enumerate(self.values):
-            step = 1e-4 * max(abs(value), 1e-3 * np.abs(self.values[self.stress]).max()
-                              if self.stress[number] else 1e-3)
+            least = 1e-3 * np.abs(self.values[self.stress]).max() if self.stress[number] else 1e-3
+            step = 1e-4 * max(abs(value), least)
             moved = self.values.copy()
             moved[number] += step
             units.append(whole * step / (stress(moved) - whole))

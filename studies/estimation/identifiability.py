@@ -179,7 +179,8 @@ def seen_by(jacobian: Array) -> tuple[Array, Array, Mask]:
     basis, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
     seen = singular > 1e-10 * singular[0]
     hidden = (np.abs(right[~seen]) > 1e-6).any(axis=0) | (lengths == 0)
-    return basis[:, seen], right[seen].T / singular[seen] / safe[:, None], hidden
+    back = right[seen].T / singular[seen] / safe[:, None]
+    return basis[:, seen], back, hidden
 
 
 def covariance(jacobian: Array, sigma: float) -> Array:
@@ -189,7 +190,8 @@ def covariance(jacobian: Array, sigma: float) -> Array:
     deviation is ``sigma``.
     """
     _, back, hidden = seen_by(jacobian)
-    return np.asarray(sigma**2 * back @ back.T + np.diag(np.where(hidden, np.inf, 0.0)))
+    unseen = np.diag(np.where(hidden, np.inf, 0.0))
+    return np.asarray(sigma**2 * back @ back.T + unseen)
 
 
 def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[str, str]],

@@ -143,10 +143,10 @@ class _Layer:
         yield from (f"*NODE, NSET={name}", *_nodes(self.points, self.first))
         yield f"*ELEMENT, TYPE=C3D15, ELSET={name}"
         lower, upper = self.faces(self.triangles)
-        wedges = np.hstack([lower[:, :3], upper[:, :3], lower[:, 3:], upper[:, 3:],
-                            self.between(self.triangles[:, :3])])
-        yield from (", ".join(map(str, (number, *wedge)))
-                    for number, wedge in enumerate(wedges.tolist(), start=first))
+        upright = self.between(self.triangles[:, :3])
+        wedges = np.hstack([lower[:, :3], upper[:, :3], lower[:, 3:], upper[:, 3:], upright])
+        for number, wedge in enumerate(wedges.tolist(), start=first):
+            yield ", ".join(map(str, (number, *wedge)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -352,7 +352,8 @@ class _Assembly:
 
     def _stretched_rims(self) -> list[str]:
         mount = self.mount
-        along = [f"{mount}, {k}, {k}, {self.film.prestretch[k - 1] - 1:.12g}" for k in (1, 2)]
+        along = [f"{mount}, {k}, {k}, {stretch - 1:.12g}"
+                 for k, stretch in enumerate(self.film.prestretch, start=1)]
         return [*along, f"{mount}, 3, 3"]
 
     def hold_film(self) -> Iterator[str]:

@@ -232,7 +232,8 @@ def _rate(time: AnyArray, stretch: AnyArray) -> float:
     """Compute the mean rate of stretching along the path [1/s], without its rests."""
     steps, path = np.diff(time), np.abs(np.diff(stretch))
     moving = steps > 0
-    return float(np.sum(path[moving] ** 2 / steps[moving]) / max(path[moving].sum(), 1e-300))
+    steps, path = steps[moving], path[moving]
+    return float(np.sum(path**2 / steps) / max(path.sum(), 1e-300))
 
 
 def _alike(sizes: dict[str, float], factor: float, label: Any) -> dict[str, list[str]]:
@@ -321,7 +322,7 @@ class TimedTests:
         least, most = self.family.bounds(largest_excess(*self.coupons.in_plane))
         fast, slow = self.stress.bounds
         low = [-np.inf] * linear + [least] * shaped + [0.0] * count + [fast] * count
-        high = [np.inf] * (linear) + [most] * shaped + [np.inf] * count + [slow] * count
+        high = [np.inf] * linear + [most] * shaped + [np.inf] * count + [slow] * count
         return LeastSquares.of(
             lambda values: (self.residual(values) / unit, self.jacobian(values) / unit),
             np.array(low), np.array(high), tuple(range(linear)))

@@ -446,9 +446,11 @@ def material_lines(material: Material, stretch_range: tuple[float, float] | None
     lines = ["[membrane.material]", f'law = "{material.law}"']
     for item in fields_of(type(material)):
         value = getattr(material, item.name)
-        texts = [written(item.says.dimension, part)
-                 for part in (value if item.several else (value,))]
-        lines.append(f"{item.key} = " + (f"[{', '.join(texts)}]" if item.several else texts[0]))
+        if item.several:
+            texts = [written(item.says.dimension, part) for part in value]
+            lines.append(f"{item.key} = [{', '.join(texts)}]")
+        else:
+            lines.append(f"{item.key} = {written(item.says.dimension, value)}")
     if stretch_range is not None:
         lines.append(f"range = [{stretch_range[0]:.4g}, {stretch_range[1]:.4g}]")
     return "\n".join(lines) + "\n"

@@ -56,14 +56,16 @@ class Inverse:
         """Compute the root u of the excess, 0 where there is no excess."""
         v = np.square(np.asarray(voltage, float) / self.highest_V)
         base = polynomial.polyval(v, self.base_F)
-        return np.asarray(np.sqrt(np.maximum(np.asarray(capacitance, float) / base - 1, 0.0)))
+        excess = np.asarray(capacitance, float) / base - 1
+        return np.asarray(np.sqrt(np.maximum(excess, 0.0)))
 
     @property
     def ends(self) -> tuple[Array, Array]:
         """Largest root u at v, ascending; linear between these points, none beyond them."""
         v = np.square(np.array(self.voltages_V) / self.highest_V)
         u = (1 + _ROUNDING) * self.root(self.largest_F, self.voltages_V)
-        return np.array([v[0] - _ROUNDING, *v, v[-1] + _ROUNDING]), np.array([u[0], *u, u[-1]])
+        places = np.array([v[0] - _ROUNDING, *v, v[-1] + _ROUNDING])
+        return places, np.array([u[0], *u, u[-1]])
 
     def deflection(self, capacitance: Any, voltage: Any) -> Array:
         """Compute the deflection [m] from capacitances [F] at nominal voltages [V] that broadcast.

@@ -87,7 +87,8 @@ def sense(case: SenseCase, settings: Settings,
     even = not (rig.gas_pressure or any(rig.weight_offset) or specimen.membrane.density
                 or specimen.electrode.mass)
     # A curve between the two highest voltages tests the polynomial.
-    between = [float(np.sqrt(np.mean(np.square(voltages[-2:]))))] if len(voltages) > 1 else []
+    middle = float(np.sqrt(np.mean(np.square(voltages[-2:]))))
+    between = [middle] if len(voltages) > 1 else []
     displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start,
                           to=_last_deflection(case, states, even), points=2 * case.points - 1,
                           rig=rig)
@@ -186,8 +187,9 @@ def _firsts(curve: Followed, place: float, voltages: Sequence[float], rig: Rig, 
     low, high = voltages[0] ** 2, voltages[-1] ** 2
     if solution is None or low == high:
         return
-    nodes = low + (high - low) * (1 - np.cos(np.pi * (np.arange(_FIRSTS) + 0.5) / _FIRSTS)) / 2
-    for voltage in np.sqrt(nodes).tolist():
+    angles = np.pi * (np.arange(_FIRSTS) + 0.5) / _FIRSTS
+    squared = low + (high - low) * (1 - np.cos(angles)) / 2
+    for voltage in np.sqrt(squared).tolist():
         outcome = held(curve.model, place, float(rig.film_voltage(voltage)), solution, path)
         if outcome.status != "equilibrium":
             return

@@ -108,8 +108,9 @@ def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
     there = np.isfinite(edges).all(0)
     if there.sum() > 1:
         low, high = (edge[there] for edge in edges)
-        around = np.append(places[there], places[there][::-1]), np.append(low, high[::-1])
-        yield {"kind": "band", "path": f"{panel.path(*around)}Z"}
+        x = places[there]
+        outline = panel.path(np.append(x, x[::-1]), np.append(low, high[::-1]))
+        yield {"kind": "band", "path": f"{outline}Z"}
     if len(line.voltage) < 2:
         return
     x, y = line.line
@@ -125,7 +126,8 @@ def _limits(panel: _Panel, line: VoltageCurve) -> list[dict[str, Any]]:
         mark = _point(panel, limit.voltage_V / 1e3, line.deflection_at(limit), "mark", 4,
                       limit.state.label)
         if marks and abs(mark["y"] - marks[-1]["y"]) < _TEXT:
-            mark["word"], marks[-1]["word"] = f"{marks[-1]['word']}, {mark['word']}", ""
+            mark["word"] = f"{marks[-1]['word']}, {mark['word']}"
+            marks[-1]["word"] = ""
         marks.append(mark)
     return marks
 
@@ -142,7 +144,8 @@ def _residuals(across: AxisScale, readings: Readings, top: float) -> dict[str, A
     voltage, residual = readings.voltage[there] / 1e3, readings.residual[there] * 1e6
     most = float(np.abs(residual).max(initial=0.0)) or 1.0
     panel = _Panel(across, round_scale(-most, most, 3), top, top + _LOW)
-    lines = [{"kind": "axis", "path": panel.path(np.array([across.low, across.high]), np.zeros(2))}]
+    axis = panel.path(np.array([across.low, across.high]), np.zeros(2))
+    lines = [{"kind": "axis", "path": axis}]
     points = [_point(panel, float(x), float(y), "reading", 2.5)
               for x, y in zip(voltage, residual, strict=True)]
     return panel.parts("measured − simulated (µm)", True, lines, points)

@@ -254,8 +254,10 @@ def _label(keys: tuple[str, ...], field: Field | None) -> str:
     """Label a control with the part, the key, and the axis of a pair."""
     part = {"membrane": "film"}.get(keys[0], keys[0])
     name = (field.key if field is not None else keys[-1]).replace("_", " ")
-    pair = field is not None and field.count == 2
-    axis = f" {'xy'[int(keys[-1])]}" if pair else f" {int(keys[-1]) + 1}" if (
-        keys[-1].isdecimal()) else ""
+    axis = ""
+    if field is not None and field.count == 2:
+        axis = f" {'xy'[int(keys[-1])]}"
+    elif keys[-1].isdecimal():
+        axis = f" {int(keys[-1]) + 1}"
     plain = name in ("prestretch", "relative permittivity")
     return f"{name}{axis}" if plain else f"{part}: {name}{axis}"

@@ -28,16 +28,19 @@ def first_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
     l3 = 1 / (l1 * l2)
     s3 = l3 * l3
     by1, by2 = s3 / l1, s3 / l2
-    return (l1 * l1 + l2 * l2 + s3 - 3, 2 * (l1 - by1), 2 * (l2 - by2),
-            2 + 6 * (by1 / l1), 4 * (s3 * l3), 2 + 6 * (by2 / l2))
+    value = l1 * l1 + l2 * l2 + s3 - 3
+    slopes = 2 * (l1 - by1), 2 * (l2 - by2)
+    curvatures = 2 + 6 * (by1 / l1), 4 * (s3 * l3), 2 + 6 * (by2 / l2)
+    return value, *slopes, *curvatures
 
 
 def _second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
     """Compute I₂ − 3 = λ₁⁻² + λ₂⁻² + λ₃⁻² − 3."""
     s1, s2 = l1 * l1, l2 * l2
-    return (1 / s1 + 1 / s2 + s1 * s2 - 3, 2 * (l1 * s2 - 1 / (s1 * l1)),
-            2 * (l2 * s1 - 1 / (s2 * l2)),
-            2 * s2 + 6 / s1**2, 4 * l1 * l2, 2 * s1 + 6 / s2**2)
+    value = 1 / s1 + 1 / s2 + s1 * s2 - 3
+    slopes = 2 * (l1 * s2 - 1 / (s1 * l1)), 2 * (l2 * s1 - 1 / (s2 * l2))
+    curvatures = 2 * s2 + 6 / s1**2, 4 * l1 * l2, 2 * s1 + 6 / s2**2
+    return value, *slopes, *curvatures
 
 
 def of_first_invariant(energy: Callable[[Any], tuple[Any, Any, Any]], l1: Any, l2: Any

@@ -323,8 +323,11 @@ def _corners(axes: tuple[tuple[float, float], ...], nodes: int
         x = number - low
         parts.append([(low + k, prod((x - j) / (k - j) for j in range(nodes) if j != k))
                       for k in range(nodes)])
-    return tuple((tuple(place for place, _ in combined), prod(weight for _, weight in combined))
-                 for combined in product(*parts))
+    corners = []
+    for combined in product(*parts):
+        places, weights = zip(*combined, strict=True)
+        corners.append((places, prod(weights)))
+    return tuple(corners)
 
 
 @dataclass(frozen=True, eq=False)

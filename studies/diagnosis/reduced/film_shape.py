@@ -69,7 +69,8 @@ def lattice_of(frame: Outline, plate: Plate) -> Lattice:
     way = np.stack([np.cos(angle), np.sin(angle)])
     centre = np.array(plate.offset)[:, None]
     inner = _crossing(plate, centre, way, 2.5 * max(plate.outline.semi_axes))
-    outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + float(np.abs(centre).max()))
+    away = float(np.abs(centre).max())
+    outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + away)
     share = (1 - np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))) / 2
     radius = inner + share[:, None] * (outer - inner)
     return Lattice(plate, centre[:, None] + way[:, None] * radius)
@@ -89,7 +90,8 @@ def _rules() -> tuple[Array, Array]:
     """Make matrices from values to coefficients: Chebyshev polynomials, periodic cubic splines."""
     nodes = -np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))
     rays = np.eye(AROUND)
-    around = 4 / 6 * rays + (np.roll(rays, 1, axis=0) + np.roll(rays, -1, axis=0)) / 6
+    beside = np.roll(rays, 1, axis=0) + np.roll(rays, -1, axis=0)
+    around = 4 / 6 * rays + beside / 6
     along = np.asarray(np.linalg.inv(chebyshev.chebvander(nodes, ALONG - 1)), float)
     return along, np.asarray(np.linalg.inv(around), float)
 
@@ -148,7 +150,8 @@ class FilmShape:
     @cached_property
     def plane(self) -> Array:
         """Plane of the plate: its coefficients times 1, x, y are the heights of the edge."""
-        design = np.stack([np.ones(AROUND), *(self.lattice.points[:, 0] + self.rim[:2])], axis=1)
+        x, y = self.lattice.points[:, 0] + self.rim[:2]
+        design = np.stack([np.ones(AROUND), x, y], axis=1)
         return np.asarray(np.linalg.lstsq(design, self.rim[2], rcond=None)[0])
 
     @cached_property

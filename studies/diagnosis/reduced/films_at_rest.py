@@ -238,8 +238,9 @@ class FilmsAtRest:
         # Where pull-in comes at smaller and smaller deflection, force is missing at a constant one.
         flat = self._flat_stiffness
         least = -_LINEAR * self.balance(np.zeros_like(at))[0] / flat
-        at = np.where(rests, at, np.where(least > 0, np.maximum(at, np.minimum(least, self.high)),
-                                          np.minimum(at, np.maximum(least, self.low))))
+        beyond = np.where(least > 0, np.maximum(at, np.minimum(least, self.high)),
+                          np.minimum(at, np.maximum(least, self.low)))
+        at = np.where(rests, at, beyond)
         force, rate = self.balance(at)
         return np.where(rests, at, at - force / np.maximum(rate, _SOFT * flat))
 
@@ -308,7 +309,8 @@ class FilmsAtRest:
 
     def _film_force(self, heave: Array) -> tuple[Array, Array]:
         """Compute the force of films of nominal stiffness [N], and its derivative [N/m]."""
-        at, reach, odd = np.clip(heave, self.low, self.high), self._reached.heave, self._reached.odd
+        at = np.clip(heave, self.low, self.high)
+        reach, odd = self._reached.heave, self._reached.odd
         share = at / reach
         x = 2 * share - 1 if odd is None else np.where(odd, 2 * share**2, 2 * share) - 1
         force, rate = np.broadcast_to(self.powers[-1], x.shape), np.zeros_like(x)
