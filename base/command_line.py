@@ -6,7 +6,7 @@ import shlex
 
 
 def command_line(*words: str) -> str:
-    """A ``tympan`` command made from its words, each quoted for a POSIX shell where needed.
+    """Make a ``tympan`` command from its words, each quoted for a POSIX shell where needed.
 
     Every command that a page, a text or a message offers is made here.
 
@@ -19,7 +19,7 @@ def command_line(*words: str) -> str:
 
 
 def file_word(name: str) -> str:
-    """A file's name as a word of a command, which no command takes for an option.
+    """Write a file's name as a word of a command that no command reads as an option.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The one exception a user's input can raise, and the one of what fails for another reason."""
+"""The exception for a user's wrong input, and the one for any other failure with a message."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from datetime import date, time
 from pathlib import Path, PurePath
 from typing import Any, Self
 
-#: Letters of a value in a message: some two lines of a terminal.
+#: Most characters of a value in a message: about two lines of a terminal.
 _LONGEST = 200
-#: So many parts of a list are written out; more would be cut in any case.
+#: Most parts of a list that are written out; more would be cut in any case.
 _PARTS = 100
 
 
@@ -32,7 +32,7 @@ class InputError(ValueError):
         super().__init__(_printable(": ".join([*parts, allowed])))
 
     def located(self, *, file: Path | str | None = None, key: str | None = None) -> Self:
-        """A copy that also names where the value stood; what is already named is kept."""
+        """Copy the error with the place of the value; what it already names is kept."""
         return type(self)(self.allowed, file=self.file or file, key=self.key or key,
                           given=self.given)
 
@@ -46,7 +46,7 @@ class Failure(RuntimeError):
 
 
 def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
-    """A question that names the nearest of some words as it is spelled; empty if none is near.
+    """Ask for the word nearest to a given one, as it is spelled; empty if none is near.
 
     ``spelled`` may list several words for one name: its synonyms.
 
@@ -60,7 +60,7 @@ def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
 
 
 def nearest_word(word: str, words: Iterable[str]) -> str | None:
-    """The word that a slip of the pen may have made another one of; None if none is near.
+    """Find the word that was probably meant by a mistyped one; None if none is near.
 
     Capital and small letters are the same: "KV" is near "kV".
     """
@@ -70,10 +70,10 @@ def nearest_word(word: str, words: Iterable[str]) -> str | None:
 
 
 def written(value: Any) -> str:
-    """A value as its author wrote it, without the words of Python for it.
+    """Write a value as its author wrote it, without Python's words for it.
 
-    Texts are in quotation marks, and so are paths; numbers of NumPy are numbers, arrays lists,
-    dates of TOML dates. Of any other object there is the name of its class.
+    Texts and paths are in quotation marks. Numbers of NumPy are written as numbers, arrays as
+    lists, dates as in TOML. Any other object is named by its class.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def written(value: Any) -> str:
         return "nothing"
     if isinstance(value, str | PurePath):
         return repr(str(value))
-    if isinstance(value, date | time):  # of which a date with a time is one
+    if isinstance(value, date | time):  # a date with a time is a date
         return value.isoformat()
     if isinstance(value, bool | int | float | complex):
         try:
@@ -105,7 +105,7 @@ def written(value: Any) -> str:
 
 
 def one(kind: Any) -> str:
-    """A class as a noun with its article.
+    """Write a class as a noun with its article.
 
     Examples
     --------
@@ -121,6 +121,6 @@ def _shortened(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """A key or a name of a file as one line of printable text."""
+    """Escape what cannot be printed in a key or a file's name."""
     return text if text.isprintable() else "".join(
         mark if mark.isprintable() else repr(mark)[1:-1] for mark in text)

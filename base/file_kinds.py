@@ -1,4 +1,4 @@
-"""Kinds of TOML files, known by their tables, so that a message says which one was given."""
+"""Kinds of TOML files, recognised by their tables, so that a message names the kind given."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OF_RIG = frozenset(("bias", "spring", "amplifier_gain", "sag_voltage", "sensor_
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file: what it is of, how it is known, how to get one, and what takes it.
+    """A kind of file: its words, how it is recognised, how to get one, and what takes it.
 
     ``made`` may name the specimen's ``{file}``.
     """
@@ -30,7 +30,7 @@ class FileKind:
     taken: str
 
 
-#: By name; the first that knows a file is its kind.
+#: Kinds of files by name; a file is of the first kind that recognises it.
 KINDS: dict[str, FileKind] = {
     "lumped model": FileKind(
         "a lumped model", lambda data: "circle" in data and isinstance(data.get("specimen"), dict),
@@ -69,7 +69,7 @@ KINDS: dict[str, FileKind] = {
 
 
 def require_kind(file: Path | str, data: Content, kind: str) -> None:
-    """Refuse a file that is known as another kind than the one that is needed, if one is."""
+    """Refuse a file that is recognised as another kind than the one needed."""
     found = next((name for name, each in KINDS.items() if each.known(data)), "")
     if not kind or not found or found == kind:
         return

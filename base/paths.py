@@ -11,7 +11,7 @@ from tympan.base.fields import fields_of
 
 
 def numbers(value: Any, path: str) -> tuple[str, ...]:
-    """Paths of all numbers within a dataclass or tuple that have values between their values.
+    """List the paths of all continuous numbers within a dataclass or tuple.
 
     Examples
     --------
@@ -31,35 +31,35 @@ def numbers(value: Any, path: str) -> tuple[str, ...]:
 
 
 def at(value: Any, path: Sequence[str]) -> Any:
-    """Value at a path within dataclasses and tuples."""
+    """Look up the value at a path within dataclasses and tuples."""
     for key in path:
         value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
     return value
 
 
 def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
-    """A copy with something added to the number at a path."""
+    """Copy a value with something added to the number at a path."""
     return with_number(value, path, at(value, path) + change)
 
 
 def with_number(value: Any, path: Sequence[str], number: Any) -> Any:
-    """A copy with another number at a path."""
+    """Copy a value with another number at a path."""
     return with_numbers(value, {".".join(path): number})
 
 
 def with_numbers(value: Any, numbers: Mapping[str, Any]) -> Any:
-    """A copy with other numbers, by their path with dots; checked with all of them in place.
+    """Copy a value with other numbers, by their path with dots; checked with all in place.
 
     Raises
     ------
     InputError
-        When something with these numbers cannot be.
+        When the result is not valid.
     """
     return _placed(value, _tree(tuple(numbers)), numbers, lambda old, new: replace(old, **new))
 
 
 def with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
-    """A copy with arrays in place of numbers, by their path with dots, for many values at once.
+    """Copy a value with arrays in place of numbers, by path with dots, for many values at once.
 
     Nothing is checked: the copy serves formulas alone.
 
@@ -82,13 +82,13 @@ def _unchecked(value: Any, new: Mapping[str, Any]) -> Any:
 
 @cache
 def _names(kind: type) -> tuple[str, ...]:
-    """Names of a dataclass's fields."""
+    """List the names of a dataclass's fields."""
     return tuple(item.name for item in fields(kind))
 
 
 @cache
 def _continuous(kind: type) -> tuple[str, ...]:
-    """Names of those whose numbers have values between their values."""
+    """List the fields of a dataclass whose numbers are continuous."""
     discrete = {field.name for field in fields_of(kind) if field.discrete}
     return tuple(name for name in _names(kind) if name not in discrete)
 
@@ -99,7 +99,7 @@ _Tree = dict[str, Any]
 
 @lru_cache(maxsize=256)
 def _tree(paths: tuple[str, ...]) -> _Tree | str:
-    """Paths with dots as a tree; the empty path is that of the whole."""
+    """Arrange paths with dots as a tree; the empty path stands for the whole value."""
     if "" in paths:
         return ""
     tree: _Tree = {}
@@ -114,7 +114,7 @@ def _tree(paths: tuple[str, ...]) -> _Tree | str:
 
 def _placed(value: Any, tree: _Tree | str, news: Mapping[str, Any],
             copy: Callable[[Any, Mapping[str, Any]], Any]) -> Any:
-    """A copy with something else at these paths; ``copy`` makes that of a dataclass."""
+    """Copy a value with others at these paths; ``copy`` copies a dataclass with new fields."""
     if isinstance(tree, str):
         return news[tree]
     if isinstance(value, tuple):
@@ -127,7 +127,7 @@ def _placed(value: Any, tree: _Tree | str, news: Mapping[str, Any],
 
 
 def any_complex(value: Any) -> bool:
-    """Whether any number within a dataclass or tuple is complex."""
+    """Look for a complex number within a dataclass or tuple."""
     if type(value) is float:
         return False
     if isinstance(value, tuple):

@@ -6,8 +6,8 @@ registers what is in it, as tympan's own modules do. In its pyproject.toml::
     [project.entry-points."tympan.effects"]
     lever = "my_package.lever"
 
-Whatever a package does while it is loaded ends there: what it prints is dropped, what it changes of
-the process is put back, and what it raises is kept for the commands that need it.
+Whatever a package does while it is loaded has no effect outside: its output is dropped, its changes
+to the process are undone, and its errors are kept for the commands that need the package.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from tympan.base.system import silent
 GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",
           "tympan.formats": "a format"}
 
-#: So much of what a package says is told [characters].
+#: Most characters of a package's error that a message repeats.
 _TOLD = 200
 
-#: What a module may put in the place of, or change, in ``sys``.
+#: Attributes of ``sys`` that a module may replace or change.
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "unraisablehook", "displayhook", "argv")
 
 
 def load_plugins(group: str, kinds: Registry[Any]) -> None:
-    """Load every entry point of a group, which must register a new kind each.
+    """Load every entry point of a group; each must register a new kind.
 
-    One that cannot be imported, registers nothing, or takes a name that is there already leaves an
-    :class:`InputError` that names its package in the registry's ``broken``, for those who need it;
-    what it had registered is forgotten.
+    An entry point that cannot be imported, registers nothing, or takes a name already in use
+    leaves an :class:`InputError` that names its package in the registry's ``broken``, for the
+    commands that need it. What it had registered is removed again.
     """
     for point in _points(group, kinds):
         if (group, point.value) not in _loaded():
@@ -64,7 +64,7 @@ def load_plugins(group: str, kinds: Registry[Any]) -> None:
 
 
 def _points(group: str, kinds: Registry[Any]) -> list[EntryPoint]:
-    """The entry points of a group; a package whose list of them cannot be read is broken."""
+    """List the entry points of a group; a package whose list cannot be read is broken."""
     try:
         points = list(entry_points(group=group))
     except Exception:  # whatever the files of an installation raise when they are parsed
@@ -103,7 +103,7 @@ def _load(point: EntryPoint, group: str, kinds: Registry[Any],
 
 
 def _told(error: BaseException) -> str:
-    """An error in one line, whatever its class makes of itself."""
+    """Write an error in one line, even if its class fails to."""
     said = "no words"
     with suppress(Exception):
         said = " ".join(str(error).split())
@@ -111,7 +111,7 @@ def _told(error: BaseException) -> str:
 
 
 def _package(point: EntryPoint) -> str:
-    with suppress(Exception):  # what metadata that are no text or have no name raise
+    with suppress(Exception):  # metadata that are no text or have no name may raise anything
         if point.dist is not None:
             return str(point.dist.name)
     return "unknown"
@@ -119,11 +119,11 @@ def _package(point: EntryPoint) -> str:
 
 @contextmanager
 def _contained(came: list[int]) -> Iterator[None]:
-    """Put back what is changed meanwhile of streams, folder, environment and settings.
+    """Restore streams, folder, environment and settings that a package changes meanwhile.
 
-    ``came`` gets the numbers of signals that come meanwhile.
+    ``came`` gets the numbers of the signals that arrive meanwhile.
     """
-    import logging  # where no package adds anything it is not needed
+    import logging  # only needed where a package is loaded
 
     environment, variables, names = os.environ, dict(os.environ), dict(vars(builtins))
     kept = {name: getattr(sys, name) for name in (*_STREAMS, *_HOOKS)}
@@ -157,7 +157,7 @@ def _contained(came: list[int]) -> Iterator[None]:
 
 
 def _opened() -> int | None:
-    """A descriptor of the working folder, which may be gone."""
+    """Open the working folder; None if it no longer exists."""
     with suppress(OSError):
         return os.open(".", os.O_RDONLY)
     return None
@@ -165,7 +165,7 @@ def _opened() -> int | None:
 
 @contextmanager
 def _signals(came: list[int]) -> Iterator[None]:
-    """Note the signals that come, and leave them to those who had them before."""
+    """Note the signals that arrive, and pass them to the handlers they had before."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -188,7 +188,7 @@ def _noted(came: list[int], handler: Callable[[int, Any], Any], number: int, fra
 
 @contextmanager
 def _no_end() -> Iterator[None]:
-    """Let ``os._exit`` raise SystemExit, but in processes that are started meanwhile."""
+    """Let ``os._exit`` raise SystemExit, except in processes that are started meanwhile."""
     leave, process = os._exit, os.getpid()
 
     def refuse(status: int) -> NoReturn:
@@ -205,5 +205,5 @@ def _no_end() -> Iterator[None]:
 
 @cache
 def _loaded() -> set[tuple[str, str]]:
-    """Groups and values of what has been loaded, or was tried."""
+    """Keep the groups and values of the entry points already loaded or tried."""
     return set()

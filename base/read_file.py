@@ -1,4 +1,4 @@
-"""Files from outside are read whole, here alone: regular files, of a bounded size."""
+"""Reading of files from outside: whole, regular files of a bounded size."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from pathlib import Path, PurePosixPath
 
 from tympan.base.errors import InputError, did_you_mean
 
-#: Most bytes of a file that a person writes, far more than anyone types.
+#: Most bytes of a file that a person writes: far more than anyone types.
 WRITTEN = 4_000_000
-#: Most bytes of a table, a drawing or a result. A bound of the memory that one file may take.
+#: Most bytes of a table, a drawing or a result. It bounds the memory that one file may take.
 STORED = 100_000_000
 
-#: So many folders up a file may name another one: the draft of a dataset in data/set/ names tables
-#: in raw/ so. Further up are files of other people.
+#: Most folders upwards in the name of another file: the draft of a dataset in data/set/ names
+#: tables in raw/ this way. Files further up belong to other people.
 _UP = 2
 
-#: So many files of a folder are looked at for one that was meant: their names take 0.1 s.
+#: Most files of a folder that are compared with a missing name: their names take 0.1 s.
 _LISTED = 2000
 
 
 def file_bytes(file: Path | str, most: int = STORED) -> bytes:
-    """The bytes of a regular file.
+    """Read the bytes of a regular file.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
         state = file.stat()
         if stat.S_ISREG(state.st_mode) or file.is_dir():
             with file.open("rb") as stream:
-                # Room for all that it asks is taken at once; what a system makes says it has none.
+                # The read allocates all its size at once; a file made by the system states size 0.
                 content = stream.read(min(state.st_size or most, most) + 1)
         else:
             content = None
@@ -53,13 +53,13 @@ def file_bytes(file: Path | str, most: int = STORED) -> bytes:
 
 
 def beside(folder: Path | str, name: str) -> Path:
-    """The file that a file in a ``folder`` names.
+    """Locate the file that a file in a ``folder`` names.
 
     Raises
     ------
     InputError
-        When the name is no relative path, or leads further up than two folders: what somebody else
-        wrote must not read any file of the user's.
+        When the name is not a relative path, or leads further up than two folders: a file from
+        somebody else must not read any file of the user's.
 
     Examples
     --------
@@ -75,9 +75,9 @@ def beside(folder: Path | str, name: str) -> Path:
 
 
 def near_name(file: Path) -> str:
-    """A question after a message that a file or folder is missing.
+    """Ask, after a message that a file or folder is missing, whether a similar name was meant.
 
-    It names what was meant, if that stands beside it, has the same ending and a similar name.
+    The name offered stands in the same folder, with the same ending.
     """
     with suppress(OSError):
         there = (other.name for other in islice(file.parent.iterdir(), _LISTED)
@@ -88,7 +88,7 @@ def near_name(file: Path) -> str:
 
 
 def file_text(file: Path | str, most: int = STORED) -> str:
-    """The text of a file in UTF-8, without a byte-order mark, its lines ended by line feeds."""
+    """Read a UTF-8 text file without its byte-order mark, with lines ended by line feeds."""
     try:
         text = file_bytes(file, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:

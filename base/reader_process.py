@@ -1,8 +1,8 @@
 """Drawings from outside are read in a process of their own, with limits of time and memory.
 
-The libraries that read them are made for files that CAD wrote: of others they may crash, or never
-end, and the process they are in with them. To load them takes as long as to load all else, so the
-process may be started before it is known what to read.
+The libraries that read them are made for files that CAD wrote. On others they may crash or never
+end, and the process with them. Loading them takes as long as loading all else, so the process may
+be started before it is known what to read.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from typing import Any
 
 from tympan.base.errors import InputError
 
-#: Memory that the process may take [bytes]: no drawing of an outline needs so much, a damaged one
-#: may ask for any.
+#: Most memory of the process [bytes]: no drawing of an outline needs as much, a damaged one may
+#: ask for any amount.
 _MEMORY = 4 << 30
-#: Time of the processor that the process may take [s], twice what 100,000 lines take. A damaged
-#: drawing may keep a library busy for ever.
+#: Most processor time of the process [s], twice that of 100,000 lines. A damaged drawing may keep a
+#: library busy for ever.
 _SECONDS = 60
-#: Time on the clock until the process is ended [s], for one that waits instead of working. Longer
-#: than its own time, as the machine may be busy.
+#: Time on the clock until the process is ended [s], for one that waits instead of working. It is
+#: longer than its processor time, as the machine may be busy.
 _PATIENCE = 120
 
-#: Where a specimen file names a STEP drawing; no more of a file is looked at than _HEAD [bytes].
+#: Mark of a specimen file that names a STEP drawing, searched in its first _HEAD [bytes].
 _STEP = re.compile(rb"""\bshape["']?\s*=\s*["']step["']""")
 _HEAD = 1 << 20
 
@@ -42,7 +42,7 @@ _waiting: list[Process] = []
 
 @contextmanager
 def ready_for(files: Iterable[Path]) -> Iterator[None]:
-    """A process waits, its libraries loaded, where one of the files names a STEP drawing."""
+    """Start a process, with its libraries loaded, if one of the files names a STEP drawing."""
     if any(map(_names_step, files)):
         _waiting.append(_started("step"))
     try:
@@ -54,7 +54,7 @@ def ready_for(files: Iterable[Path]) -> Iterator[None]:
 
 
 def _names_step(file: Path) -> bool:
-    with suppress(OSError, ValueError):  # whatever is wrong with it is said when it is read
+    with suppress(OSError, ValueError):  # an error is reported when the file is read
         if file.suffix == ".toml" and file.is_file():
             with file.open("rb") as content:
                 return _STEP.search(content.read(_HEAD)) is not None
@@ -70,12 +70,12 @@ def _started(kind: str) -> Process:
 
 
 def read_apart(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
-    """The record of a ``dxf`` or ``step`` drawing, as ``outlines.drawings`` makes it.
+    """Read a ``dxf`` or ``step`` drawing in another process, as ``outlines.drawings`` records it.
 
     Raises
     ------
     InputError
-        When the process ends without one.
+        When the process ends without an answer.
     """
     process = _waiting.pop() if kind == "step" and _waiting else _started(kind)
     with process:
@@ -98,7 +98,7 @@ def read_apart(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
 
 
 def _limits() -> dict[int, int]:
-    """Limits of the process by resource, its time first: a hard limit cannot be raised."""
+    """Limit the process by resource, its time first: a hard limit cannot be raised."""
     import resource
 
     wanted = {resource.RLIMIT_CPU: _SECONDS, resource.RLIMIT_AS: _MEMORY}
@@ -109,7 +109,7 @@ def _limits() -> dict[int, int]:
 
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
-    """Ends the process, even within a library, after so much of its own time."""
+    """End the process, even within a library, after this much processor time."""
     import signal
 
     signal.setitimer(signal.ITIMER_PROF, seconds)
@@ -120,7 +120,7 @@ def at_most(seconds: float) -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """Be killed when the process that asks dies, even within a library; on Linux."""
+    """Let Linux kill this process when the one that asks dies, even within a library."""
     import ctypes
     import signal
 
@@ -129,23 +129,23 @@ def _end_with_parent() -> None:
 
 
 def answer(load: Callable[[str], None], record: Callable[..., dict[str, Any]]) -> None:
-    """Answer in the process: read the drawing on standard input and print its record as JSON.
+    """Read the drawing named on standard input and print its record as JSON, in the process.
 
-    What reads drawings of a kind is loaded before it is known which.
+    The library for its kind is loaded before the drawing is known.
     """
     import gc
     import resource
 
     _end_with_parent()
-    gc.disable()  # of a short life's garbage; loading the libraries leaves none
-    # What the libraries print must not be taken for the answer.
+    gc.disable()  # a short life leaves little garbage, and loading the libraries none
+    # The output of the libraries must not be taken for the answer.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
         for limit, most in {**_limits(), resource.RLIMIT_CORE: 0}.items():
             resource.setrlimit(limit, (most, most))
         kind = sys.argv[1]
-        with suppress(ImportError):  # said in the record
+        with suppress(ImportError):  # the record reports it
             load(kind)
         file, keys = json.load(sys.stdin)
         json.dump(record(kind, file, keys), output)
-    os._exit(0)  # to take apart what was loaded would take longer than to read
+    os._exit(0)  # unloading the libraries would take longer than reading

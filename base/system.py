@@ -1,4 +1,4 @@
-"""Means of the system: memory, standard streams, the libraries of gmsh, OpenCASCADE and VTK."""
+"""Parts of the system: memory, standard streams, libraries of gmsh, OpenCASCADE and VTK."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEBIAN = {
 }
 
 
-#: How libraries in C and C++ say that they got no memory: gmsh, OpenCASCADE, SuperLU, loaders.
+#: Words of C and C++ libraries without memory: gmsh, OpenCASCADE, SuperLU, loaders.
 _NO_MEMORY = re.compile(r"bad[ _]?alloc|OutOfMemory|"
                         r"(?:not enough|out of|insufficient|cannot allocate) memory|"
                         r"can't start new thread|SUPERLU_MALLOC|Can't expand MemType",
@@ -38,11 +38,11 @@ _NO_MEMORY = re.compile(r"bad[ _]?alloc|OutOfMemory|"
 
 
 class OutOfMemory(Failure):
-    """Memory is short, whichever library says so."""
+    """A lack of memory, reported by any library."""
 
 
 def out_of_memory(error: BaseException) -> OutOfMemory | None:
-    """The message of an error that says that memory is short; None of any other.
+    """Make the message for an error that reports a lack of memory; None for any other.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def out_of_memory(error: BaseException) -> OutOfMemory | None:
 
 @dataclass(eq=False)
 class _Silence:
-    """Standard output and error as the system has them, while nothing is written to them."""
+    """Saved standard output and error, while both lead nowhere."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     users: int = 0
@@ -75,7 +75,7 @@ class _Silence:
             if self.users == 1:
                 nowhere = os.open(os.devnull, os.O_WRONLY)
                 for stream in (1, 2):
-                    with suppress(OSError):  # closed by who started the process
+                    with suppress(OSError):  # whoever started the process may have closed it
                         self.kept[stream] = os.dup(stream)
                         os.dup2(nowhere, stream)
                 os.close(nowhere)
@@ -94,7 +94,7 @@ _SILENCE = _Silence()
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Drop what libraries in C write to standard output and error; it takes 10 µs."""
+    """Drop what C libraries write to standard output and error; it takes 10 µs."""
     _SILENCE.begin()
     try:
         yield
@@ -107,7 +107,7 @@ class MissingLibrary(Failure):
 
 
 def missing_library(error: OSError | ImportError) -> MissingLibrary:
-    """Advice on what to install when loading a shared library failed.
+    """Advise what to install when loading a shared library failed.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def missing_library(error: OSError | ImportError) -> MissingLibrary:
 
 
 def _missing(library: str) -> bool:
-    import ctypes  # where a command starts it is not needed
+    import ctypes  # not needed where a command starts
 
     try:
         ctypes.CDLL(library)
@@ -132,7 +132,7 @@ def _missing(library: str) -> bool:
 
 
 def missing_packages() -> list[str]:
-    """Debian packages of the libraries that cannot be loaded."""
+    """List the Debian packages of the libraries that cannot be loaded."""
     return [package for library, package in DEBIAN.items() if _missing(library)]
 
 

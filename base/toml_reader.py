@@ -1,4 +1,4 @@
-"""Strict reading of TOML: keys are asked for by name; what nobody asked for is an error."""
+"""Strict reading of TOML: keys are read by name; a key that nothing reads is an error."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ FINITE: Rule = (lambda x: -inf < x < inf, "must be finite")
 A_NUMBER: Rule = (lambda x: x == x, "must be a number")
 WHOLE: Rule = (lambda x: x % 1 == 0, "must be a whole number")
 
-#: Most tables and lists within each other, and dots of a key: no file of tympan needs more than a
-#: few, and on many the parser of the standard library takes very long.
+#: Most tables and lists within each other, and dots of a key: files of tympan need only a few, and
+#: the parser of the standard library takes very long on many.
 _DEEPEST = 20
 #: Most entries of a list. A longer one is data and belongs in a table of its own file.
 _ENTRIES = 10_000
@@ -33,19 +33,19 @@ _ENTRIES = 10_000
 _LONGEST_KEY = 500
 #: TOML's own limits of whole numbers.
 _WHOLE_NUMBERS = range(-(2**63), 2**63)
-#: A key of too many parts, on which the parser of the standard library takes very long.
+#: Pattern of a key with too many parts, on which the standard parser takes very long.
 _TOO_DOTTED = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""")
 
 
 @dataclass
 class Table:
-    """One TOML table while it is read, its dotted path, and the keys asked for so far.
+    """One TOML table while it is read, its dotted path, and the keys read so far.
 
-    ``known`` has the keys it may hold by all words that people write for them, with what the key
-    holds where the word is another one; ``meanings`` what each key holds.
+    ``known`` has the keys it may hold by all words that people write for them; a synonym comes
+    with what its key holds. ``meanings`` says what each key holds.
 
     A quantity is a text with a unit; in a ``plain`` table an SI number under a key that ends with
-    the unit, ``radius_m``. All are answered in SI. ``above``: the table it stands in.
+    the unit, ``radius_m``. All are returned in SI. ``above`` is the table it stands in.
     """
 
     file: Path | str
@@ -59,10 +59,10 @@ class Table:
 
     @classmethod
     def read(cls, file: Path | str, kind: str = "") -> Self:
-        """Parse a file; what cannot be read is an :class:`InputError` with line and column.
+        """Parse a file; an :class:`InputError` gives the line and column of a fault.
 
-        ``kind`` is one of :data:`tympan.base.file_kinds.KINDS`: a file of another one is
-        refused, with what takes it.
+        ``kind`` is one of :data:`tympan.base.file_kinds.KINDS`: a file of another kind is refused,
+        with the commands that take it.
         """
         text = file_text(file, WRITTEN)
         too_deep = f"is not valid TOML: tables are nested more than {_DEEPEST} deep"
@@ -74,22 +74,22 @@ class Table:
             raise InputError(f"is not valid TOML: {error}", file=file) from None
         except RecursionError:
             raise InputError(too_deep, file=file) from None
-        except ValueError:  # of more digits than Python reads
+        except ValueError:  # more digits than Python reads
             raise InputError("is not valid TOML: a number has too many digits", file=file) from None
         _check_values(data, file, too_deep)
         require_kind(file, data, kind)
         return cls(file, data)
 
     def path(self, key: str) -> str:
-        """Dotted path of a key."""
+        """Write the dotted path of a key."""
         return f"{self.where}.{key}" if self.where else key
 
     def error(self, key: str, allowed: str, given: object = None) -> InputError:
-        """An error about one key."""
+        """Make an error about one key."""
         return InputError(allowed, file=self.file, key=self.path(key), given=given)
 
     def knows(self, key: str, also: Sequence[str] = (), meaning: str = "") -> None:
-        """Let messages offer a key where a word near it, or near one of ``also``, is written."""
+        """Register a key, so that messages offer it for words near it, or near one of ``also``."""
         self.meanings[key] = meaning
         self.known = dict.fromkeys(also, (key, meaning)) | self.known | {key: (key, "")}
 
@@ -97,7 +97,7 @@ class Table:
         return key in self.data
 
     def value(self, key: str, default: Any = MISSING) -> Any:
-        """The raw value of a key, or its default."""
+        """Read the raw value of a key, or its default."""
         self.asked.add(key)
         if key in self.data:
             return self.data[key]
@@ -108,7 +108,7 @@ class Table:
         return default
 
     def _instead(self, key: str) -> str:
-        """The keys that may have been meant by one that is missing, as a question."""
+        """Ask for keys of the file that may stand for a missing one."""
         words, instead, holds = {key: (key, "")} | self.known, [], ""
         for name in self.data:
             if name in self.asked or words.get(name) == (name, ""):
@@ -120,14 +120,14 @@ class Table:
         return f": did you mean it by {' and '.join(instead)}?{holds}" if instead else ""
 
     def table(self, key: str, default: Any = MISSING) -> Table:
-        """A sub-table."""
+        """Read a sub-table."""
         value = self.value(key, default)
         if not isinstance(value, Mapping):
             raise self.error(key, "must be a table", value)
         return self._within(value, key)
 
     def table_or_file(self, key: str) -> Table:
-        """A sub-table, empty where it is left out, or the file with its keys that is named."""
+        """Read a sub-table, empty where it is left out, or the file of its keys that is named."""
         value = self.value(key, {})
         if isinstance(value, str):
             return Table.read(self.beside(key), key)
@@ -139,11 +139,11 @@ class Table:
         return Table(self.file, data, self.path(key), self.plain, above=self)
 
     def spelled(self, key: str, dimension: str) -> str:
-        """The key as the file has it; ``dimension`` is "" for all but quantities."""
+        """Write a key as the file has it; ``dimension`` is "" for all but quantities."""
         return key + DIMENSIONS[dimension].suffix if self.plain and dimension else key
 
     def text(self, key: str, default: Any = MISSING, rule: Rule | None = None) -> str:
-        """A non-empty string."""
+        """Read a non-empty string."""
         value = self.value(key, default)
         if not isinstance(value, str) or not value.strip():
             raise self.error(key, "must be a non-empty string", value)
@@ -152,18 +152,18 @@ class Table:
         return value
 
     def beside(self, key: str) -> Path:
-        """The file that a key names, from the folder of the table's own."""
+        """Locate the file that a key names, relative to the table's own file."""
         return self.named_file(key, self.text(key))
 
     def named_file(self, key: str, name: str) -> Path:
-        """The file of a ``name`` under a key, from the folder of the table's own."""
+        """Locate the file of a ``name`` under a key, relative to the table's own file."""
         try:
             return beside(Path(self.file).parent, name)
         except InputError as error:
             raise self.error(key, error.allowed, name) from None
 
     def truth(self, key: str, default: Any = MISSING) -> bool:
-        """True or false."""
+        """Read true or false."""
         value = self.value(key, default)
         if not isinstance(value, bool):
             raise self.error(key, "must be true or false", value)
@@ -171,20 +171,20 @@ class Table:
 
     def number(self, key: str, dimension: str = "", default: Any = MISSING,
                rule: Rule = FINITE) -> float:
-        """A quantity of a dimension, or a plain number."""
+        """Read a quantity of a dimension, or a plain number."""
         key = self.spelled(key, dimension)
         return self._number(key, self.value(key, default), dimension, rule)
 
     def numbers(self, key: str, dimension: str = "", default: Any = MISSING, rule: Rule = FINITE,
                 count: int | None = None) -> tuple[float, ...]:
-        """A list of quantities, or of plain numbers."""
+        """Read a list of quantities, or of plain numbers."""
         key = self.spelled(key, dimension)
         what = f"quantities ({dimension})" if dimension else "numbers"
         items = self._list(key, self.value(key, default), count, what)
         return tuple(self._number(key, item, dimension, rule) for item in items)
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """A list of texts."""
+        """Read a list of texts."""
         items = self._list(key, self.value(key), None, "texts")
         for item in items:
             if not isinstance(item, str):
@@ -193,7 +193,7 @@ class Table:
 
     def places(self, key: str, least: int = 1, count: int | None = None,
                rule: Rule = FINITE) -> tuple[tuple[float, float], ...]:
-        """List of points, each a pair of lengths: ``count`` of them, or ``least`` or more."""
+        """Read a list of points, each a pair of lengths: ``count`` or at least ``least`` points."""
         key = self.spelled(key, "length")
         items = self._list(key, self.value(key), count, "points, each a pair of lengths")
         if len(items) < least:
@@ -207,7 +207,7 @@ class Table:
         return tuple(points)
 
     def tables(self, key: str) -> tuple[Table, ...]:
-        """Sub-tables of a list, or a single one; none if the key is missing."""
+        """Read the sub-tables of a list, or a single one; none if the key is missing."""
         value = self.value(key, [])
         entries = [value] if isinstance(value, dict) else value
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
@@ -216,21 +216,21 @@ class Table:
                      for number, entry in enumerate(entries))
 
     def choice(self, key: str, options: Mapping[str, T], default: Any = MISSING) -> T:
-        """One of several named values."""
+        """Choose one of several named values."""
         name = self.value(key, default)
         if not isinstance(name, str) or name not in options:
             raise self.error(key, one_of(name, options), name)
         return options[name]
 
     def named(self, key: str, find: Callable[[str], T]) -> T:
-        """Object that the name under a key stands for."""
+        """Find the object that the name under a key stands for."""
         try:
             return find(self.text(key))
         except InputError as error:
             raise self.error(key, error.allowed, self.data[key]) from None
 
     def done(self) -> None:
-        """Refuse keys nobody asked for, with the table they belong to or the nearest name."""
+        """Refuse keys that nothing has read, with the table they belong to or the nearest name."""
         for key in self.data:
             if key not in self.asked:
                 spelled = {word: f"{name!r} ({holds})" if holds else repr(name)
@@ -241,7 +241,7 @@ class Table:
                                  f"unknown key: {hint}known here: {', '.join(sorted(self.asked))}")
 
     def _belongs(self, key: str) -> str:
-        """The nearest table above that has a key, as a hint; empty if none has."""
+        """Hint at the nearest table above that has a key; empty if none has."""
         above = self.above
         while above is not None and above.known.get(key) != (key, ""):
             above = above.above
@@ -274,14 +274,14 @@ class Table:
 
 
 def one_of(name: object, options: Mapping[str, Any]) -> str:
-    """Words that say which names are allowed, and the nearest; options may have ``synonyms``."""
+    """Say which names are allowed, and the nearest one; options may have ``synonyms``."""
     spelled = getattr(options, "synonyms", {}) | {option: repr(option) for option in options}
     hint = did_you_mean(name, spelled).strip() if isinstance(name, str) else ""
     return f"must be one of {', '.join(sorted(options))}{f'; {hint}' if hint else ''}"
 
 
 def _check_values(data: Mapping[str, Any], file: Path | str, too_deep: str) -> None:
-    """Refuse whole numbers and nesting beyond their limits."""
+    """Refuse whole numbers and nesting beyond the limits."""
     waiting: list[tuple[str, Any, int]] = [("", data, 0)]
     while waiting:
         key, value, depth = waiting.pop()

@@ -19,7 +19,7 @@ class Dimension:
     """Dimension of a quantity, with its units.
 
     ``si`` is the unit the code uses inside, ``example`` one for messages, ``usual`` the units
-    people write, the preferred one first.
+    that people write, the preferred one first.
     """
 
     si: str
@@ -38,7 +38,7 @@ class Dimension:
 
 
 def suffix_of(si: str) -> str:
-    """An SI unit as the end of a name: "_kg_per_m3"."""
+    """Write an SI unit as the end of a name: "_kg_per_m3"."""
     return "_" + si.replace("/", "_per_").replace("^", "").replace(" ", "_")
 
 
@@ -69,38 +69,38 @@ DIMENSIONS: dict[str, Dimension] = {
     "current": Dimension("A", "5 uA", ("uA",)),
 }
 
-#: Units of results for people, by SI unit, and how many of them make one.
+#: Units of results for people, by SI unit, and their number in one SI unit.
 BENCH = {"m": ("mm", 1e3), "kg": ("g", 1e3), "V": ("kV", 1e-3), "Pa": ("kPa", 1e-3),
          "V/m": ("MV/m", 1e-6), "F": ("nF", 1e9), "N": ("mN", 1e3), "J": ("mJ", 1e3),
          "rad": ("mrad", 1e3), "m^2": ("mm²", 1e6)}
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
 
-#: A distance [m] that is none: a nanometre.
+#: Distances below this [m] are shown as zero: a nanometre.
 _NOWHERE = 1e-9
 
-#: A longer text is no quantity.
+#: Most characters of a quantity.
 _LONGEST = 100
-#: Largest number of a file, in SI: its fourth power is one still.
+#: Largest number in a file, in SI: its fourth power is still a float.
 LARGEST = 1e30
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*",
                        re.ASCII)
 #: A quantity with a decimal comma, and what stands on both sides of it.
 _COMMA = re.compile(r"\s*([-+]?\d+),(\d+)([^,]*)", re.ASCII)
-#: What begins another quantity behind a first one.
+#: The start of another quantity after a first one.
 _ANOTHER = re.compile(r"[^\W\d_]\s*[;,]\s*[-+]?\.?\d")
-#: What joins a factor of a unit to those before it, and a group of factors or a name and its power.
+#: A factor of a unit: its sign, and a group of factors or a name and its power.
 _FACTOR = re.compile(r"\s*([*/·]?)\s*(?:\(([^()]+)\)|([^\W\d]\w*)"
                      r"\s*(?:(?:\^|\*\*)\s*([-+]?\d))?(?!\d))\s*")
 _SIGNS = str.maketrans({"²": "^2", "³": "^3", "°": "deg"})
 
 
-#: How powers of kilogram, metre, second and ampere make the units people write, ...
+#: Powers of kilogram, metre, second and ampere in the units that people write.
 _POWERS = {"kg": (1, 0, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "N": (1, 1, -2, 0),
            "Pa": (1, -1, -2, 0), "J": (1, 2, -2, 0), "V": (1, 2, -3, -1), "F": (-1, -2, 4, 2),
            "ohm": (1, 2, -3, -2), "A": (0, 0, 0, 1), "Hz": (0, 0, -1, 0), "rad": (0, 0, 0, 0)}
-#: ... and what each is of these, as a fraction. All others, and what is wrong, pint knows.
+#: Multiples of these units, as fractions. Any other unit, or a wrong one, is left to pint.
 _MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
     "kg": {"kg": (1, 1), "g": (1, 1000), "mg": (1, 10**6)},
     "m": {"m": (1, 1), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6), "km": (1000, 1)},
@@ -119,7 +119,7 @@ _MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
 }
 USUAL = {name: (*fraction, _POWERS[base]) for base, names in _MULTIPLES.items()
          for name, fraction in names.items()}
-#: Spellings of units as people and testers have them, by those that quantities have.
+#: Spellings of units that people and testers use, and the unit that each stands for.
 SPELLED = {"sec": "s", "sek": "s", "sekunden": "s", "seconds": "s", "secondes": "s", "volt": "V",
            "volts": "V", "kilovolt": "kV", "kvolt": "kV", "kvolts": "kV", "gramm": "g",
            "gram": "g", "grams": "g", "grammes": "g", "newton": "N", "hertz": "Hz"}
@@ -130,7 +130,7 @@ class WrongDimension(ValueError):
 
 
 class AnglePerTime(ValueError):
-    """Taken for the 1 in 1/s, a frequency would be 2π too small or too large."""
+    """An angle in place of the 1 in 1/s: the frequency would be wrong by a factor of 2π."""
 
 
 @cache
@@ -156,9 +156,9 @@ def _factor(unit: str, dimension: str) -> float:
 
 
 def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
-    """SI value of usual units, and their powers; None where another is among them.
+    """Multiply usual units to their SI value and powers; None where another unit is among them.
 
-    To load pint takes longer than to read a file.
+    Loading pint takes longer than reading a file.
     """
     above, below, powers = 1.0, 1.0, [0, 0, 0, 0]
     for name, power in _powers(unit):
@@ -172,7 +172,7 @@ def _product(unit: str) -> tuple[float, tuple[int, ...]] | None:
 
 
 def pint_factor(unit: str, dimension: str) -> float:
-    """The SI value of one unit of a dimension.
+    """Convert one unit of a dimension to SI.
 
     Raises :class:`WrongDimension`, :class:`AnglePerTime` or as pint does.
     """
@@ -186,14 +186,14 @@ def pint_factor(unit: str, dimension: str) -> float:
         value = float(whole.to(DIMENSIONS[dimension].si).magnitude)
     except pint.DimensionalityError:
         raise WrongDimension(unit) from None
-    # To pint, radians and counts are numbers.
+    # Pint regards radians and counts as numbers.
     if dimension == "frequency" and dict(whole.to_root_units().unit_items()) != {"second": -1}:
         raise AnglePerTime(unit)
     return value
 
 
 def _powers(unit: str, sign: int = 1) -> Iterator[tuple[str, int]]:
-    """Names of units and their powers; a text is taken apart, never evaluated."""
+    """Split a unit into names and their powers; the text is never evaluated."""
     factors = list(_FACTOR.finditer(unit))
     if "".join(factor.group() for factor in factors) != unit:
         raise ValueError(f"no unit: {unit}")
@@ -208,14 +208,14 @@ def _powers(unit: str, sign: int = 1) -> Iterator[tuple[str, int]]:
 def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
     try:
         return _factor(unit, dimension)
-    except Exception as error:  # pint raises whatever its tables of names and offsets raise
+    except Exception as error:  # pint raises many kinds, from its tables of names and offsets
         wrong = ("wrong dimension: " if isinstance(error, WrongDimension)
                  else f"unknown unit: {_hint(unit, dimension)}")
         raise InputError(wrong + allowed, given=given) from None
 
 
 def _hint(unit: str, dimension: str) -> str:
-    """A question that names the unit of a dimension that was meant, if one is near."""
+    """Ask for the unit of a dimension that was probably meant; empty if none is near."""
     spelled = {name: name for name in USUAL} | SPELLED
     wanted = _product(DIMENSIONS[dimension].si)
     return did_you_mean(unit, {word: repr(name) for word, name in spelled.items()
@@ -223,7 +223,7 @@ def _hint(unit: str, dimension: str) -> str:
 
 
 def quantity(text: object, dimension: str) -> float:
-    """The SI value of a quantity written as number and unit: products of names that pint knows.
+    """Convert a quantity, written as number and unit, to SI; pint knows the names of units.
 
     ``dimension`` is a key of :data:`DIMENSIONS`. A unit that is missing, unknown or of another
     dimension is an :class:`InputError`.
@@ -260,14 +260,14 @@ def quantity(text: object, dimension: str) -> float:
 
 
 def bounded(value: float) -> float:
-    """A number of a file [SI], unless it is larger than any that computing can go on with."""
+    """Check that a number of a file [SI] is not too large to compute with."""
     if not abs(value) <= LARGEST:
         raise InputError(f"must be finite, at most {LARGEST:g} in SI units", given=value)
     return value
 
 
 def unit_factor(unit: str, dimension: str) -> float:
-    """The SI value of one ``unit``; an :class:`InputError` if it is none of the dimension.
+    """Convert one ``unit`` to SI; an :class:`InputError` if it is not of the dimension.
 
     Examples
     --------
@@ -279,7 +279,7 @@ def unit_factor(unit: str, dimension: str) -> float:
 
 
 def quantity_text(value: float, dimension: str) -> str:
-    """A quantity as number and unit that :func:`quantity` reads back as the very same number.
+    """Write a quantity as number and unit that :func:`quantity` reads back as the same number.
 
     Examples
     --------
@@ -297,7 +297,7 @@ def quantity_text(value: float, dimension: str) -> str:
 
 
 def quantities_text(values: Iterable[float], dimension: str) -> str:
-    """Quantities [SI] for people, as :func:`quantity_text` writes each.
+    """Write quantities [SI] for people, each as :func:`quantity_text` does.
 
     Examples
     --------
@@ -308,9 +308,9 @@ def quantities_text(values: Iterable[float], dimension: str) -> str:
 
 
 def place_text(x: float, y: float) -> str:
-    """A place on a film [m] in millimetres, with three or four digits of the larger coordinate.
+    """Write a place on a film [m] in millimetres, to three or four digits of the larger coordinate.
 
-    Less than a nanometre is nothing.
+    A distance of less than a nanometre is written as zero.
 
     Examples
     --------
@@ -322,18 +322,18 @@ def place_text(x: float, y: float) -> str:
     x_mm, y_mm = (value * METRE if abs(value) >= _NOWHERE else 0.0 for value in (x, y))
     larger = max(abs(x_mm), abs(y_mm))
     decimals = max(1, 2 - floor(log10(larger))) if larger else 1
-    # Adding zero makes none of minus zero.
+    # Adding zero turns minus zero into zero.
     return ", ".join(f"{axis} {round(value, decimals) + 0.0:.{decimals}f} mm"
                      for axis, value in (("x", x_mm), ("y", y_mm)))
 
 
 def millimetres(*metres: float) -> tuple[float, ...]:
-    """Rounded to the femtometre, so that equal sizes in any unit give equal CAD."""
+    """Round lengths to the femtometre, so that equal sizes in any unit give equal CAD."""
     return tuple(round(metre * METRE, 12) for metre in metres)
 
 
 def any_quantity(text: object) -> tuple[float, str] | None:
-    """The SI value of a quantity and its dimension, whatever that is; None of what is none.
+    """Convert a quantity of any dimension to SI, with its dimension; None if it is no quantity.
 
     Examples
     --------
@@ -347,7 +347,7 @@ def any_quantity(text: object) -> tuple[float, str] | None:
 
 
 def unit_of(name: str) -> str | None:
-    """The SI unit that ends a name, None where none does.
+    """Find the SI unit that ends a name; None if no unit does.
 
     Examples
     --------

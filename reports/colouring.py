@@ -15,13 +15,13 @@ from tympan.reports import look
 from tympan.reports.scales import AxisScale, round_scale
 from tympan.studies.film_surface import FilmSurface
 
-#: Margins above it have one colour.
+#: Largest margin that has a colour of its own.
 MOST_MARGIN = 10.0
 
-#: Factors by which depth may be drawn larger, round numbers.
+#: Factors by which depth may be enlarged, round numbers.
 DEPTHS = (1, 2, 5, 10, 20)
-#: How deep a plate should then hang, as a share of the frame's half extent: it is seen and still
-#: looks like a film.
+#: Sag of a plate as drawn, as a share of the frame's half extent: it is visible and still looks
+#: like a film.
 _HANGS = 0.25
 
 
@@ -52,11 +52,11 @@ def _margin(film: FilmSurface) -> Array:
 
 
 def _margins(low: float, high: float) -> AxisScale:
-    """The same for all films."""
+    """Give all films the same scale."""
     return AxisScale(0.0, MOST_MARGIN, (0.0, 2.0, 4.0, 6.0, 8.0, 10.0))
 
 
-#: Quantities of every film, by key.
+#: Quantities that colour any film, by key.
 COLOURINGS = {
     "stress": Colouring("largest stress", "largest principal true stress", "kPa",
                         lambda film: film.values["stress_1"] / 1e3),
@@ -72,7 +72,7 @@ COLOURINGS = {
 
 
 def about_zero(low: float, high: float) -> AxisScale:
-    """A scale as far below zero as above."""
+    """Make a scale that reaches as far below zero as above."""
     half = round_scale(0.0, max(abs(low), abs(high)), 3)
     ticks = [tick for tick in half.ticks if tick]
     return AxisScale(-half.high, half.high, (*(-tick for tick in ticks[::-1]), 0.0, *ticks))
@@ -80,26 +80,26 @@ def about_zero(low: float, high: float) -> AxisScale:
 
 @cache
 def colour_table(name: str) -> NDArray[np.uint8]:
-    """The 256 colours of a map, shape (256, 3)."""
+    """Compute the 256 colours of a map, shape (256, 3)."""
     return np.round(255 * colormaps[name](np.arange(256))[:, :3]).astype(np.uint8)
 
 
 @cache
 def css_gradient(name: str = look.COLOURS) -> str:
-    """The colours of a map as a style sheet writes them, from left to right."""
+    """Write the colours of a map as a CSS gradient, from left to right."""
     stops = ", ".join(f"rgb({red}, {green}, {blue})" for red, green, blue
                       in colour_table(name)[np.linspace(0, 255, 17).round().astype(int)])
     return f"linear-gradient(to right, {stops})"
 
 
 def tick_places(scale: AxisScale) -> list[dict[str, str]]:
-    """Places of the ticks along a colour bar, and their words."""
+    """Place the ticks along a colour bar, with their words."""
     return [{"left": f"{100 * (tick - scale.low) / (scale.high - scale.low):.2f}%",
              "text": scale.text(tick)} for tick in scale.ticks]
 
 
 def usual_depth(sag: float, extent: float) -> int:
-    """The factor on depths by which a film of a half extent is seen to sag, both in one unit."""
+    """Choose the factor on depths that makes the sag of a film visible; lengths in one unit."""
     if sag == 0:
         return 1
     return max((factor for factor in DEPTHS if factor <= _HANGS * extent / sag), default=1)

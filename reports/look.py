@@ -1,4 +1,4 @@
-"""One look for all figures, and how they reach the disk."""
+"""The common style of all figures, and how figures are written to files."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ MM = 1 / 25.4  #: inches
 WIDTH = 180.0  #: of a journal's two columns [mm]
 DPI = 400  #: of pictures in print
 
-#: Room on the left of an axis for its numbers and words [mm].
+#: Width on the left of an axis for its numbers and words [mm].
 LEFT = 14.0
-#: Room on the right, for half of the last number [mm].
+#: Width on the right, for half of the last number [mm].
 RIGHT = 4.0
-#: Room above an axis for its title [mm].
+#: Height above an axis for its title [mm].
 TITLE = 6.0
-#: Room below an axis for its numbers and words [mm].
+#: Height below an axis for its numbers and words [mm].
 AXIS = 12.0
-#: Room between two axes, one below the other [mm].
+#: Height between two axes, one below the other [mm].
 GAP = 5.0
 
-#: Colour of the short axis on the film and on paper, told from the other by all eyes.
+#: Colour of the short axis on the film and on paper, distinct from the other for all eyes.
 SHORT = "#f0642d"
 #: Colour of the long axis.
 LONG = "#3aa3e3"
@@ -51,27 +51,27 @@ SHORT_TEXT = "#b5400f"
 #: Colour of words about the long axis.
 LONG_TEXT = "#1b6fa8"
 
-#: Colour of lines that stand for no measurement: zero, and models in a legend.
+#: Colour of lines other than measurements: zero, and models in a legend.
 GREY = "#5a6475"
-#: Colour of the band of the noise, and of a grid, light behind the readings.
+#: Colour of the noise band and of a grid, light behind the readings.
 FAINT = "#e4e6ea"
 
 COLOURS = "viridis"  #: of the stress, perceptually uniform
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
 _MARKERS = "os^Dv*"  #: as many as colours
 
-#: Opacity of the band of films that scatter: curves are seen through several.
+#: Opacity of the band of films that scatter: curves are visible through several bands.
 _BAND = 0.15
-#: What it is.
+#: Words for this band in a legend.
 _BAND_WORDS = "90 % of the films"
 
-#: Share by which axes are made higher at a time, so that their legend finds a place.
+#: Share by which axes are made higher in one try, to make room for their legend.
 _RAISED = 0.08
-#: How often at most, so that curves keep half of the height.
+#: Most such tries, so that curves keep half of the height.
 _TRIES = 9
-#: How far words may reach beyond the page before it is made larger: less is rounding [mm].
+#: Distance that words may reach beyond the page before it is enlarged: less is rounding [mm].
 _CUT = 0.2
-#: Room about words that reach further [mm].
+#: Margin about words that reach further [mm].
 _ROOM = 1.0
 
 #: Pixels, shape (rows, columns, 3), and the (left, right, bottom, top) they cover [mm].
@@ -80,7 +80,7 @@ Picture = tuple[NDArray[np.uint8], tuple[float, float, float, float]]
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """The figures' fonts and lines, whatever the user's matplotlib is set to.
+    """Set the figures' fonts and lines, whatever the user's matplotlib is set to.
 
     The fixed salt of the SVG's names makes files repeat byte by byte.
     """
@@ -97,14 +97,14 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure [mm]."""
+    """Make an empty figure [mm]."""
     figure = Figure(figsize=(width * MM, height * MM), dpi=DPI)
     FigureCanvasAgg(figure)
     return figure
 
 
 def place_axes(figure: Figure, left_edge: float, top: float, width: float, height: float) -> Axes:
-    """Axes at a place measured from the page's top left corner [mm]."""
+    """Add axes at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / MM
     return figure.add_axes((left_edge / across, 1 - (top + height) / down, width / across,
                             height / down))
@@ -112,7 +112,7 @@ def place_axes(figure: Figure, left_edge: float, top: float, width: float, heigh
 
 def panels(count: int, columns: int, height: float, title: float = TITLE, axis: float = AXIS
            ) -> tuple[Figure, list[Axes]]:
-    """A figure of axes of a height in rows of so many; room above and below each [mm]."""
+    """Make a figure of axes in rows, with margins above and below each [mm]."""
     cell, tall = WIDTH / columns, title + height + axis
     figure = new_figure(max(1, -(-count // columns)) * tall)
     return figure, [place_axes(figure, LEFT + number % columns * cell,
@@ -122,7 +122,7 @@ def panels(count: int, columns: int, height: float, title: float = TITLE, axis: 
 
 def pairs(count: int, above: float, below: float, left_edge: float = LEFT
           ) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """A figure of columns, each of axes above others of one abscissa, of these heights [mm]."""
+    """Make a figure of columns, each a pair of axes with one abscissa, of these heights [mm]."""
     figure = new_figure(TITLE + above + GAP + below + AXIS)
     width = (WIDTH - RIGHT) / count - left_edge
     return figure, [place_pair(figure, left_edge + column * (width + left_edge), TITLE, width,
@@ -131,7 +131,7 @@ def pairs(count: int, above: float, below: float, left_edge: float = LEFT
 
 def place_pair(figure: Figure, left_edge: float, top: float, width: float,
                heights: tuple[float, float, float]) -> tuple[Axes, Axes]:
-    """Axes above others of the same abscissa [mm]; ``heights`` of the two and the gap between."""
+    """Add two axes with the same abscissa [mm]; ``heights`` are upper, gap and lower."""
     above, gap, below = heights
     pair = (place_axes(figure, left_edge, top, width, above),
             place_axes(figure, left_edge, top + above + gap, width, below))
@@ -141,7 +141,7 @@ def place_pair(figure: Figure, left_edge: float, top: float, width: float,
 
 def centred(widths: Sequence[float], gap: float, left_margin: float = 0.0,
             right_margin: float = 0.0) -> list[float]:
-    """Left edges of columns in the middle of the page, between margins [mm]."""
+    """Compute left edges of columns in the middle of the page, between margins [mm]."""
     spare = WIDTH - left_margin - right_margin - sum(widths) - gap * (len(widths) - 1)
     starts = accumulate((width + gap for width in widths[:-1]), initial=left_margin + spare / 2)
     return list(starts)
@@ -149,10 +149,10 @@ def centred(widths: Sequence[float], gap: float, left_margin: float = 0.0,
 
 def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str, float],
                  interpolation: str = "hanning") -> None:
-    """A picture in axes of the millimetres it shows, and what stands above it.
+    """Show a picture in axes of the millimetres it covers, with captions above it.
 
-    ``captions`` are text, distance from the picture [mm], weight and size; ``interpolation`` is
-    "none" of a picture whose pixels are the print's, which is quicker and sharper.
+    ``captions`` are text, distance from the picture [mm], weight and size. ``interpolation`` is
+    "none" for a picture whose pixels are those of the print, which is quicker and sharper.
     """
     pixels, extent = picture
     axes.set_axis_off()
@@ -169,11 +169,11 @@ _WIDE = 1.6
 
 def colour_bar(figure: Figure, left_edge: float, top: float, size: tuple[float, float],
                scale: AxisScale, colours: str, words: str) -> None:
-    """Draw a bar of a ``size`` [mm] that says what the colours of pictures mean."""
+    """Draw a bar of a ``size`` [mm] that explains the colours of pictures."""
     bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), colours),
                           cax=place_axes(figure, left_edge, top, *size), orientation="horizontal",
                           ticks=scale.ticks)
-    # Numbers that would stand over each other: every second one, or third.
+    # Numbers that would overlap are left out: every second one, or two of three.
     texts = [scale.text(tick) for tick in scale.ticks]
     room = (scale.ticks[1] - scale.ticks[0]) / (scale.high - scale.low) * size[0]
     step = max(1, int(np.ceil(_WIDE * (max(map(len, texts)) + 1) / room)))
@@ -183,7 +183,7 @@ def colour_bar(figure: Figure, left_edge: float, top: float, size: tuple[float, 
 
 
 def colour_of(number: int, count: int = 1) -> str:
-    """Colour of the curve of this number, in turns; of many curves each has its own."""
+    """Choose the colour of a curve by its number, in turns; many curves each have their own."""
     if count <= len(PALETTE):
         return PALETTE[number % len(PALETTE)]
     return to_hex(colormaps[COLOURS](0.92 * number / (count - 1)))  # its yellow is pale on white
@@ -191,14 +191,14 @@ def colour_of(number: int, count: int = 1) -> str:
 
 def edges(places: Array, bands: Sequence[Band | None], factor: float
           ) -> Array:
-    """Places with 5 and 95 % of films, (3, places), times a factor; NaN where no band is told."""
+    """Join places with 5 and 95 % of films, (3, places), times a factor; NaN without a band."""
     values = [(np.nan, np.nan) if band is None else (factor * band.low, factor * band.high)
               for band in bands]
     return np.array([places, *np.array(values).reshape(-1, 2).T])
 
 
 def band(axes: Axes, edge: Array, colour: str) -> None:
-    """The band of films that scatter, of places with low and high edge, (3, places)."""
+    """Draw the band of films that scatter: places with low and high edge, (3, places)."""
     if not np.isfinite(edge[1:]).any():
         return
     axes.fill_between(*edge, color=colour, alpha=_BAND, linewidth=0.0, zorder=0.5)
@@ -207,7 +207,7 @@ def band(axes: Axes, edge: Array, colour: str) -> None:
 
 
 def marker_of(number: int) -> str:
-    """Marker of the curve of this number, in turns."""
+    """Choose the marker of a curve by its number, in turns."""
     return _MARKERS[number % len(_MARKERS)]
 
 
@@ -221,7 +221,7 @@ def describe(axes: Axes, across: str = "", up: str = "", title: str = "", bold: 
 
 
 def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> Legend:
-    """A legend that lies over no line: where there is no place for it, the axes get room above."""
+    """Add a legend that covers no line; if there is no such place, extend the axes upwards."""
     made = axes.legend(handles=handles, loc="best")
     for _ in range(_TRIES):
         bottom, _ = axes.get_ylim()
@@ -234,7 +234,7 @@ def legend(axes: Axes, handles: Sequence[Artist] | None = None) -> Legend:
 
 
 def _meets(line: Line2D, box: Bbox) -> bool:
-    """Whether a line passes a box [pixels]; of marks alone, whether one is in it."""
+    """Check whether a line crosses a box [pixels]; for marks alone, whether one is in it."""
     path = line.get_transform().transform_path(line.get_path())
     if line.get_linestyle() == "None":
         return bool(box.count_contains(path.vertices))
@@ -242,7 +242,7 @@ def _meets(line: Line2D, box: Bbox) -> bool:
 
 
 def _whole(figure: Figure) -> Bbox | None:
-    """The page with the words that reach beyond it [inches]; None where none do."""
+    """Extend the page by words that reach beyond it [inches]; None where none do."""
     page, drawn = figure.bbox_inches, figure.get_tightbbox()
     if np.array_equal(Bbox.union([page.padded(_CUT * MM), drawn]), page.padded(_CUT * MM)):
         return None
@@ -251,9 +251,9 @@ def _whole(figure: Figure) -> Bbox | None:
 
 def save_figure(folder: Path, name: str, compose: Callable[[], Figure],
                 formats: Sequence[str] = ("png", "svg"), dpi: int = DPI) -> list[Path]:
-    """Compose a figure in the one style and write folder/name in each format; answers the files.
+    """Compose a figure in the common style and write folder/name in each format; return the files.
 
-    A page that its words reach beyond is written larger.
+    A page is enlarged if its words reach beyond it.
     """
     with figure_style():
         figure = compose()

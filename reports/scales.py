@@ -1,10 +1,10 @@
-"""Numbers behind the pictures: colour limits, ticks, sizes on paper."""
+"""Numbers for pictures: colour limits, ticks, sizes on paper."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, log10
+from math import ceil, floor, log10
 
 from matplotlib.ticker import MaxNLocator
 
@@ -24,7 +24,7 @@ class AxisScale:
 
     @property
     def decimals(self) -> int:
-        """Decimals that tell the ticks apart exactly."""
+        """Number of decimals that write the ticks exactly."""
         return next(count for count in range(20) if abs(round(self.step, count) - self.step) < 1e-6
                     * self.step)
 
@@ -39,12 +39,12 @@ class AxisScale:
         return self.text(self.low, more=0 if self.low == self.ticks[0] else 1)
 
     def text(self, value: float, more: int = 0) -> str:
-        """A value with the decimals of the ticks and ``more``."""
+        """Write a value with the decimals of the ticks, and ``more``."""
         return f"{value:.{self.decimals + more}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def round_scale(low: float, high: float, intervals: int = 5) -> AxisScale:
-    """A scale that just covers the values from ``low`` to ``high``, ending on half ticks.
+    """Choose a scale that just covers the values from ``low`` to ``high``, ending on half ticks.
 
     It starts at zero if the smallest value is less than a quarter of the largest. Equal values get
     a scale of a thousandth of their size, so that rounding errors do not fill it.
@@ -62,16 +62,18 @@ def round_scale(low: float, high: float, intervals: int = 5) -> AxisScale:
     if high - low < least:
         low, high = (low + high - least) / 2, (low + high + least) / 2
     locator = MaxNLocator(intervals, steps=[1, 2, 2.5, 5, 10])
-    step = float(locator.tick_values(low, high)[1] - locator.tick_values(low, high)[0])
+    start, second, *_ = locator.tick_values(low, high)
+    step = float(second - start)
     half = step / 2
-    # A value on a half tick up to rounding needs no further one.
-    first, last = floor(low / half + 1e-9), -floor(-high / half + 1e-9)
-    ticks = tuple(round(index * step, 12) for index in range(-(-first // 2), last // 2 + 1))
+    # A value on a half tick, up to rounding, needs no further one.
+    first, last = floor(low / half + 1e-9), ceil(high / half - 1e-9)
+    first_tick, last_tick = ceil(first / 2), last // 2
+    ticks = tuple(round(index * step, 12) for index in range(first_tick, last_tick + 1))
     return AxisScale(round(first * half, 12), round(last * half, 12), ticks)
 
 
 def rows_of(count: int, most: int = 3) -> list[range]:
-    """Indices of ``count`` things in rows of at most ``most``, as even as can be.
+    """Arrange the indices of ``count`` things in rows of at most ``most``, as even as possible.
 
     Examples
     --------
@@ -85,11 +87,11 @@ def rows_of(count: int, most: int = 3) -> list[range]:
 
 def paper_scale(rows: Sequence[Sequence[float]], width: float, gap: float, least: float,
                 most: float) -> float:
-    """Millimetres on paper for one millimetre of film, the same for all films of all rows.
+    """Find the millimetres on paper for one millimetre of film, the same for all films of all rows.
 
-    ``rows`` holds the widths of the films in each row; ``width`` is that of the page, ``gap``
-    between columns; no column is narrower than ``least``, no film wider than ``most`` on paper; all
-    in mm.
+    ``rows`` holds the widths of the films in each row; ``width`` is that of the page, ``gap`` that
+    between columns. No column is narrower than ``least`` and no film wider than ``most`` on paper.
+    All are in mm.
     """
     bound = most / max(max(row) for row in rows)
     for row in rows:
@@ -103,12 +105,12 @@ def paper_scale(rows: Sequence[Sequence[float]], width: float, gap: float, least
 
 
 def column_widths(films: Sequence[float], paper: float, least: float) -> list[float]:
-    """Widths on paper [mm] of the columns for films of these widths [mm] at a scale."""
+    """Compute the widths on paper [mm] of columns for films of these widths [mm] at a scale."""
     return [max(film * paper, least) for film in films]
 
 
 def bar_length(width: float) -> float:
-    """A round length near a sixth of the widest film, for the scale bar.
+    """Choose a round length near a sixth of the widest film, for the scale bar.
 
     Examples
     --------

@@ -25,7 +25,7 @@ from tympan.studies.film_surface import FilmSurface
 _MOUNTED = ("across", "back")
 _LOOSE = ("wrinkled", "slack")
 
-#: Room around a film in its picture, over its larger side: no line of its edge is cut.
+#: Margin about a film in its picture, over its larger side: no line of its edge is cut.
 _ROOM = 0.01
 
 
@@ -33,9 +33,9 @@ _ROOM = 0.01
 class View:
     """View of all films of a figure.
 
-    ``elevation`` [degrees] above the frame's plane, ``resolution`` [pixels per mm of film],
-    ``line`` width of the outlines [pixels], the colours' name and scale [kPa], the mesh width of
-    the ``net`` on the flat film [mm], and the colours of the axes.
+    ``elevation`` is in degrees above the frame's plane, ``resolution`` in pixels per mm of film,
+    ``line`` is the width of outlines [pixels]. ``colours`` and ``scale`` [kPa] are those of the
+    film, ``net`` is the mesh width of the net on the flat film [mm], the rest colours of the axes.
     """
 
     resolution: float
@@ -46,8 +46,8 @@ class View:
     short: str = look.SHORT
     long: str = look.LONG
     elevation: float = 66.0
-    ink: str = "white"  #: of the net
-    samples: int = 1  #: across a pixel, which is their average
+    ink: str = "white"  #: colour of the net
+    samples: int = 1  #: samples across a pixel, which is their average
 
     @property
     def towards(self) -> Array:
@@ -62,23 +62,24 @@ class View:
         return np.array([0.0, sin(tilt), cos(tilt)])
 
     def place(self, points: Array, turned: bool) -> Array:
-        """Points [mm] with their long axis across the picture and the load downwards."""
+        """Turn points [mm] so that their long axis is across the picture and the load downwards."""
         x, y, z = points.T
         across, back = (y, -x) if turned else (x, y)
         return np.column_stack([across, back, -z])
 
     def project(self, placed: Array) -> Array:
-        """Across and up in the picture [mm], shape (n, 2)."""
+        """Project onto the picture: across and up [mm], shape (n, 2)."""
         _, back, depth = self.up
-        return np.column_stack([placed[:, 0], placed[:, 1] * back + placed[:, 2] * depth])
+        x, y, z = placed.T
+        return np.column_stack([x, y * back + z * depth])
 
 
 def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> Picture:
-    """The deformed film in colours of ``values`` at its points, the plate at its depth, and lines.
+    """Draw the deformed film in colours of ``values`` at its points, the plate, and lines.
 
-    ``values`` are on the view's scale, shape (points,); ``turned``: whether y is across the
-    picture. A :class:`~tympan.base.system.MissingLibrary` says that there is no OpenGL to draw
-    with. The frame's centre is 0 in the picture's plane.
+    ``values`` are on the view's scale, shape (points,); ``turned`` puts y across the picture. A
+    :class:`~tympan.base.system.MissingLibrary` says that there is no OpenGL to draw with. The
+    frame's centre is 0 in the picture's plane.
     """
     surface = placed_surface(film, values, view, turned)
     extent, size = picture_frame(view.project(np.asarray(surface.points)), view.resolution)
@@ -100,35 +101,35 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
 
 
 def downsampled(pixels: NDArray[np.uint8], across: int) -> NDArray[np.uint8]:
-    """One of every ``across`` by ``across`` pixels, shape (rows, columns, 3)."""
+    """Average blocks of ``across`` by ``across`` pixels, shape (rows, columns, 3)."""
     total = sum(pixels[row::across, column::across].astype(np.uint16)
                 for row, column in product(range(across), repeat=2))
     return np.asarray((total + across**2 // 2) // across**2, np.uint8)
 
 
 def placed_surface(film: FilmSurface, values: Array, view: View, turned: bool) -> pv.PolyData:
-    """The film as placed in the picture [mm], elements joined where they meet."""
+    """Place the film in the picture [mm], with elements joined where they meet."""
     points, mounted = 1e3 * film.points, 1e3 * film.mounted
     faces = np.column_stack([np.full(len(film.triangles), 3), film.triangles]).ravel()
     surface = pv.PolyData(points, faces)
     surface["value"] = values
     if "tension" in film.values:
-        # Positive where the film has lost tension, 0 at the zone's edge: the state says on which
-        # side of it a point lies, the stress how far from it.
+        # Values are positive where the film has lost tension, 0 at the zone's edge: the state says
+        # on which side of it a point lies, the stress how far from it.
         stresses = film.values["stress_2"], film.values["stress_1"]
         for state, (name, stress) in enumerate(zip(_LOOSE, stresses, strict=True), start=1):
             inside = np.where(film.values["tension"] >= state, 1, -1)
             surface[name] = inside * np.abs(stress / 1e3)
     for name, coordinate in zip(_MOUNTED, view.place(mounted, turned).T[:2], strict=True):
         surface[name] = coordinate
-    # Shared edges are computed from both sides and differ by rounding only.
+    # Points of shared edges are computed from both sides and differ only by rounding.
     joined = surface.clean(tolerance=1e-7 * float(np.ptp(points, axis=0).max()), absolute=True)
     joined.points = view.place(np.asarray(joined.points), turned)
     return joined
 
 
 def film_rims(surface: pv.PolyData) -> list[Array]:
-    """Closed boundaries of the film as ordered points, shape (n, 3): the frame, then the plate."""
+    """Find the film's closed boundaries as ordered points, (n, 3): the frame, then the plate."""
     edges = surface.extract_feature_edges(boundary_edges=True, feature_edges=False,
                                           manifold_edges=False, non_manifold_edges=False,
                                           clear_data=True)
@@ -140,19 +141,20 @@ def film_rims(surface: pv.PolyData) -> list[Array]:
 
 def picture_frame(projected: Array, resolution: float
                   ) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
-    """Extent [mm] and pixels of a picture that holds points, shape (n, 2) [mm].
+    """Compute extent [mm] and pixels of a picture that holds points, shape (n, 2) [mm].
 
     Its pixels are whole, of exactly 1/resolution mm.
     """
     low, high = projected.min(0), projected.max(0)
     room = _ROOM * float((high - low).max())
     width, height = (ceil((span + 2 * room) * resolution) for span in high - low)
-    (x, y), half = (low + high) / 2, np.array([width, height]) / resolution / 2
-    return (x - half[0], x + half[0], y - half[1], y + half[1]), (width, height)
+    x, y = (low + high) / 2
+    across, up = np.array([width, height]) / resolution / 2
+    return (x - across, x + across, y - up, y + up), (width, height)
 
 
 def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
-    """A square net on the film, the axes through the plate, the frame's and the plate's edge."""
+    """Draw a square net, the axes through the plate, and the edges of frame and plate."""
     edges = film_rims(surface)
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
@@ -167,7 +169,7 @@ def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
 
 
 def _add_hatches(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
-    """Every zone without tension, hatched; crosswise where there is none in any direction."""
+    """Hatch every zone without tension, crosswise where no direction has any."""
     spacing = 6 * view.line / view.resolution
     for name, sign in zip(_LOOSE, (1, -1), strict=True):
         if name not in surface.point_data or surface[name].max() <= 0:
@@ -176,20 +178,20 @@ def _add_hatches(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
         zone["hatch"] = (zone["across"] + sign * zone["back"]) / sqrt(2)
         lines = zone.contour(_net(zone, "hatch", spacing), scalars="hatch")
         for line in (lines, surface.contour([0.0], scalars=name)):
-            # Black on white can be seen on any colour of the film.
+            # Black on white is visible on any colour of the film.
             _add_line(plotter, line, "white", 1.1 * view.line, view.towards)
             _add_line(plotter, line, "black", 0.55 * view.line, 2 * view.towards)
 
 
 def _net(surface: pv.PolyData, coordinate: str, spacing: float) -> list[float]:
-    """Multiples of the spacing that a coordinate of the points takes."""
+    """List the multiples of the spacing within the range of a coordinate."""
     low, high = surface.get_data_range(coordinate)
     return [spacing * number for number in range(ceil(low / spacing), floor(high / spacing) + 1)]
 
 
 def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float, towards: Array,
               opacity: float = 1.0) -> None:
-    """A line slightly before the film it lies on, or the two would show through each other."""
+    """Draw a line slightly in front of the film it lies on, so that the film does not cover it."""
     if line.n_points:
         shifted = line.translate(0.001 * line.length * towards)
         plotter.add_mesh(shifted, color=colour, line_width=width, opacity=opacity, lighting=False)
@@ -210,8 +212,8 @@ def _aim(plotter: pv.Plotter, extent: tuple[float, float, float, float], view: V
 
 @contextmanager
 def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
-    """An off-screen plotter on white, closed in the end."""
-    # VTK reports every kind of window it tries before one that works; only the last matters.
+    """Open an off-screen plotter on white, closed at the end."""
+    # VTK reports every kind of window it tries before one works; only the last one matters.
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     try:
@@ -220,8 +222,8 @@ def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
                                 theme=pv.themes.DocumentTheme())) as plotter:
             plotter.set_background("white")
             plotter.enable_anti_aliasing("msaa", multi_samples=8)
-            # The pass for surfaces seen through one another takes one sample a pixel, and time.
-            # Here only lines are seen through.
+            # The pass for surfaces visible through one another takes one sample a pixel, and time.
+            # Here only lines are transparent.
             with suppress(AttributeError):  # before VTK 9.5
                 plotter.renderer.SetUseOIT(False)
             yield plotter
@@ -230,7 +232,7 @@ def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
 
 
 def _check_opengl() -> None:
-    """VTK ends the whole process when it draws without OpenGL, so ask it first."""
+    """Refuse to draw without OpenGL: VTK would end the whole process."""
     window = vtkRenderWindow()
     window.SetOffScreenRendering(True)
     window.Initialize()

@@ -58,10 +58,10 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
 
-#: Below this margin to breakdown a result warns; strengths scatter by more.
+#: Margin to breakdown below which a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
 
-#: A coordinate [m] that only rounding keeps from 0.
+#: Coordinates [m] below this are rounding errors of 0.
 _NOTHING = 1e-15
 
 #: Elements times states summarised at once: more would leave the cache, or take much memory.
@@ -80,14 +80,14 @@ Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences"
 @checks_types
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a computation: mesh, path, and whether mirror symmetry may be used."""
+    """Settings of a computation: mesh, path, and use of mirror symmetry."""
 
     mesh: MeshSettings = field(default_factory=MeshSettings)
     path: PathSettings = field(default_factory=PathSettings)
     symmetry: bool = True
 
     def bounded(self, model: Model, loads: int = 1) -> Settings:
-        """Settings with one budget of work for all searches over many loads of a model."""
+        """Share one budget of work between all searches over many loads of a model."""
         return replace(self, path=self.path.bounded(model, followed=True, loads=loads))
 
 
@@ -97,7 +97,7 @@ class Case:
     """A specimen on a rig under a nominal ``mass`` [kg] and ``voltage`` [V].
 
     It is read ``elapsed`` [s] after the run began; ``direction`` is 1 where the voltage was reached
-    from below, -1 from above, 0 where that is not known. Texts carry their unit.
+    from below, -1 from above, 0 if unknown. Texts carry their unit.
     """
 
     specimen: Specimen
@@ -129,31 +129,31 @@ class Case:
     @classmethod
     def greatest(cls, specimen: Specimen, masses: Iterable[float], voltages: Iterable[float],
                  rig: Rig = Rig()) -> Case:
-        """The largest of masses [kg] that are asked for together, at the highest voltage [V]."""
+        """Make the case of the largest of several masses [kg] and the highest of voltages [V]."""
         return cls(specimen, mass=max(masses, key=abs, default=0.0),
                    voltage=max(voltages, key=abs, default=0.0), rig=rig)
 
     @property
     def film_voltage(self) -> float:
-        """Voltage that acts on the film [V]."""
+        """Voltage on the film itself [V]."""
         return float(self.rig.film_voltage(self.voltage, self.direction))
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether what happens at one place of the film happens all around."""
+        """Whether film and loads are axisymmetric, and so are all results."""
         return self.specimen.axisymmetric and not any(self.rig.weight_offset)
 
     def force(self, plate_area: float) -> float:
-        """Force on the film [N] by a plate of so much area [m²] that came all the way."""
+        """Compute the force on the film [N] for a plate's area [m²], with full friction."""
         return float(self.rig.rubbed(self.rig.force(self.mass, plate_area), self.direction))
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences that belong to every result of this case, its rig's among them."""
+        """Sentences that belong to every result of this case, with those of its rig."""
         return remarks_on(self.specimen, self.rig, self.mass, self.voltage)
 
     def doubted(self, reason: str) -> str:
-        """A reason why it is refused, and which of its loads may be a slip."""
+        """Add to a reason for refusal which of the loads may be a mistake."""
         return "; ".join((reason, *self._doubts))
 
     @property
@@ -165,13 +165,13 @@ class Case:
 class SpecimenRecord:
     """Numbers of one specimen, SI, in a file named after it and the record's ``ending``.
 
-    ``film`` is the deformed film, where there is one and it was asked for; it has a VTU file beside
-    the numbers. ``writer`` is the command that writes both.
+    ``film`` is the deformed film, if it exists and was requested; its VTU file stands beside the
+    numbers. ``writer`` is the command that writes both.
     """
 
     ending: ClassVar[str] = ""
     writer: ClassVar[str]
-    #: Of files an earlier run may have left, and of the pictures among them.
+    #: Kinds of files that an earlier run may have left, and of the pictures among them.
     kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")
     drawn: ClassVar[tuple[str, ...]] = ()
 
@@ -179,17 +179,17 @@ class SpecimenRecord:
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
-        """Record as a JSON object, without films."""
+        """Write the record as a JSON object, without films."""
         record: dict[str, Any] = to_json(self)
         return record
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Files that are drawn of it."""
+        """Names of its pictures."""
         return tuple(f"{self.specimen}{self.ending}.{kind}" for kind in self.drawn)
 
     def save(self, folder: Path) -> None:
-        """Write NAME, the ending, ``.json`` and, where there is a film, ``.vtu``."""
+        """Write NAME, the ending, ``.json`` and, if there is a film, ``.vtu``."""
         name = f"{self.specimen}{self.ending}"
         remove(folder, *(f"{name}.{kind}" for kind in self.kinds))
         if self.film is not None:
@@ -198,7 +198,7 @@ class SpecimenRecord:
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:
-        """Load a saved result, of the specimen of a ``name`` or of the only one."""
+        """Load a saved result, by the specimen's ``name``, or the only one."""
         file = stored_file(folder, f"*{cls.ending}.json", name, cls.writer)
         result = from_json(cls, read_json(file), file)
         surface = file.with_suffix(".vtu")
@@ -221,12 +221,12 @@ LimitKind = Literal["snap_through", "snap_back", "tension", "breakdown", "instab
 #: Distance from the centre below which a place is the centre [m].
 _CENTRE = 1e-6
 
-#: Relative error of a limit from which on it is worth a word. Limits are printed with four digits,
-#: and films scatter more.
+#: Relative error of a limit from which on it is printed. Limits are printed with four digits, and
+#: films scatter more.
 _WORTH = 5e-3
-#: Relative error of a limit from which on the mesh is too coarse to tell it. Set by trial.
+#: Relative error of a limit from which on the mesh is too coarse to resolve it. Set by trial.
 _RESOLVED = 0.05
-#: Relative error of a limit above which none of its digits is sure: no percentage is printed.
+#: Relative error of a limit above which no digit is certain: no percentage is printed.
 _VAGUE = 1.0
 
 
@@ -250,7 +250,7 @@ class Limit:
 
     @property
     def state(self) -> LimitState:
-        """Its label and its mark."""
+        """Limit state: label and mark."""
         state: LimitState = LIMIT_STATES[self.kind]
         return state
 
@@ -270,7 +270,7 @@ class Limit:
 
     @property
     def advice(self) -> str | None:
-        """Advice to make it more certain; None where it is certain enough."""
+        """Advice to make it more accurate; None if it is accurate enough."""
         if self.at_corner:
             return ("the finer the mesh, the lower this voltage: round the corner, with `fillet` "
                     "or `corner_radius`")
@@ -279,7 +279,7 @@ class Limit:
 
     @property
     def text(self) -> str:
-        """Its voltage, and how far that may be off where the mesh resolves it badly.
+        """Voltage, with its possible error where the mesh resolves it badly.
 
         Examples
         --------
@@ -298,7 +298,7 @@ class Limit:
 
     @property
     def resolved(self) -> bool:
-        """Whether the mesh is fine enough to tell it."""
+        """Whether the mesh is fine enough to resolve it."""
         return self.spread < _RESOLVED
 
 
@@ -306,8 +306,8 @@ class Limit:
 class Limits:
     """Voltages of loss of tension, breakdown, instability and pull-in of a film under a mass.
 
-    And those at which a mechanism of the rig makes its plate snap, the first time. None where that
-    does not happen as far as the voltage was raised.
+    Voltages at which a mechanism of the rig first makes its plate snap are included. None means
+    that the limit is not reached within the voltages followed.
     """
 
     snap_through: Annotated[Limit | None, Key(
@@ -331,36 +331,36 @@ class Limits:
 
     @classmethod
     def of(cls, reached: Mapping[LimitKind, Limit], ended: str, thins: bool = False) -> Limits:
-        """Collect the limits that are reached, whichever kinds there are."""
+        """Collect the limits that are reached, of any kinds."""
         return cls(ended=ended, thins=thins, **cast(dict[str, Any], dict(reached)))
 
     @property
     def reached(self) -> tuple[Limit, ...]:
-        """Those that are reached as the voltage rises, in the order in which they come."""
+        """Limits reached as the voltage rises, in their order."""
         limits = [limit for kind, state in LIMIT_STATES.items()
                   if not state.falling and (limit := getattr(self, kind)) is not None]
         return tuple(sorted(limits, key=lambda limit: limit.voltage_V))
 
     @property
     def told(self) -> tuple[Limit, ...]:
-        """All of them: those that are met as the voltage falls come last."""
+        """All limits; those reached as the voltage falls come last."""
         falling = [limit for kind, state in LIMIT_STATES.items()
                    if state.falling and (limit := getattr(self, kind)) is not None]
         return *self.reached, *falling
 
     @property
     def limit(self) -> Limit | None:
-        """The first that is reached."""
+        """First limit that is reached."""
         return next(iter(self.reached), None)
 
     @property
     def end(self) -> Limit | None:
-        """The one beyond which the film has no equilibrium, stable or not."""
+        """Limit beyond which the film has no equilibrium, stable or not."""
         return self.instability if self.thins else self.pull_in
 
     def beyond(self, voltage: float) -> Limit | None:
-        """The most severe that a nominal voltage [V] is beyond."""
-        # The pull-in of a film that would not thin is no limit of one that does.
+        """Find the most severe limit that a nominal voltage [V] is beyond."""
+        # The pull-in calculated for a film that could not thin is no limit of one that does.
         beyond = {limit.kind: limit for limit in self.reached if voltage > limit.voltage_V
                   and not (self.thins and limit.kind == PULL_IN.kind)}
         return next((beyond[kind] for kind in reversed(LIMIT_STATES) if kind in beyond), None)
@@ -368,7 +368,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Spread of films that scatter in one number; its unit is that of the number."""
+    """Spread of one number between films that scatter; its unit is that of the number."""
 
     low: Annotated[float, Key("5 % of the films have less")]
     median: Annotated[float, Key("half of the films have more")]
@@ -379,7 +379,7 @@ class Band:
 
 @dataclass(frozen=True, kw_only=True)
 class StableEquilibrium:
-    """One of several at which the plate may stay under the same loads."""
+    """One of several equilibria at which the plate may stay under the same loads."""
 
     deflection_m: Annotated[float, Key("deflection of the plate, downwards")]
     reached: Annotated[bool, Key("whether the mounted plate comes to it, loaded slowly and then "
@@ -437,13 +437,13 @@ class CaseResult(CaseRecord):
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
-    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times."""
+    """Build CAD, mesh and discretisation; kept, since a study uses a specimen many times."""
     return replace(meshed(specimen, settings, mirror_planes(specimen, loading)),
                    loading=solved_loading(loading, settings))
 
 
 def solved_loading(loading: Loading, settings: Settings) -> Loading:
-    """Actions, with films that are joined to the plate solved on meshes of the same settings."""
+    """Solve the films joined to the plate on meshes of the same settings, among its actions."""
     mesh = replace(settings, path=PathSettings())
     guide = "vertical" if loading.guide == "fixed" else loading.guide
     return with_films(loading, lambda bias: _solved_film(
@@ -452,26 +452,26 @@ def solved_loading(loading: Loading, settings: Settings) -> Loading:
 
 @lru_cache(maxsize=8)
 def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading) -> SolvedFilm:
-    """Kept, since a study asks for its force in many models."""
+    """Solve a joined film once, since a study needs its force in many models."""
     return SolvedFilm.of(bias, build_model(bias.specimen, settings, loading))
 
 
 def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> object:
-    """All that the mesh of :func:`build_model` depends on: films that are equal here share it."""
+    """Collect all values that the mesh of :func:`build_model` depends on, as a key to share it."""
     return (specimen.frame, specimen.plate, specimen.electrode,
             settings.mesh.suited(specimen.membrane.prestretch), settings.symmetry,
             mirror_planes(specimen, loading))
 
 
 def mirror_planes(specimen: Specimen, loading: Loading) -> frozenset[str]:
-    """Mirror planes of the film and of what acts on it."""
+    """Find the mirror planes that film and loads have in common."""
     return specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
                                      if arm}
 
 
 @lru_cache(maxsize=32)
 def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
-    """The model on a mesh that uses these mirror planes, nothing acting on it.
+    """Mesh a specimen with these mirror planes, without any actions on it.
 
     The whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
     """
@@ -486,7 +486,7 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
 
 
 def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
-    """The model of a case and its equilibrium, or why there is none."""
+    """Build the model of a case and find its equilibrium, or why there is none."""
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
     outcome = equilibrium(model, case.force(model.plate_area), case.film_voltage,
@@ -497,10 +497,10 @@ def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
 def voltage_ramp(model: Model, mass: float, voltages: Sequence[float], rig: Rig,
                  path: PathSettings, start: Solution | None = None
                  ) -> Iterator[tuple[Case, Outcome]]:
-    """Cases of a film at nominal voltages [V] under one mass [kg], each started from the last.
+    """Solve a film at nominal voltages [V] under one mass [kg], each starting from the last one.
 
-    Voltages should ascend: those above one that has no equilibrium are not searched. ``start``: an
-    equilibrium from which the first is found.
+    Voltages should ascend: those above one without equilibrium are not searched. ``start`` is an
+    equilibrium from which the first one is found.
     """
     outcomes = voltage_path(model, rig.force(mass, model.plate_area),
                             [rig.film_voltage(voltage) for voltage in voltages], rig.gas_pressure,
@@ -511,9 +511,9 @@ def voltage_ramp(model: Model, mass: float, voltages: Sequence[float], rig: Rig,
 
 def solve_grid(model: Model, masses: Iterable[float], voltages: Sequence[float], rig: Rig,
                path: PathSettings) -> Iterator[tuple[CaseResult, Outcome]]:
-    """Numbers, without the time they took, and outcomes under every mass [kg] and voltage [V].
+    """Solve every mass [kg] and voltage [V]: numbers, without times, and outcomes.
 
-    Masses first; voltages ascend.
+    All voltages, which ascend, follow for each mass.
     """
     start: Solution | None = None
     for mass in masses:
@@ -526,19 +526,19 @@ def solve_grid(model: Model, masses: Iterable[float], voltages: Sequence[float],
 
 
 def _charged_next(model: Model, outcome: Outcome) -> bool:
-    """Whether another mass may be put on at an equilibrium, and the film be charged after that."""
+    """Check that another mass may be put on at an equilibrium, and the film be charged then."""
     return (outcome.status == "equilibrium" and not model.slack_when_mounted
             and outcome.state.voltage_squared == 0)
 
 
 def deflection_without_voltage(case: Case, settings: Settings) -> float | None:
-    """Deflection of a case in equilibrium without its voltage [m]; None where there is none."""
+    """Solve a case without its voltage [m]; None if there is no equilibrium."""
     model, outcome = equilibrate(replace(case, voltage=0.0), settings)
     return model.deflection(outcome.state) if outcome.status == "equilibrium" else None
 
 
 def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
-    """Solve one case; ``film``: with its fields on a surface."""
+    """Solve one case; with ``film`` the result has its fields on a surface."""
     model, outcome, result = solved(case, settings)
     result = replace(result, equilibria=_several(model, outcome, settings))
     if not film or outcome.status != "equilibrium":
@@ -547,7 +547,7 @@ def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
 
 
 def _several(model: Model, outcome: Outcome, settings: Settings) -> tuple[StableEquilibrium, ...]:
-    """Stable equilibria under the loads of an outcome, if there are several."""
+    """Find stable equilibria under the loads of an outcome, if there are several."""
     if outcome.status != "equilibrium":
         return ()
     found = resting(model, outcome.solution, settings.path.bounded(model))
@@ -558,7 +558,7 @@ def _several(model: Model, outcome: Outcome, settings: Settings) -> tuple[Stable
 
 
 def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:
-    """The model of a case, its equilibrium or why there is none, and the numbers of both."""
+    """Solve a case: its model, its equilibrium or why there is none, and the numbers of both."""
     began = time.perf_counter()
     model, outcome = equilibrate(case, settings)
     (result, _), = summaries(model, [(case, outcome)])
@@ -567,10 +567,10 @@ def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:
 
 def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: float | None = None
               ) -> Iterator[tuple[CaseResult, Outcome]]:
-    """The numbers of cases of one model, without the time they took, beside their outcomes.
+    """Summarise cases of one model in numbers, without times, each with its outcome.
 
-    ``highest``: the highest nominal voltage [V] of those asked for together, 0 where a low one is
-    as good as any; left out, each case stands alone.
+    ``highest`` is the highest nominal voltage [V] of cases that belong together, 0 if low voltages
+    need no remark; left out, each case stands alone.
     """
     pairs = iter(cases)
     last: Outcome | None = None
@@ -610,7 +610,7 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             *film_integrals(model, states), strict=True):
         reaction, capacitance, energy = map(float, integrals)
         breakdown = {}
-        if fields.breakdown_share.any():  # there is a field, and a strength law
+        if fields.breakdown_share.any():  # with a voltage and a strength law
             weakest = int(np.argmax(fields.breakdown_share))
             x, y = mounted_place(fields.position[weakest])
             breakdown = {"breakdown_margin": float(1 / fields.breakdown_share[weakest]),
@@ -631,35 +631,35 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
 
 
 def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
-    """Whether the law fails nowhere, asked of all states at once."""
+    """Check that the law fails nowhere, in all states at once."""
     position, first, second = map(np.concatenate, zip(*(
         (fields.position, fields.stretch_1, fields.stretch_2) for fields in at_nodes), strict=True))
     return not failures(model.specimen.membrane, position, first, second)
 
 
 def mounted_place(position: Array) -> tuple[float, float]:
-    """x and y [m] of a place in the mounted film; what only rounding keeps from 0 is 0."""
+    """Read x and y [m] of a place in the mounted film; rounding errors of 0 become 0."""
     x, y = (0.0 if abs(value) < _NOTHING else float(value) for value in position[:2])
     return x, y
 
 
 def state_warnings(model: Model, state: State) -> list[str]:
-    """Warnings that a reader of a state must know before trusting it."""
+    """List warnings that a reader of a state must know before trusting it."""
     at_nodes = node_fields(model, [state])
     return field_warnings(at_nodes[0], lost_tension(model, [state], at_nodes=at_nodes)[0],
                           model.specimen.membrane, _firm(model, state))
 
 
 def _firm(model: Model, state: State) -> Array | None:
-    """The firmness of a charged film; without voltage its law alone says whether it is firm."""
+    """Compute the firmness of a charged film; without voltage its law alone determines that."""
     return firmness(model, state) if state.voltage_squared > 0 else None
 
 
 def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
                    firm: Array | None = None) -> list[str]:
-    """Warnings that a reader of these fields must know; no film: its law is sound.
+    """List warnings that a reader of these fields must know; ``film`` is None if its law is sound.
 
-    ``firm``: the film's :func:`~tympan.fem.results.firmness.firmness` at the same nodes.
+    ``firm`` is the film's :func:`~tympan.fem.results.firmness.firmness` at the same nodes.
     """
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
     if firm is not None and firm.min() <= 0:
@@ -685,14 +685,14 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
 
 
 def remarks_on(specimen: Specimen, rig: Rig, mass: float, voltage: float) -> tuple[str, ...]:
-    """Sentences for every result of a specimen on a rig under a mass [kg] and a voltage [V]."""
+    """Write sentences for every result of a specimen on a rig under mass [kg] and voltage [V]."""
     return (*implausible_loads(specimen, rig, mass, voltage), *specimen.drawn_elsewhere,
             *rig.remarks)
 
 
 def breakdown_warning(share: float, electric: float, strength: float, x: float, y: float
                       ) -> list[str]:
-    """Warning of a field [V/m] that is a large share of the film's strength, at a place [m]."""
+    """Warn if a field [V/m] is a large share of the film's strength at a place [m]."""
     if not share * LEAST_MARGIN >= 1:
         return []
     what = BREAKDOWN.label if share > 1 else f"near {BREAKDOWN.label} (margin {1 / share:.2f})"
@@ -701,12 +701,12 @@ def breakdown_warning(share: float, electric: float, strength: float, x: float, 
 
 
 def failure_reason(outcome: Outcome) -> str:
-    """Why there is no result: the limit that was found, or the solver's advice."""
+    """Explain why there is no result: by the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
     load = in_words(outcome.limit, outcome.limited or "force")
     if outcome.limited == "pressure" and outcome.kind == "pull_in":
-        # Blown up like a balloon, it is pulled nowhere.
+        # A film blown up like a balloon is pulled nowhere.
         return f"the film bears no more than {load}"
     if outcome.kind == "thinning":
         return f"{TENSION.at(load)}, where the film, wrinkled, thins without bound"

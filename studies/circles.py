@@ -12,12 +12,12 @@ from tympan.fem.film.density import maxwell
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
 
-#: Relative difference at which semi-axes are one circle's: rounding of lengths in files.
+#: Relative difference below which semi-axes are equal: rounding of lengths in files.
 _ALIKE = 1e-9
 
 
 def radii_of(frame: Outline) -> tuple[float, ...]:
-    """Radii [m] of the circles of a frame's semi-axes, the shortest first; one if equal.
+    """Choose the radii [m] of the circles of a frame's semi-axes, shortest first; one if equal.
 
     Examples
     --------
@@ -30,7 +30,7 @@ def radii_of(frame: Outline) -> tuple[float, ...]:
 
 
 def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
-    """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], its derivatives by y."""
+    """Compute √(1 + (κy)²) of a film of slope κy, κ = ``steepness`` [1/m], and derivatives by y."""
     slope = steepness * deflection
     stretch = np.sqrt(1 + slope * slope)
     return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
@@ -50,7 +50,7 @@ class ConeCircle:
 
     @cached_property
     def plate_radius(self) -> float:
-        """r [m], of the circle with the plate's area."""
+        """Radius r [m] of the circle with the plate's area."""
         return float(np.sqrt(np.prod(self.specimen.needed_plate().outline.semi_axes)))
 
     @cached_property
@@ -60,12 +60,12 @@ class ConeCircle:
 
     @cached_property
     def thickness(self) -> float:
-        """z₀ [m], of all layers of the mounted film."""
+        """Thickness z₀ [m] of all layers of the mounted film."""
         return self.specimen.membrane.volume_per_area
 
     @cached_property
     def volume(self) -> Any:
-        """2π r z₀ l₀ [m³]: the film whose energy, by the deflection, gives the force of Eq. (5).
+        """Volume 2π r z₀ l₀ [m³] of film whose energy, by the deflection, gives the force of Eq. 5.
 
         In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress
         times d ln λ_r: for any law the force has a potential, the volume times Ψ(λ_r, λ_c).
@@ -74,29 +74,29 @@ class ConeCircle:
 
     @cached_property
     def gas_area(self) -> Any:
-        """Volume below film and plate over the deflection [m²]: on it a gas lifts the plate.
+        """Volume below film and plate over the deflection [m²]: the area on which a gas lifts them.
 
-        The film is not bulged by the gas: that counts with the pressure's square.
+        The film is not deformed by the gas: that effect is quadratic in the pressure.
         """
         inner, outer = self.plate_radius, self.radius
         return np.pi / 3 * (outer**2 + outer * inner + inner**2)
 
     @cached_property
     def film(self) -> tuple[Any, Any]:
-        """Slope over deflection [1/m] and volume [m³] of the film that pulls."""
+        """Slope over deflection [1/m] and volume [m³] of the film that carries the load."""
         return self.steepness, self.volume
 
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Stretch from the mounted film at the plate's edge, √s of Eq. (3), its slopes φ, φ' by y.
+        """Compute the stretch from the mounted film at the plate's edge, √s of Eq. (3), and slopes.
 
-        The viscous parts follow it.
+        The slopes φ, φ' are derivatives by y. The viscous parts follow this stretch.
         """
         return sloped_stretch(self.steepness, deflection)
 
     def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J] over the flat film's, force [N] and stiffness [N/m] of anything with W, W₁, ….
+        """Compute energy [J] over the flat film's, force [N] and stiffness [N/m] of a material.
 
-        Across the slope the film keeps its stretch.
+        The material has W, W₁, …. Across the slope the film keeps its stretch.
         """
         flat = np.sqrt(self.specimen.membrane.area_prestretch)
         steepness, volume = self.film
@@ -106,20 +106,20 @@ class ConeCircle:
                 volume * flat * (w1 * bend + flat * w11 * phi * phi))
 
     def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J], force [N] and stiffness [N/m] of the film's own material."""
+        """Compute energy [J], force [N] and stiffness [N/m] of the film's own material."""
         return self.pull(self.specimen.membrane.material, deflection)
 
     def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """The voltage's, per V² across the film; energy and force are negative."""
+        """Compute the voltage's energy, force, stiffness per V²; energy and force are negative."""
         return self.pull(maxwell(self.specimen, 1.0), deflection)
 
     def force(self, deflection: Any, voltage: float) -> Any:
-        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], which is not its film's energy by y."""
+        """Compute 2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N]: not the derivative of the energy."""
         parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
         return sum(self.pull(part, deflection)[1] for part in parts)
 
     def capacitance(self, deflection: Any) -> Any:
-        """ε₀ε_r dA/z over the film [F] at a deflection [m]."""
+        """Integrate ε₀ε_r dA/z over the film [F] at a deflection [m]."""
         flat = np.sqrt(self.specimen.membrane.area_prestretch)
         radial = flat * sloped_stretch(self.steepness, deflection)[0]
         energy = maxwell(self.specimen, 1.0).derivatives(radial, flat)[0]
@@ -129,26 +129,26 @@ class ConeCircle:
 
 @dataclass(frozen=True)
 class MembraneCircle(ConeCircle):
-    """A circular actuator whose film is shaped as a weightless membrane; radius R, plate radius r.
+    """A circular actuator whose film has the shape of a weightless membrane; radii R, plate r.
 
-    Under even tension and hardly deflected that is y ln(R/ρ)/ln(R/r) at a distance ρ from the axis,
-    with the slope y/(ρ ln(R/r)). Over the whole film, whatever its law, the energy of those slopes
-    is to fourth order in y that of a volume V of film with the one slope κy:
+    Under even tension and small deflection the shape is y ln(R/ρ)/ln(R/r) at a distance ρ from the
+    axis, with the slope y/(ρ ln(R/r)). Over the whole film, with any law, the energy of those
+    slopes is to fourth order in y that of a volume V of film with the single slope κy:
 
     V [Ψ(λ_p √(1 + κ²y²), λ_p) − Ψ(λ_p, λ_p)],  V κ² = 2π z₀/ln(R/r),  κ² = (1/r² − 1/R²)/(2
     ln³(R/r)).
 
-    Force is its derivative, film and voltage alike: the voltage pulls with ½U² dC/dy. The paper's
+    Force is its derivative, for film and voltage: the voltage pulls with ½U² dC/dy. The paper's
     cone has V = 2π r z₀ l₀ and κ = 1/l₀, and a force smaller by :attr:`membrane_factor`.
-    ``flat_capacitance`` [F] is that of the whole flat film. The viscous parts remain the cone's,
-    with which the paper identified their constants.
+    ``flat_capacitance`` [F] is that of the whole flat film. The viscous parts remain those of the
+    cone, with which the paper identified their constants.
     """
 
     flat_capacitance: float = 0.0
 
     @cached_property
     def membrane_factor(self) -> Any:
-        """l₀/(r ln(R/r)): how much stiffer a membrane is than the cone, hardly deflected."""
+        """Factor l₀/(r ln(R/r)) by which a membrane is stiffer than a cone at small deflection."""
         inner = self.plate_radius
         return (self.radius - inner) / (inner * np.log(self.radius / inner))
 
@@ -165,5 +165,5 @@ class MembraneCircle(ConeCircle):
         return steepness, 2 * np.pi * self.thickness / (logarithm * steepness**2)
 
     def capacitance(self, deflection: Any) -> Any:
-        """Capacitance of the film [F]; half its derivative by y times U² is the voltage's pull."""
+        """Compute the film's capacitance; the voltage pulls with half its derivative times U²."""
         return self.flat_capacitance - 2 * self.electric(deflection)[0]

@@ -27,21 +27,21 @@ STORED = (
     "breakdown_share")
 
 
-#: Units of these fields, where they have one.
+#: Units of the fields that have one.
 FIELD_UNITS = {
     "displacement": "m", "thickness": "m", "electric_field": "V/m", **dict.fromkeys(
         (name for name in STORED if "stress" in name), "Pa")}
 
-#: A VTU has z upwards, so that a picture of it is the right way up. In the program z is along the
-#: load: what is written and read is turned over by these factors of x, y and z.
+#: Factors of x, y and z between program and VTU. A VTU has z upwards, so that a picture of it is
+#: the right way up; in the program z is along the load.
 _TURNED_OVER = np.array([1.0, 1.0, -1.0])
-#: Field of a VTU alone [m], positive along the load. A file without it is of an older version,
-#: which wrote z along the load.
+#: Field that only a VTU has [m], positive along the load. A file without it is from an older
+#: version, which wrote z along the load.
 _DEFLECTION = "deflection"
 
-#: Triangles tried for a place: those whose middles are nearest.
+#: Number of triangles tried for a place: those with the nearest middles.
 _NEAREST = 12
-#: A place so far outside its triangle, relative to that, is at the film's edge, which is curved.
+#: Distance outside a triangle, relative to it, of a place that is at the film's curved edge.
 _AT_EDGE = 0.1
 
 
@@ -63,20 +63,21 @@ class FilmSurface:
         return np.asarray(self.points - self.values["displacement"])
 
     def at(self, places: Array) -> dict[str, Array]:
-        """All fields at places of the flat film [m], shape (n, 2); nan where there is no film.
+        """Interpolate all fields at places of the flat film [m], (n, 2); nan where no film is.
 
-        Interpolated linearly within the triangles.
+        The interpolation is linear within the triangles.
         """
-        from scipy.spatial import cKDTree  # heavy, and `solve` asks for no places
+        from scipy.spatial import cKDTree  # slow to load, and `solve` needs no places
 
         known = np.asarray(np.isfinite(places).all(axis=1))
         places = np.where(known[:, None], places, 0.0)
         corners = self.mounted[self.triangles][:, :, :2]
         count = min(_NEAREST, len(corners))
         near = cKDTree(corners.mean(axis=1)).query(places, count)[1].reshape(len(places), count)
-        first = corners[near][:, :, 0]
-        edges = (corners[near][:, :, 1:] - first[:, :, None]).swapaxes(-1, -2)
-        along = np.linalg.solve(edges, (places[:, None] - first)[..., None])[..., 0]
+        first, others = corners[near][:, :, 0], corners[near][:, :, 1:]
+        edges = (others - first[:, :, None]).swapaxes(-1, -2)
+        away = places[:, None] - first
+        along = np.linalg.solve(edges, away[..., None])[..., 0]
         shares = np.concatenate([1 - along.sum(-1, keepdims=True), along], axis=-1)
         best = shares.min(axis=-1).argmax(axis=1)
         rows = np.arange(len(places))
@@ -87,7 +88,7 @@ class FilmSurface:
 
     @property
     def turned_over(self) -> FilmSurface:
-        """The same film with z the other way."""
+        """The film with z reversed."""
         def turned(values: Array) -> Array:
             return values * _TURNED_OVER + 0.0 if values.ndim == 2 else values  # no -0.0
 
@@ -105,13 +106,13 @@ class FilmSurface:
 
     @classmethod
     def load(cls, file: Path) -> FilmSurface:
-        """Read what :meth:`save` wrote, in this version or an older one."""
+        """Read a file that :meth:`save` wrote, in this version or an older one."""
         from meshio import vtu
 
         if not file.is_file():
             raise InputError("is missing: run the command that wrote the folder again", file=file)
         try:
-            # The reader itself, since meshio.read ends the whole process on a file it cannot read.
+            # The reader is called directly: meshio.read ends the process on an unreadable file.
             mesh = vtu.read(file)
             points = np.asarray(mesh.points, float)
             triangles = np.asarray(mesh.cells_dict["triangle"])
@@ -122,7 +123,7 @@ class FilmSurface:
                 raise ValueError("arrays do not belong together")
             if not len(triangles) or triangles.max() >= len(points):
                 raise ValueError("triangles without points")
-        except Exception:  # the reader raises whatever XML, base64, zlib and NumPy raise
+        except Exception:  # the reader raises any errors of XML, base64, zlib and NumPy
             raise InputError("is not a film as this version writes it: run the command that wrote "
                              "the folder again", file=file) from None
         if not all(np.isfinite(value).all() for value in (points, *values.values())):
@@ -135,8 +136,8 @@ class FilmSurface:
 def save_series(folder: Path, name: str, films: Sequence[tuple[float, FilmSurface]]) -> None:
     """Write films, each with a time, as NAME-0000.vtu and so on, and NAME.pvd that lists them.
 
-    ParaView and PyVista open the list as a series. Films of an earlier run are removed; of no films
-    nothing is written.
+    ParaView and PyVista open the list as a series. Films of an earlier run are removed; without
+    films nothing is written.
     """
     remove(folder, f"{name}.pvd", *(file.name for file in series_files(folder, name)))
     for number, (_, film) in enumerate(films):
@@ -150,16 +151,16 @@ def save_series(folder: Path, name: str, films: Sequence[tuple[float, FilmSurfac
 
 
 def series_files(folder: Path, name: str) -> list[Path]:
-    """The films of a series, in order."""
+    """List the files of a series, in order."""
     numbered = re.compile(rf"{re.escape(name)}-\d{{4,}}\.vtu")
     return sorted(file for file in folder.glob("*.vtu") if numbered.fullmatch(file.name))
 
 
 def film_surface(model: Model, state: State, parts: int = 6, unfolding: Unfolding | None = None,
                  **nodal: Array) -> FilmSurface:
-    """The whole film with all fields of :data:`STORED`, each element cut into ``parts``² triangles.
+    """Cut the whole film into triangles, ``parts``² an element, with all fields of :data:`STORED`.
 
-    ``unfolding``: that of the model's mesh, where it is known. Further ``nodal`` vectors of the
+    ``unfolding`` is that of the model's mesh, if it is known. Further ``nodal`` vectors of the
     whole film, shape (nodes, 3), are interpolated.
     """
     model, state = whole(model, state, unfolding)
@@ -171,20 +172,20 @@ def film_surface(model: Model, state: State, parts: int = 6, unfolding: Unfoldin
 
 
 def cut_triangles(model: Model, parts: int) -> tuple[Array, Numbers]:
-    """Reference points of a cut element, shape (2, k), and triangles of all, element-major."""
+    """Compute reference points of a cut element, (2, k), and all triangles, element-major."""
     points, triangles = lattice(parts)
     offsets = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None]
     return points, (offsets + triangles).reshape(-1, 3)
 
 
 def interpolated(model: Model, nodal: Array, points: Array) -> Array:
-    """A nodal field, (nodes, 3), at points, (2, k), of every element: (elements · k, 3)."""
+    """Interpolate a nodal field, (nodes, 3), at points, (2, k), to (elements · k, 3)."""
     shapes = tabulated(model.discretisation.mesh.order, points)[0]
     return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
 
 
 def lattice(parts: int) -> tuple[Array, Numbers]:
-    """Reference points of a triangle cut into ``parts``² equal ones, (2, n); these, (parts², 3).
+    """Cut a triangle into ``parts``² equal ones: reference points, (2, n), triangles, (parts², 3).
 
     Examples
     --------
@@ -194,7 +195,10 @@ def lattice(parts: int) -> tuple[Array, Numbers]:
     """
     places = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
     number = {place: index for index, place in enumerate(places)}
-    up = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < parts]
-    down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number
-            if i + j < parts - 1]
+    up, down = [], []
+    for i, j in places:
+        if i + j < parts:
+            up.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+        if i + j < parts - 1:
+            down.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
     return np.array(places).T / parts, np.array(up + down)

@@ -1,8 +1,8 @@
-"""The force of another film whose plate a rod joins to this one, by its own held equilibria.
+"""The force of another film whose plate a rod joins to this one, from its own equilibria.
 
-It is a function of the deflection alone: solved at places that do not depend on what was asked
-before, and between them a polynomial whose energy, force and stiffness are each other's
-derivatives. The film has no inertia, and its branches are relaxed.
+The force is a function of the deflection alone. It is solved at places that do not depend on the
+order of questions; between them it is a polynomial, with energy, force and stiffness consistent.
+The film has no inertia, and its branches are relaxed.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.quintics import CUBIC, HALVINGS, Known, cubic_miss, powers_of, values
 from tympan.fem.results.firmness import firmness
 
-#: First distance of solved places, relative to the frame's half extent: a film's force is nearly a
-#: polynomial so far.
+#: First distance between solved places, over the frame's half extent: within it a film's force is
+#: nearly a polynomial.
 _STEP = 1 / 16
 
 @dataclass(frozen=True, eq=False)
 class _Rung:
-    """A held film: deflection [m], force [N] and stiffness [N/m]."""
+    """A film held at a deflection [m], with force [N] and stiffness [N/m]."""
 
     place: float
     force: float
@@ -60,7 +60,7 @@ class _Piece:
 
 
 class _Side:
-    """Knowledge of a film on one side of where it begins, ``way`` 1 or -1."""
+    """Known pieces of a film's force on one side of its start, ``way`` 1 or -1."""
 
     def __init__(self, way: int, start: _Rung) -> None:
         self.way = way
@@ -74,13 +74,13 @@ class _Side:
 class HeldForce:
     """The force of a film by the deflection at which its plate is held, under one voltage [V].
 
-    It is solved as far as it is asked for, from a ``start`` outwards, and ends where the film gives
-    way or is far beyond its frame.
+    It is solved as far as needed, from a ``start`` outwards, and ends where the film becomes
+    unstable or is far beyond its frame.
 
     Raises
     ------
     InputError
-        When it has no shape at the start.
+        When the film has no equilibrium at the start.
     """
 
     def __init__(self, model: Model, voltage: float, start: float) -> None:
@@ -102,20 +102,20 @@ class HeldForce:
 
     @property
     def places(self) -> tuple[float, ...]:
-        """Deflections [m] at which it is solved, as far as it may be, solved yet or not."""
+        """Deflections [m] between which its force is one polynomial, over the whole range."""
         most = int(2 * self.settings.reach * self.model.size / self._step)
         return tuple(self._start.place + number * self._step for number in range(-most, most + 1))
 
     def derivatives(self, place: Any) -> tuple[Any, Any, Any]:
-        """Energy from the start on [J], force [N] and stiffness [N/m] at a deflection [m]; or nan.
+        """Compute energy from the start [J], force [N], stiffness [N/m] at a deflection [m].
 
-        Of a deflection off the real axis, too.
+        They are nan where the film has none. The deflection may be complex.
         """
         piece = self._piece(float(np.real(place)))
         return (np.nan, np.nan, np.nan) if piece is None else piece.derivatives(place)
 
     def by_voltage(self, place: float) -> tuple[float, float]:
-        """Derivatives of energy and force by the voltage [J/V, N/V] at a deflection [m]."""
+        """Differentiate energy and force by the voltage [J/V, N/V] at a deflection [m]."""
         side = self._side(place)
         near = min(side.rungs, key=lambda rung: abs(rung.place - place))
         there = self._solved(place, near.solution)
@@ -146,14 +146,14 @@ class HeldForce:
         return side.pieces[number] if number < len(side.pieces) else None
 
     def _extend(self, side: _Side) -> None:
-        """One more step of a side, or up to where the film ends."""
+        """Extend a side by one step, or up to the film's end."""
         near = side.rungs[-1]
         known: dict[float, _Rung | None] = {}
         place = self._start.place + side.way * len(side.rungs) * self._step
         spans, last, side.ended = self._spans(near, place, known, 0)
         for inner, middle, outer in spans:
             piece = _piece(*((inner, middle, outer) if side.way > 0 else (outer, middle, inner)))
-            # The energy grows from the start on.
+            # The energy is counted from the start.
             end = piece.derivatives(outer.place)[0] - piece.derivatives(inner.place)[0]
             low = side.energy if side.way > 0 else side.energy + end
             side.pieces.append(replace(piece, stored=low))
@@ -166,7 +166,7 @@ class HeldForce:
 
     def _spans(self, near: _Rung, place: float, known: dict[float, _Rung | None], halved: int
                ) -> tuple[list[tuple[_Rung, _Rung, _Rung]], _Rung, bool]:
-        """Intervals up to a deflection, each with its middle; the last place; whether all ends."""
+        """List intervals up to a deflection, with middles; the last place; whether it ends."""
         middle = (near.place + place) / 2
         for where in (place, middle):
             if where not in known:
@@ -181,12 +181,12 @@ class HeldForce:
         if ended:
             return spans, last, True
         if outer is None:
-            known.pop(place)  # from nearer it may be found
+            known.pop(place)  # it may be found from a nearer place
         more, last, ended = self._spans(last, place, known, halved + 1)
         return spans + more, last, ended
 
     def _solved(self, place: float, start: Solution) -> _Rung | None:
-        """The film held at a deflection [m]; None where it has no stable shape there."""
+        """Solve the film held at a deflection [m]; None if it has no stable equilibrium there."""
         model = self.model
         if abs(place) > self.settings.reach * model.size:
             return None
@@ -197,7 +197,7 @@ class HeldForce:
         if solution is None or solution.tangent is None:
             return None
         stiffness = float(solution.tangent.along()[1]["force"])
-        # With its plate held, the deflection is one motion less.
+        # With the plate held there is one motion less, the deflection.
         firm = solution.tangent.negative == (stiffness < 0)
         if not firm or not firmness(model, solution.state).min() > 0:
             return None
@@ -205,7 +205,7 @@ class HeldForce:
 
 
     def _exact(self, solution: Solution, place: float) -> Solution | None:
-        """Solution after one more correction by the state's own tangent, with a new tangent.
+        """Correct a solution once more by the state's own tangent, and give it a new tangent.
 
         Newton's method leaves errors of the force that would show between neighbouring places.
         """
@@ -225,7 +225,7 @@ def _piece(low: _Rung, middle: _Rung, high: _Rung) -> _Piece:
 
 @dataclass(frozen=True, eq=False)
 class SolvedFilm:
-    """A joined film as a mechanism: what is ``given`` of it may be off the real axis."""
+    """A joined film as a mechanism; the numbers of ``given`` may be complex."""
 
     law: ClassVar[str] = JoinedFilm.law
     softening: ClassVar[tuple[Interval, ...]] = JoinedFilm.softening
@@ -234,7 +234,7 @@ class SolvedFilm:
 
     @classmethod
     def of(cls, given: JoinedFilm, model: Model) -> Self:
-        """Join a film with a model of it, which nothing but its own weight acts on."""
+        """Join a film with a model of it, loaded only by its own weight."""
         return cls(given, HeldForce(model, given.voltage, given.other(0.0)))
 
     @property
@@ -254,7 +254,7 @@ class SolvedFilm:
 
 
 def with_films(loading: Loading, solved: Callable[[JoinedFilm], SolvedFilm]) -> Loading:
-    """Actions, with each joined film as it is solved."""
+    """Replace each joined film among the actions by its solved film."""
     if not any(isinstance(bias, JoinedFilm) for bias in loading.biases):
         return loading
     return replace(loading, biases=tuple(solved(bias) if isinstance(bias, JoinedFilm) else bias

@@ -32,14 +32,14 @@ from tympan.studies.case import (
 )
 from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 
-#: Into the square of this many triangles a curved element is cut in files and pictures.
+#: Square root of the number of triangles of a curved element in files and pictures.
 _PARTS = 6
 
-#: Modes among which that of the plate's heave is sought: tilts and modes of a light film may be
-#: lower.
+#: Number of modes among which that of the plate's deflection is sought: tilts and modes of a light
+#: film may be lower.
 _LOWEST = 12
 
-#: Modes in vacuo, at least, of which those in air are combinations.
+#: Least number of modes in vacuo that are combined to those in air.
 _BASIS = 40
 
 
@@ -59,7 +59,7 @@ class Mode:
 
     @property
     def speed(self) -> str:
-        """The frequency or the growth as text."""
+        """Frequency or growth as text."""
         if self.frequency_Hz is not None:
             return f"{self.frequency_Hz:.4g} Hz"
         return f"unstable, grows by {self.growth_per_s:.4g}/s"
@@ -102,13 +102,13 @@ class ModesResult(CaseRecord):
 
 
 def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.0) -> ModesResult:
-    """Small vibrations about the case's equilibrium at constant voltage.
+    """Solve small vibrations about the case's equilibrium at constant voltage.
 
-    The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
-    for ``point_mass`` [kg] of it, without inertia of its own; their centre of mass is where the rig
-    hangs the weight. The rig's added mass moves with it and does not turn. The rig's air swings
-    with film and plate along the load: it adds mass to heaves and inertia to tilts, none to slides
-    and twists.
+    The mass on the plate, with the rig's unaccounted mass, is that of a uniform plate, except for
+    ``point_mass`` [kg] of it, which has no inertia of its own; their centre of mass is where the
+    rig hangs the weight. The rig's added mass moves with the plate and does not turn. The rig's air
+    moves with film and plate along the load: it adds mass to deflections and inertia to tilts, none
+    to sideways motions and twists.
     """
     began = time.perf_counter()
     plate = carried(case, point_mass)
@@ -146,7 +146,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
 
 
 def heave_frequency(case: Case, settings: Settings) -> float | None:
-    """Frequency [Hz] of the mode in which the plate mostly moves up and down.
+    """Solve the frequency [Hz] of the mode in which the plate mostly moves up and down.
 
     None where the case has no equilibrium, or no such mode is among the lowest.
     """
@@ -158,7 +158,7 @@ def heave_frequency(case: Case, settings: Settings) -> float | None:
 
 def heaving_frequency(model: Model, state: State, plate: RigidPlate, air: float = 0.0
                       ) -> float | None:
-    """The heave's frequency [Hz] of a plate with its mass, in ``air`` [kg/m³]; None if unstable."""
+    """Solve a plate's frequency of deflection [Hz] in ``air`` [kg/m³]; None if unstable."""
     computed = swinging(model, state, plate, air, _LOWEST)
     heaving = int(np.argmax(computed.shares[:, HEAVE]))
     stable = not computed.growth[heaving] and computed.shares[heaving, HEAVE] > 0.5
@@ -166,7 +166,7 @@ def heaving_frequency(model: Model, state: State, plate: RigidPlate, air: float 
 
 
 def swinging(model: Model, state: State, plate: RigidPlate, air: float, count: int) -> Modes:
-    """The lowest modes of film and plate about a state, in ``air`` [kg/m³] on both sides."""
+    """Solve the lowest modes of film and plate about a state, in ``air`` [kg/m³] on both sides."""
     if not air:
         return vibrations(model, state, plate, count)
     basis = vibrations(model, state, plate, max(_BASIS, 3 * count))
@@ -175,7 +175,7 @@ def swinging(model: Model, state: State, plate: RigidPlate, air: float, count: i
 
 
 def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:
-    """The plate of a case with its mass, the rig's unaccounted and the added one."""
+    """Make the plate of a case with its mass, the rig's unaccounted and added mass included."""
     mass = case.mass + case.rig.unaccounted_mass + case.rig.added_mass
     if point_mass > mass:
         raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "

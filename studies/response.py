@@ -1,4 +1,4 @@
-"""Response of a film and its plate to a small swing of the voltage, by frequency."""
+"""Response of a film and its plate to a small oscillation of the voltage, by frequency."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from tympan.studies.case import (
 )
 from tympan.studies.modes import carried
 
-#: How many frequencies are asked where none are given.
+#: Number of frequencies where none are given.
 USUAL_COUNT = 241
 
-#: Lowest of the usual frequencies over the slowest branch's rate: there it follows at once.
+#: Lowest default frequency over the slowest branch's rate: there the branch follows at once.
 _SLOW = 0.01
-#: Highest of them over the plate's own frequency: there inertia holds the plate.
+#: Highest default frequency over the plate's own: there inertia holds the plate.
 _FAST = 10.0
 
-#: Lowest frequency asked of a film without branches, relative to the plate's own.
+#: Lowest default frequency for a film without branches, relative to the plate's own.
 _LOWEST = 1e-3
 
-#: tr C_v at which a viscosity is asked whether it grows with stretch.
+#: tr C_v at which a viscosity is tested for growth with stretch.
 _STRETCHED = 6.0
 
-#: How far from no swing at all a swing's voltage is looked at [V].
+#: Difference of voltages for a derivative [V].
 _SLOPE = 1e-2
 
 
@@ -75,17 +75,16 @@ class ResponseResult(CaseRecord):
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),
              progress: Callable[[str], None] = lambda words: None) -> ResponseResult:
-    """Response of a film about its equilibrium under its loads and a voltage, at frequencies [Hz].
+    """Solve the response of a film about its equilibrium to a small oscillation of the voltage.
 
-    Of a film without plate that of its centre.
-    Left out, they reach from the slowest branch to far above the plate's own frequency.
-    ``progress`` is called before each.
+    Without a plate it is that of the film's centre. The default frequencies [Hz] reach from the
+    slowest branch to far above the plate's own. ``progress`` is called before each.
 
     Raises
     ------
     InputError
-        Where the voltage is 0: forces go with its square, so a small swing about 0 moves nothing.
-        Where a branch's viscosity is another at every place of the film at rest.
+            Where the voltage is 0: forces go with its square, so a small oscillation about 0 moves
+            nothing. Where a branch's viscosity varies over the film at rest.
     """
     began = time.perf_counter()
     if not case.film_voltage:
@@ -135,7 +134,7 @@ def _listed(values: Array) -> tuple[float, ...]:
 
 
 def _natural(harmonic: Harmonic, undamped: float) -> complex | None:
-    """The heave's s [1/s], None where it does not swing."""
+    """Find the natural s [1/s] of the deflection, None where it does not oscillate."""
     if not undamped:
         return None
     try:

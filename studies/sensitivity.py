@@ -1,4 +1,4 @@
-"""Derivatives and elasticities of a case's results by every number of specimen, rig and load."""
+"""Derivatives and elasticities of a case's results by all numbers of specimen, rig and load."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "ener
          "pull_in_force": "N", "pull_in_pressure": "Pa", "thinning_voltage": "V",
          "thinning_force": "N", "thinning_pressure": "Pa"}
 
-#: What of a case makes each load; at the load's own limit they have no say.
+#: Parameters that determine each load; at the load's own limit they have no effect.
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
          "pressure": ("rig.gas_pressure",),
          "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure",
@@ -62,7 +62,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Answers:
-    """A quantity and how it follows all parameters."""
+    """A quantity with its derivatives by all parameters."""
 
     value: Annotated[float, Key("value of the quantity")]
     unit: Annotated[str, Key("unit of the value")]
@@ -84,7 +84,7 @@ class SensitivityResult(CaseRecord):
 
 def sensitivity(case: Case, settings: Settings,
                 names: Sequence[str] = ("heave",)) -> SensitivityResult:
-    """Derivatives of named quantities of a case by all it depends on; past a limit, of its load.
+    """Differentiate named quantities of a case by all parameters; past a limit, the limit's load.
 
     InputError for names that are no quantities, and for quantities without derivatives, such as the
     tilt of a level plate.
@@ -109,7 +109,7 @@ def sensitivity(case: Case, settings: Settings,
         warnings = [failure_reason(outcome)]
         of_limit = thinning_gradient if outcome.kind == "thinning" else limit_gradient
         slopes = {name: of_limit(model, critical, load, by)}
-        if load == "voltage":  # both are of U²
+        if load == "voltage":  # value and slopes are those of U²
             value = float(np.sqrt(value))
             slopes[name] = {key: slope / (2 * value) for key, slope in slopes[name].items()}
         values = {name: value}
@@ -122,7 +122,7 @@ def sensitivity(case: Case, settings: Settings,
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None
                     ) -> dict[str, ModelParameter]:
-    """All a case depends on, by name, but for lengths the mesh cannot follow."""
+    """Collect all parameters of a case by name, except lengths the mesh cannot follow."""
     of_model = parameters(model)
     result = {name: of_model[name] for name in film_names(case.specimen)}
     for name in () if _immovable(model) else shape_names(case.specimen):
@@ -139,7 +139,7 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None
 
 
 def _case_number(case: Case, path: tuple[str, ...], limited: Load | None) -> ModelParameter:
-    """The nominal mass, the nominal voltage or a number of the rig; ``limited`` is left alone."""
+    """Make a parameter of mass, voltage or a number of the rig; the ``limited`` load is fixed."""
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
         mass, voltage = (getattr(case, name) + (change if path == (name,) else 0)
                          for name in ("mass", "voltage"))
@@ -157,7 +157,7 @@ def _case_number(case: Case, path: tuple[str, ...], limited: Load | None) -> Mod
 
 
 def _under_pressure(length: ModelParameter, case: Case) -> ModelParameter:
-    """A length that changes the plate's area, and so the force of a pressure on the plate."""
+    """Let a length also change the plate's area, and so the force of a pressure on it."""
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
         other, moved = length.changed(model, state, change)
         force: Any = case.rig.rubbed(case.rig.force(case.mass, other.plate_area), case.direction)

@@ -40,19 +40,17 @@ Progress = Callable[[str], None]
 
 Banded = TypeVar("Banded", CaseResult, CurveResult, ForceResult | None)
 
-#: SI values by column name, shape (rows,) each.
-
 #: Boundaries of the mesh along the lines x and y through the plate's centre, and around the plate.
 _BOUNDARIES = {"x": "axis_x", "y": "axis_y", "plate": "plate"}
 
-#: Displacements of a force curve: half of what ``tympan force`` has, for a small picture.
+#: Number of deflections of a force curve: half of ``tympan force``'s, for a small picture.
 _PULLED = 31
-#: How far a tester pulls the plate, over the largest deflection under the lightest load.
+#: Largest deflection of a force curve over the largest one under the lightest load.
 _BEYOND = 1.25
-#: Where no voltage is given, forces are at so much of the film's first limit.
+#: Share of the film's first limit at which forces are computed where no voltage is given.
 _BELOW_LIMIT = 0.8
 
-#: The columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
+#: Columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
 #: radius around the plate.
 LINES: tuple[Column, ...] = (
     Column.labels("line", tuple(_BOUNDARIES)),
@@ -68,7 +66,7 @@ LINES: tuple[Column, ...] = (
     Column("field", "MV_per_m"),
 )
 
-#: The paper's three actuators under its loads.
+#: Study of the paper's three actuators under its loads.
 PAPER = Path(__file__).with_name("paper") / "study.toml"
 
 
@@ -99,7 +97,7 @@ class Study:
         return 5 * len(self.specimens)
 
     def with_loads(self) -> Study:
-        """Study with masses that suit all its films where none are given."""
+        """Add masses that suit all films where none are given."""
         if self.mass is not None and self.curves is not None:
             return self
         mass = self.mass
@@ -110,7 +108,7 @@ class Study:
                        curves=self.curves or LoadGrid((mass, 1.25 * mass)))
 
     def banded(self, result: Banded, specimen: Specimen) -> Banded:
-        """A result of one of its films with bands, where there are tolerances."""
+        """Add bands to a result of one of the films, if there are tolerances."""
         if self.tolerances is None or result is None:
             return result
         made: Banded = banded(result, specimen, self.tolerances, self.rig, self.settings)
@@ -122,8 +120,8 @@ class SpecimenResult:
     """One specimen of a study: under the picture's load with its film, along lines, and curves.
 
     ``semi_axes_m`` are the frame's half extents, ``source`` its file as text. ``lines`` has the
-    columns of :data:`LINES` in SI; they, the curves' table, the film and ``force`` stand in files
-    of their own. ``force`` is None where no tester can pull the plate from the flat film.
+    columns of :data:`LINES` in SI; they, the curves' table, the film and ``force`` have files of
+    their own. ``force`` is None where no tester can pull the plate from the flat film.
     """
 
     name: str
@@ -147,7 +145,7 @@ class SpecimenResult:
             self.force.save(folder / "forces")
 
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
-        """Result with what :meth:`save` wrote; ``key`` is its own in study.json."""
+        """Load the files that :meth:`save` wrote; ``key`` is the result's own in study.json."""
         name = self.name
         if Path(name).name != name:
             raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
@@ -164,14 +162,14 @@ class SpecimenResult:
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """Everything a report of a study needs; ``mass_kg`` and ``voltage_V`` are the picture's.
+    """All results of a study for its report; ``mass_kg`` and ``voltage_V`` are the picture's.
 
-    ``from_films`` names the loads that were not given, but chosen to suit the films.
-    ``rig``, ``settings`` and ``alpha_settings`` are what the study was run with, ``libraries`` and
-    ``python`` the versions it was run on.
+    ``from_films`` names the loads that were not given, but chosen to suit the films. ``rig``,
+    ``settings`` and ``alpha_settings`` are those of the run, ``libraries`` and ``python`` its
+    versions.
     """
 
-    #: Files that are drawn of it; fig4 is what earlier versions called stress.
+    #: Names of its pictures; fig4 is the stress picture of earlier versions.
     pictures: ClassVar[tuple[str, ...]] = tuple(
         f"{stem}.{suffix}" for stem in ("stress", "fig4", "curves", "forces")
         for suffix in ("png", "pdf", "svg"))
@@ -191,12 +189,12 @@ class StudyResult:
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
     def json(self) -> dict[str, Any]:
-        """Study as a JSON object, without α."""
+        """Write the study as a JSON object, without α."""
         record: dict[str, Any] = to_json(self)
         return record
 
     def save(self, folder: Path) -> None:
-        """Write what a report needs: the specimens' files, ``alpha.json`` and ``study.json``.
+        """Write the files of a report: the specimens' files, ``alpha.json`` and ``study.json``.
 
         The last one is written last, so its presence means the rest is complete.
         """
@@ -208,7 +206,7 @@ class StudyResult:
 
     @classmethod
     def load(cls, folder: Path) -> StudyResult:
-        """Everything a study stored under ``folder``."""
+        """Load everything a study stored under ``folder``."""
         file, weights = folder / "study.json", folder / "alpha.json"
         stored = from_json(cls, read_json(file), file)
         if not stored.specimens:
@@ -222,17 +220,17 @@ class StudyResult:
 
 
 def discard_report(folder: Path) -> None:
-    """Remove what says that a study in the folder is complete."""
+    """Remove the files that say that a study in the folder is complete."""
     remove(folder, "study.json", "alpha.json", "report.html")
 
 
 def default_study() -> Study:
-    """The paper's three actuators under 17.9 g."""
+    """Read the paper's three actuators under 17.9 g."""
     return read_study(PAPER)
 
 
 def read_study(file: Path) -> Study:
-    """A study from STUDY.toml.
+    """Read a study from STUDY.toml.
 
     Keys: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads. Loads
     that are left out follow from the films.
@@ -300,13 +298,14 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
 
 
 def line_profile(model: Model, state: State, line: str) -> tuple[Array, Fields]:
-    """Distances [m], shape (n,), and fields along a line of lines/NAME.csv.
+    """Compute distances [m], shape (n,), and fields along a line of lines/NAME.csv.
 
     "x" and "y" run through the plate's centre from end to end; "plate" around it, by angle.
     """
     fields, _ = edge_fields(model, state, _BOUNDARIES[line])
     arm = fields.position - model.centre
-    along = np.arctan2(arm[:, 1], arm[:, 0]) if line == "plate" else arm[:, "xy".index(line)]
+    x, y, _ = arm.T
+    along = {"x": x, "y": y, "plate": np.arctan2(y, x)}[line]
     order = np.argsort(along, kind="stable")
     fields = fields[order]
     if line != "plate":
@@ -338,7 +337,7 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
 
 
 def _force(study: Study, specimen: Specimen, curves: CurveResult) -> ForceResult | None:
-    """Forces without voltage and at the highest of those asked for that the lightest load bears."""
+    """Compute forces without voltage and at the highest voltage that the lightest load bears."""
     first, table = curves.curves[0], curves.table
     of_first = table["mass"] == first.mass_kg
     borne = of_first & (table["asked"] > 0) & (table["status"] == "equilibrium")
@@ -354,7 +353,7 @@ def _force(study: Study, specimen: Specimen, curves: CurveResult) -> ForceResult
             specimen, voltages=tuple(dict.fromkeys((0.0, voltage))), start=float(ends[0]),
             to=float(ends[1]), points=_PULLED, masses=(first.mass_kg,), rig=study.rig),
             study.settings)
-    except InputError:  # a film that is slack where it is flat has no curve to begin with
+    except InputError:  # a film that is slack where it is flat has no curve
         return None
 
 

@@ -1,4 +1,4 @@
-"""A column of a table: its name and unit, what its cells may be, and what people call it."""
+"""A column of a table: its name and unit, its cells, and other names for it."""
 
 from __future__ import annotations
 
@@ -15,48 +15,48 @@ from tympan.base.toml_reader import FINITE, Rule
 from tympan.base.units import SPELLED, USUAL, any_quantity, bounded, quantity, unit_factor
 from tympan.tables.formats import DECIMAL_COMMA, THOUSANDS
 
-#: How a reading that was not made is written.
+#: Cells that mean that a reading was not made.
 _NOTHING_READ = ("", "-", "–", "n/a", "na")
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
-#: A number with thousands separators, which no program reads by itself.
+#: A number with thousands separators, which is ambiguous.
 _GROUPED = re.compile(r"[-+]?\d{1,3}(?:([.,' \u2019\u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
 
 
-#: Words of headings that say nothing about what stands below.
+#: Words in headings that do not describe the column.
 _EMPTY_WORDS = frozenset((
     "engineering", "nominal", "nominale", "nenn", "technische", "technisch", "measured", "gemessen",
     "gemessene", "mesure", "mesuree", "axial", "axiale", "value", "wert", "the", "der", "die",
     "das", "le", "la", "de", "du"))
-#: Units of numbers that have none, and what each is.
+#: Units of plain numbers, with their values.
 _PLAIN_UNITS = {"": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "%": 0.01}
-#: The degree Celsius, which is no multiple of anything.
+#: The degree Celsius, which is no multiple of another unit.
 CELSIUS = "C"
 _BRACKETS = re.compile(r"(.*?)[\s_,/]*[\[(<]\s*([^\[\](){}<>]*?)\s*[\])>]")
-#: Brackets with a unit and perhaps more words, which other words may follow.
+#: Brackets with a unit and possibly more words, which other words may follow.
 _UNIT_AND_WORDS = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\s,;\[\]()]+)[\s,;]*([^\[\]()]*)[\])](.*)")
 _UNIT_LAST = re.compile(r"(.*?)(?:\s*[/,_]\s*|\s+in\s+|\s+en\s+|\s+)([^\s_,]+)")
 _UNIT_NAME = re.compile(r"[A-Za-z]+")
-#: So many headings are kept: a table is read several times.
+#: Number of headings kept: a table is read several times.
 _KEPT = 4096
-#: Brackets as wide as a sign of Chinese or Japanese.
+#: Full-width brackets of Chinese and Japanese, and the plain ones.
 _WIDE = str.maketrans("（）［］／", "()[]/")
-#: Letters from which on a word is known inside another one: shorter ones are there by chance.
+#: Least length of a word that is recognised inside another: shorter ones occur by chance.
 _INSIDE = 5
-#: Letters from which on a word is known at the end of another one: "Weg" of "Plattenweg".
+#: Least length of a word that is recognised at the end of another: "Weg" of "Plattenweg".
 _AT_END = 3
 
 
 @dataclass(frozen=True)
 class Heading:
-    """A heading of somebody else's table: ``words`` in small plain letters, and its ``unit``."""
+    """A heading of another writer's table: ``words`` in small plain letters, and its ``unit``."""
 
     words: str
     unit: str = ""
 
     @classmethod
     def of(cls, title: str) -> Self:
-        """The words and the unit of a heading.
+        """Split a heading into words and unit.
 
         Examples
         --------
@@ -86,7 +86,7 @@ def _words_and_unit(title: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Meaning:
-    """One of the things that people call a column, and how it becomes the column's values.
+    """One of the meanings of a column's headings, and the conversion to the column's values.
 
     ``words`` are those of headings. Numbers in a unit like ``unit`` ("" for plain ones) are divided
     by the size of the test piece that ``per`` names, "area" or "length"; then ``offset`` is added.
@@ -99,11 +99,11 @@ class Meaning:
 
     @classmethod
     def of(cls, words: str, unit: str = "", per: str = "", offset: float = 0.0) -> Self:
-        """The meaning of words with commas between them."""
+        """Make the meaning of words separated by commas."""
         return cls(frozenset(map(plain_words, words.split(","))), unit, per, offset)
 
     def alluded(self, words: str) -> bool:
-        """Whether one of its words is among those of a heading, or part of one.
+        """Check whether one of its words is among those of a heading, or part of one.
 
         Examples
         --------
@@ -114,7 +114,7 @@ class Meaning:
         return _alluded(self.words, words)
 
     def factor(self, unit: str) -> float | None:
-        """Factor that turns a unit into SI; None of a unit that does not fit."""
+        """Compute the factor that converts a unit to SI; None if the unit does not fit."""
         if self.unit == CELSIUS:
             return 1.0 if unit == CELSIUS else None
         if not self.unit:
@@ -132,7 +132,7 @@ def _alluded(known: frozenset[str], words: str) -> bool:
 
 
 def plain_words(text: str) -> str:
-    """Words in small letters without accents, and without those that say nothing."""
+    """Write words in small letters without accents, without those that do not describe."""
     plain = unicodedata.normalize("NFKD", text.casefold())
     letters = "".join(mark if mark.isalnum() else " " for mark in plain
                       if not unicodedata.combining(mark))
@@ -143,7 +143,7 @@ def plain_words(text: str) -> str:
 
 @cache
 def usual_unit(text: str) -> str | None:
-    """A unit of somebody else's heading as quantities spell it; None of what is none."""
+    """Write a unit of a heading as quantities spell it; None if it is no unit."""
     unit = unicodedata.normalize("NFKC", text.strip().replace("²", "^2").replace("³", "^3"))
     unit = unit.replace("\u03bc", "u").replace("\u00b0C", CELSIUS)
     unit = SPELLED.get(unit.rstrip(".").casefold(), unit)
@@ -156,7 +156,7 @@ def usual_unit(text: str) -> str | None:
 
 @cache
 def quantity_of(unit: str) -> str:
-    """Dimension of the unit in a heading; "" of plain numbers, of degrees, and of no unit.
+    """Find the dimension of a heading's unit; "" for plain numbers, degrees, and no unit.
 
     Examples
     --------
@@ -183,9 +183,9 @@ class Column:
 
     ``unit`` is the usual one, with ``_per_`` for a quotient, "" for plain numbers; ``rule`` holds
     for SI values. Only columns that are not ``required`` may be left out or have blank cells, which
-    read as nan or ""; ``absent`` is how nan is written, and read besides blanks. ``choices`` are
-    None for numbers, and empty where any text will do; ``example`` is one of these. ``also``: what
-    other people call it, the best first.
+    read as nan or ""; ``absent`` is how nan is written, and also read as blank. ``choices`` are
+    None for numbers, and empty where any text is allowed; ``example`` is one of these. ``also`` are
+    meanings of other writers' headings, the best first.
     """
 
     name: str
@@ -200,7 +200,7 @@ class Column:
     @classmethod
     def labels(cls, name: str, choices: Iterable[str] = (), required: bool = True,
                also: str = "") -> Column:
-        """A column of texts, of ``choices`` if there are any."""
+        """Make a column of texts, of ``choices`` if there are any."""
         meanings = (Meaning.of(also),) if also else ()
         return cls(name, required=required, choices=tuple(choices), also=meanings)
 
@@ -211,7 +211,7 @@ class Column:
 
     @property
     def dimension(self) -> str:
-        """One of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers and texts."""
+        """Dimension of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers and texts."""
         return dimension_of(self.unit) if self.unit else ""
 
     @property
@@ -220,22 +220,22 @@ class Column:
         return math.nan if self.choices is None else ""
 
     def knows(self, words: str) -> bool:
-        """Whether all words of a heading are those of one of its meanings."""
+        """Check whether all words of a heading are those of one of its meanings."""
         return any(words in meaning.words for meaning in self.also)
 
     def alludes(self, words: str) -> bool:
-        """Whether a word of one of its meanings is among those of a heading, or part of one."""
+        """Check for a word of its meanings among those of a heading, or as part of one."""
         return any(meaning.alluded(words) for meaning in self.also)
 
     def claims(self, title: str) -> bool:
-        """Whether a name of the first line is this column's, with whatever unit."""
+        """Check whether a name of the first line is this column's, with any unit."""
         if not self.unit:
             return title == self.name
         start, unit = title[: len(self.name) + 1], title[len(self.name) + 1 :]
         return start == f"{self.name}_" and unit.replace("_per_", "").replace("/", "").isalpha()
 
     def factor(self, title: str) -> float:
-        """SI value of the unit in a name."""
+        """Find the SI value of the unit in a name."""
         if not self.unit:
             return 1.0
         unit = title[len(self.name) + 1 :]
@@ -245,14 +245,14 @@ class Column:
         return unit_factor(unit, self.dimension)
 
     def texts(self, values: Sequence[Any]) -> list[str]:
-        """Cells of SI values, with the digits that read back to 12 places, or of texts."""
+        """Write cells of SI values, with the digits that read back to 12 places, or of texts."""
         if self.choices is not None:
             return list(values)
         factor = self.factor(self.title)
         return [self.absent if math.isnan(value) else f"{value / factor:.12g}" for value in values]
 
     def value(self, cell: str, factor: float, offset: float = 0.0) -> float | str:
-        """The text or SI value of a cell, or an :class:`InputError` that says what it must be."""
+        """Read the text or SI value of a cell; an :class:`InputError` says what it must be."""
         if not self.required and cell in ("", self.absent):
             return self.blank
         if self.choices is not None:
@@ -273,7 +273,7 @@ class Column:
 
 @cache
 def dimension_of(unit: str) -> str:
-    """The dimension of a unit, with ``_per_`` for a quotient."""
+    """Find the dimension of a unit, with ``_per_`` for a quotient."""
     number = any_quantity(f"1 {unit.replace('_per_', '/')}")
     if number is None:
         raise ValueError(f"no unit: {unit}")

@@ -1,8 +1,8 @@
 """CSV tables with the unit in the columns' names.
 
 Columns may stand in any order, and any unit of the right dimension may stand in a name:
-``displacement_um`` reads as ``displacement_mm`` does, because the name says which it is. Inside,
-numbers are SI.
+``displacement_um`` is read like ``displacement_mm``, since the name gives the unit. Numbers in the
+program are SI.
 """
 
 from __future__ import annotations
@@ -23,23 +23,22 @@ from tympan.tables.column import Column as Column
 from tympan.tables.formats import Row, TwoMarks, read_rows, unfolded, unread
 from tympan.tables.layouts import Layout, Reader, Source
 
-#: Values of a column that has to grow are so far apart [s or m]: no instrument tells less, and
-#: slopes over smaller steps are no numbers.
+#: Least step between values of a column that has to grow [s or m]: no instrument resolves less, and
+#: slopes over smaller steps have no meaning.
 LEAST_STEP = 1e-9
-#: Rows of a table that are texts at a time: as numbers they take a tenth of the memory.
+#: Rows of a table that are texts at one time: as numbers they take a tenth of the memory.
 TOGETHER = 10_000
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A file that was read: SI values by column name, and where each row stood.
+    """A file that was read: SI values by column name, and the line of each row.
 
-    Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is of
-    the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the
-    headings as written, ``sources`` what each column was read from: place, unit and sign, by its
-    name. ``rows`` makes the rows as written, that of the titles first. Of a ``wide`` table, which
-    was unfolded, several rows have one line. ``remarks`` say which headings were read as what,
-    where they are not ours.
+    Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is
+    that of the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the
+    headings as written, ``sources`` the place, unit and sign of each column, by its name. ``rows``
+    makes the rows as written, that of the titles first. In a ``wide`` table, which was unfolded,
+    several rows have one line. ``remarks`` say how other writers' headings were read.
     """
 
     file: Path
@@ -66,27 +65,27 @@ class Sheet:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Places of the columns that are not one value for the whole file."""
+        """Places of the columns, except those with one value for the whole file."""
         return {name: source.place for name, source in self.sources.items()
                 if source.place is not None}
 
     def heading(self, name: str) -> str:
-        """Heading of a column as written; its usual name where one value holds for all rows."""
+        """Find the heading of a column as written; its usual name where it has one value."""
         place = self.places.get(name)
         return self.sources[name].column.title if place is None else self.titles[place]
 
     @cached_property
     def cells(self) -> list[list[str]]:
-        """The rows as written, without blanks around the cells."""
+        """Rows as written, without blanks around the cells."""
         return [cells for _, cells in self.rows()][1:]
 
     def error(self, row: int, name: str, allowed: str) -> InputError:
-        """An error about one cell."""
+        """Make an error about one cell."""
         cells = next(islice(self.rows(), row + 1, None))[1]
         return self.error_in(int(self.line[row]), cells, name, allowed)
 
     def error_in(self, line: int, cells: Sequence[str], name: str, allowed: str) -> InputError:
-        """An error about one cell of a row that was read just now."""
+        """Make an error about one cell of a row that was just read."""
         place = self.places.get(name)
         if place is None:  # one value holds for the whole file
             return InputError(allowed, file=self.file, key=f"line {line}, {name}")
@@ -102,12 +101,11 @@ def read_sheet(file: Path | str, columns: Sequence[Column], some: bool = False,
                ) -> Sheet:
     """Read a table that may have the given columns, in any of the formats.
 
-    ``some``: only these columns, by their titles; others are left aside.
-    Other people's headings are found and understood (:mod:`tympan.tables.layouts`), or as a
-    ``layout`` says; ``table`` is its name in a dataset.toml, and ``usual`` what holds where no
-    heading says so. A wide table of specimens is unfolded
-    (:func:`tympan.tables.formats.unfolded`). An :class:`InputError` names line and column of what
-    cannot be used, what was given and what is allowed.
+    ``some``: only these columns are read, by their titles. Other writers' headings are recognised
+    (:mod:`tympan.tables.layouts`), or follow a ``layout``; ``table`` is its name in a dataset.toml,
+    and ``usual`` are values that hold where no heading gives them. A wide table of specimens is
+    unfolded (:func:`tympan.tables.formats.unfolded`). An :class:`InputError` names line and column
+    of the fault, the value given and the values allowed.
     """
     file = Path(file)
     raw = file_bytes(file)
@@ -134,7 +132,7 @@ def read_sheet(file: Path | str, columns: Sequence[Column], some: bool = False,
 
 def sheet_of(reader: Reader, raw: bytes, rows: Callable[[], Iterable[Row]], wide: bool = False,
              some: bool = False) -> Sheet:
-    """A table that may have no rows; of many, so many are in memory as texts at a time."""
+    """Convert a table, maybe without rows, with a limited number of rows as texts at a time."""
     file, columns = reader.file, reader.columns
     header = reader.chosen(rows()) if some else reader.header(rows())
     remarks = (*header.remarks, *reader.left_out(header, rows))
@@ -163,7 +161,7 @@ def sheet_of(reader: Reader, raw: bytes, rows: Callable[[], Iterable[Row]], wide
 
 
 def _values(sheet: Sheet, rows: Sequence[Row], source: Source, reader: Reader) -> AnyArray:
-    """A column's values in some rows."""
+    """Convert a column's cells in some rows."""
     column, values = source.column, []
     if source.place is None:
         try:

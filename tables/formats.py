@@ -1,8 +1,8 @@
-"""Formats of tables of readings: how the bytes of a file become rows of cells.
+"""Formats of tables of readings: conversion of a file's bytes to rows of cells.
 
 Every table is counted before it is read: one with too many columns or cells is refused at once. A
-new format is a value of :data:`FORMATS`, known by the end of the files' names, and where that is
-not enough by what is in them; those of users' own packages are loaded by entry points of the group
+new format is a value of :data:`FORMATS`, recognised by the end of the files' names and, if needed,
+by their content. Those of users' own packages are loaded by entry points of the group
 ``tympan.formats`` (:mod:`tympan.base.plugins`).
 """
 
@@ -29,42 +29,42 @@ from tympan.base.read_file import STORED
 from tympan.base.system import MissingLibrary
 from tympan.base.units import quantity
 
-#: A row: its line, the first of a file is 1, and its cells without blanks around them.
+#: A row: its line, 1 for the first of a file, and its cells without blanks around them.
 Row = tuple[int, list[str]]
 
-#: What may stand between cells; of those that are there as often, the first.
+#: Marks that may separate cells; of equally frequent ones the first counts.
 _SEPARATORS = (",", ";", "\t")
-#: A cell that is a number, perhaps with its unit.
+#: A cell that is a number, possibly with its unit.
 _NUMBER_CELL = re.compile(r" *[-+]?\d[\d.,]*+(?:[eE][-+]?\d+)?[^\d,;\t]*", re.ASCII)
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 _DECIMAL_POINT = re.compile(r"[-+]?\d+\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
-#: A number that a thousands separator may have been written into: "1.000" is 1000 or 1.
+#: A number that may have a thousands separator: "1.000" is 1000 or 1.
 THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
-#: Such numbers that end with 0: a program that leaves decimals out where they are 0 writes none.
+#: Such numbers that end with 0: a program that omits zero decimals does not write them.
 _ROUND = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d\d0(?![\d.eE])", re.ASCII)
 _HUNDREDS = re.compile(r"[-+]?[1-9]\d{2,}", re.ASCII)
 
-#: A number with any marks in it, and what may stand between thousands.
+#: A number with any marks in it, and marks that may separate thousands.
 _WITH_MARKS = re.compile(r"[-+]?\d[\d.,' \u2019\u00a0\u202f]*(?:[eE][-+]?\d+)?", re.ASCII)
 _BETWEEN_THOUSANDS = re.compile("[.,' \u2019\u00a0\u202f]")
 
-#: The first line that Excel understands: what stands between cells.
+#: A first line that tells Excel the separator of cells.
 _SEP_LINE = re.compile(r'\ufeff?"?sep=([^\w\s"\'.+-]|\t)"?[ \t;,]*\n', re.IGNORECASE)
 
-#: The first line that is not blank.
+#: First line that is not blank.
 _FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
 
-#: Lines that tell what stands between cells.
+#: Number of lines from which the separator of cells is found.
 _LOOKED_AT = 200
-#: So much of each of them tells it, 1000 columns of numbers [characters].
+#: Number of characters of each of them that count: 1000 columns of numbers.
 _LOOKED_INTO = 20_000
 
-#: What no text contains.
+#: Characters that no text contains.
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 
-#: Most columns of a table, the specimens of a wide one and more.
+#: Most columns of a table, enough for the specimens of a wide one.
 _MOST_COLUMNS = 1000
 #: Most cells of a table: 2 million samples in five columns. A table of specimens takes 1 GB of
 #: memory, any other a tenth of that.
@@ -73,15 +73,15 @@ _MOST_CELLS = 10_000_000
 _MOST_ROWS = 300_000
 #: Most tags in the cells and texts of a workbook, four a cell: 100,000 take openpyxl 0.3 s.
 _MOST_TAGS = 5_000_000
-#: Most tags in its styles and all else: 100,000 take 1.4 s and 50 MB.
+#: Most tags in its styles and other parts: 100,000 take 1.4 s and 50 MB.
 _MOST_OTHER_TAGS = 100_000
 #: Parts of a workbook that hold cells or texts.
 _CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
 #: Part of a workbook that lists its sheets.
 _SHEETS = "xl/workbook.xml"
-#: Part of a workbook that says where its sheets are.
+#: Part of a workbook with the places of its sheets.
 _PLACES = "xl/_rels/workbook.xml.rels"
-#: A sheet in the list.
+#: A sheet in that list.
 _SHEET = re.compile(r"<(?:\w+:)?sheet\s[^>]*>")
 #: The place of a part.
 _PLACE = re.compile(r"<(?:\w+:)?Relationship\s[^>]*>")
@@ -89,12 +89,12 @@ _PLACE = re.compile(r"<(?:\w+:)?Relationship\s[^>]*>")
 _CELL = re.compile(rb"<(?:\w+:)?(?:v|is)>")
 #: An attribute of a tag, and its value.
 _ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
-#: So much of a workbook is counted at a time [bytes].
+#: Bytes of a workbook that are counted at a time.
 _CHUNK = 1 << 20
-#: A longer tag of a cell is not found where two such parts meet [bytes].
+#: Longest tag of a cell that is found where two such parts meet [bytes].
 _NAME = 20
 
-#: Encodings by the byte-order mark at the beginning; that of UTF-32 begins as one of UTF-16 does.
+#: Encodings by their byte-order mark at the beginning; that of UTF-32 begins with one of UTF-16.
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF32_LE: "utf-32",
           codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF16_LE: "utf-16",
           codecs.BOM_UTF16_BE: "utf-16"}
@@ -112,13 +112,12 @@ class TwoMarks(InputError):
 class Format:
     """Files whose names end with ``suffix``, a dot and small letters.
 
-    ``rows(file, content)`` are those of the bytes of a file, which it names in errors; the first
-    has the names of the columns. They may be made one by one. ``explanation`` is one sentence for
-    someone in the laboratory.
-    Formats that share a suffix have a ``name`` each, and all but one of them say which files are
-    theirs: ``claims(file, content)``. ``table``: the file of a dataset, such as coupon.csv, for
-    which those stand whatever their names. ``unread(file, content)``: what of a file has no rows
-    here, in words, "" if nothing.
+    ``rows(file, content)`` converts the bytes of a file, which it names in errors, to rows; the
+    first has the names of the columns. They may be made one by one. ``explanation`` is one sentence
+    for someone in the laboratory. Formats that share a suffix have a ``name`` each, and all but one
+    of them say which files are theirs: ``claims(file, content)``. ``table`` is the file of a
+    dataset, such as coupon.csv, that these files replace, whatever their names. ``unread(file,
+    content)`` says which part of a file has no rows here, "" if none.
     """
 
     suffix: str
@@ -138,21 +137,21 @@ FORMATS: Registry[Format] = Registry("name")
 
 
 def suffixes() -> tuple[str, ...]:
-    """Those of all formats, each once."""
+    """List the suffixes of all formats, each once."""
     return tuple(dict.fromkeys(kind.suffix for kind in FORMATS.whole().values()))
 
 
 def format_of(file: Path, content: bytes) -> Format | None:
-    """The format that claims a file, else that of its suffix, None where there is none."""
+    """Find the format that claims a file, else that of its suffix, None if there is none."""
     able = [kind for kind in FORMATS.whole().values() if kind.suffix == file.suffix.lower()]
     claiming = [kind for kind in able if kind.claims is not None and kind.claims(file, content)]
     return next(iter([*claiming, *(kind for kind in able if kind.claims is None)]), None)
 
 
 def read_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterable[Row]:
-    """The rows of a file by its format, or as text where it has none.
+    """Read the rows of a file by its format, or as text if it has none.
 
-    ``decimal``: the decimal mark of a text, which is found where it is not given.
+    ``decimal`` is the decimal mark of a text; by default it is found.
     """
     kind = format_of(file, content)
     if kind is None or kind.rows is text_rows:
@@ -161,17 +160,17 @@ def read_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterabl
 
 
 def unread(file: Path, content: bytes) -> str:
-    """A sentence about what of a file is not read, "" if nothing."""
+    """Say which part of a file is not read, "" if none."""
     kind = format_of(file, content)
     return kind.unread(file, content) if kind is not None and kind.unread is not None else ""
 
 
 def decoded(content: bytes, file: Path | None = None) -> str:
-    """The text of a table, its lines ended by line feeds.
+    """Decode the text of a table, with its lines ended by line feeds.
 
-    In the encoding that a byte-order mark names, else in UTF-8, else in Windows-1252, of which
-    Latin-1 is the part without control characters. UTF-16 is also known by its zeros. An
-    :class:`InputError` of the ``file`` where that is given and the bytes are no text.
+    The encoding is the one that a byte-order mark names, else UTF-8, else Windows-1252, which
+    includes Latin-1 without control characters. UTF-16 is also recognised by its zeros. With a
+    ``file``, bytes that are no text are an :class:`InputError`.
     """
     encoding = _encoding(content)
     try:
@@ -182,7 +181,7 @@ def decoded(content: bytes, file: Path | None = None) -> str:
             raise InputError(f"is not {name} text (byte {error.start}): save it as CSV in UTF-8",
                              file=file) from None
         text = content.decode("latin-1")
-    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")  # the end in DOS
+    text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")  # ends a text in DOS
     if file and (control := _CONTROL.search(text)):
         raise InputError("is no text: save it as CSV in UTF-8, or as a workbook .xlsx", file=file,
                          given=control.group(),
@@ -205,21 +204,21 @@ def _encoding(content: bytes) -> str:
 
 
 def first_line(content: bytes) -> str:
-    """The first line of a text, but for Excel's ``sep=``, cut after a few words."""
+    """Read the first line of a text, without Excel's ``sep=``, cut after a few words."""
     text = decoded(content[:400])
     return _SEP_LINE.sub("", text, 1).partition("\n")[0]
 
 
 def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterator[Row]:
-    """Rows of text with commas, semicolons or tabs between cells, or what ``sep=`` names.
+    """Read rows of text with commas, semicolons or tabs between cells, or the mark of ``sep=``.
 
-    Where no comma stands between them, it may stand in numbers. Blank lines are skipped; encodings
+    Commas may stand in numbers where they do not separate cells. Blank lines are skipped; encodings
     and line ends are those of :func:`decoded`. An :class:`InputError` where a number can be read in
     two ways, unless its ``decimal`` mark is given.
     """
     text = decoded(content, file)
     said = _SEP_LINE.match(text)
-    if said:  # its line stays, so that the others keep their numbers
+    if said:  # its line remains, so that the others keep their numbers
         text = "\n" + text[said.end():]
     mark = said[1] if said else _separator(text)
     if (columns := _unquoted(text).count(mark) + 1) > _MOST_COLUMNS:
@@ -243,9 +242,9 @@ def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterato
 
 
 def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
-    """Rows of text that a mark splits, without those that are blank.
+    """Split text into rows at a mark, without blank rows.
 
-    A title above all numbers is one cell if it quotes its first words alone.
+    A title above all numbers is one cell if it quotes only its first words.
     """
     reader = csv.reader(_lines(text), delimiter=mark, skipinitialspace=True, strict=True)
     begin, numbers = 1, False
@@ -267,7 +266,7 @@ def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
 
 
 def _lines(text: str) -> Iterator[str]:
-    """Lines with their ends; all at once, or a stream of text, would take four times its memory."""
+    """Yield lines with their ends; all at once, or a stream, would take four times the memory."""
     begin = 0
     while begin < len(text):
         end = text.find("\n", begin) + 1 or len(text)
@@ -280,16 +279,16 @@ def _too_many(file: Path, count: int, most: int, things: str) -> InputError:
 
 
 def _unquoted(text: str) -> str:
-    """The first line that is not blank, quotations left out."""
+    """Find the first line that is not blank, without quotations."""
     first = _FIRST.search(text)
     return re.sub(r'"[^"]*"', "", first.group()) if first else ""
 
 
 def _separator(text: str) -> str:
-    """Separator: the mark between most numbers of lines of one width, quotations left out.
+    """Find the separator: the mark between most numbers of lines of one width, without quotations.
 
-    A comma last, which may be a decimal mark. Without numbers, the most frequent in the first line
-    that is not blank.
+    A comma comes last, as it may be a decimal mark. Without numbers, it is the most frequent mark
+    in the first line that is not blank.
     """
     lines = [re.sub(r'"[^"]*"', "", line[:_LOOKED_INTO].rstrip("\n"))
              for line in islice(_lines(text), _LOOKED_AT) if line.strip(" \t;,\n")]
@@ -303,12 +302,12 @@ def _separator(text: str) -> str:
 
 
 def decimal_point(cell: str) -> str:
-    """A number with a decimal comma as one with a point; any other cell as it is."""
+    """Write a number with a decimal comma with a point; leave any other cell as it is."""
     return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
 
 
 def _plain_number(cell: str, decimal: str) -> str:
-    """A number without thousands separators and with a decimal point; any other cell as it is."""
+    """Write a number without thousands separators and with a decimal point; else leave it."""
     if not _WITH_MARKS.fullmatch(cell):
         return cell
     whole, _, rest = cell.partition(decimal)
@@ -319,7 +318,7 @@ def _plain_number(cell: str, decimal: str) -> str:
 
 
 def _below_titles(rows: Sequence[Row]) -> tuple[list[str], Sequence[Row]]:
-    """The titles, which are the first of the fullest lines below a preamble, and the rows below."""
+    """Find the titles, the first of the fullest lines below a preamble, and the rows below."""
     full = [sum(map(bool, cells)) for _, cells in rows[:_LOOKED_AT]]
     at = full.index(max(full)) if full else 0
     return (rows[at][1] if rows else []), rows[at + 1:]
@@ -328,7 +327,7 @@ def _below_titles(rows: Sequence[Row]) -> tuple[list[str], Sequence[Row]]:
 def _check_marks(file: Path, rows: Sequence[Row]) -> None:
     """Refuse decimal commas and decimal points in one file.
 
-    Of columns whose title has no unit, which may be labels, a point counts only if it may separate
+    In columns whose title has no unit, which may be labels, a point counts only if it may separate
     thousands.
     """
     first: dict[tuple[str, bool], tuple[int, int, str]] = {}
@@ -354,7 +353,7 @@ def _check_marks(file: Path, rows: Sequence[Row]) -> None:
 
 
 def _check_rounds(file: Path, rows: Sequence[Row]) -> None:
-    """Refuse a column with "1.000" and "500": decimals are left out only where they are none."""
+    """Refuse a column with "1.000" and "500": decimals are omitted only where there are none."""
     titles, below = _below_titles(rows)
     for place in range(len(titles)):
         column = [(line, cells[place]) for line, cells in below if place < len(cells)]
@@ -376,9 +375,9 @@ def _place(line: int, place: int, titles: Sequence[str]) -> str:
 
 
 def workbook_rows(file: Path, content: bytes) -> list[Row]:
-    """Rows of a workbook's sheet that is called as the file is, else of its first one.
+    """Read the rows of a workbook's sheet with the file's name, else of its first one.
 
-    Formulas count as what they made when the workbook was saved. What it unpacks to is counted
+    Formulas count with their values when the workbook was saved. Its unpacked size is counted
     before a library reads it.
     """
     try:
@@ -387,17 +386,17 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
         raise MissingLibrary("workbooks need openpyxl: pip install 'tympan[excel]'") from None
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and links it does not keep
+            warnings.simplefilter("ignore")  # openpyxl warns of styles and links it drops
             _count_workbook(file, content)
             book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
             names = {sheet.title.lower(): sheet for sheet in book.worksheets}
             sheet = names.get(file.stem.lower()) or book.worksheets[0]
-            sheet.reset_dimensions()  # those it declares need not be its own
+            sheet.reset_dimensions()  # the declared ones may be wrong
             rows = _filled(file, sheet.iter_rows(values_only=True))
             others = [other.title for other in book.worksheets if other is not sheet]
     except (InputError, MemoryError):
         raise
-    except Exception:  # whatever a broken archive or its XML raises, in words of Python
+    except Exception:  # a broken archive or its XML may raise anything
         raise InputError("is no workbook that can be read: it is damaged, or of another kind; save "
                          "it again as .xlsx, or as CSV in UTF-8", file=file) from None
     if others and not rows:
@@ -411,9 +410,9 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
 
 
 def _other_sheets(file: Path, content: bytes) -> str:
-    """A sentence on the sheets of a workbook that are not read and have cells.
+    """Name the sheets of a workbook that are not read and have cells.
 
-    To load them takes as long as to read them all; their names and whether they have cells do not.
+    Loading them takes as long as reading them all; finding their names and cells does not.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         listed = [dict(_ATTRIBUTE.findall(tag))
@@ -423,7 +422,7 @@ def _other_sheets(file: Path, content: bytes) -> str:
                   for place in (dict(_ATTRIBUTE.findall(tag)) for tag in tags)}
         names = [unescape(sheet.get("name", "")) for sheet in listed]
         if file.stem.lower() in map(str.lower, names):
-            return ""  # whoever called it so means this one
+            return ""  # a sheet with the file's name is meant
         parts = (next((places.get(value, "") for key, value in sheet.items()
                        if key.endswith(":id")), "") for sheet in listed)
         others = [name for name, part in list(zip(names, parts, strict=True))[1:]
@@ -436,10 +435,10 @@ def _other_sheets(file: Path, content: bytes) -> str:
 
 
 def _has_cells(archive: zipfile.ZipFile, place: str) -> bool:
-    """Whether a sheet of a workbook has a cell that is not blank."""
+    """Check whether a sheet of a workbook has a cell that is not blank."""
     part = place.lstrip("/") if place.startswith("/") else f"xl/{place}"
     if "worksheets/" not in part or part not in archive.namelist():
-        return False  # a sheet with a diagram alone
+        return False  # a sheet with only a diagram
     with archive.open(part) as stream:
         before = b""
         while chunk := stream.read(_CHUNK):
@@ -450,7 +449,7 @@ def _has_cells(archive: zipfile.ZipFile, place: str) -> bool:
 
 
 def _count_workbook(file: Path, content: bytes) -> None:
-    """Refuse what unpacks to too much, by the sizes it declares, then by the tags in it."""
+    """Refuse a workbook that unpacks to too much, by declared sizes, then by tags."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         parts = [part for part in archive.infolist() if not part.filename.startswith("xl/media/")]
         if (size := sum(part.file_size for part in parts)) > STORED:
@@ -471,7 +470,7 @@ def _count_workbook(file: Path, content: bytes) -> None:
 
 
 def _filled(file: Path, cells: Iterator[Sequence[Any]]) -> list[Row]:
-    """The rows that are not blank, without the blank cells behind their last one."""
+    """List the rows that are not blank, without the blank cells after their last one."""
     rows = []
     for line, values in enumerate(cells, start=1):
         if line > _MOST_ROWS:
@@ -499,11 +498,11 @@ FORMATS.register(Format(
 
 
 def unfolded(file: Path, rows: Sequence[Row]) -> list[Row] | None:
-    """The rows of a wide table as one row for each reading; None of a table that is not wide.
+    """Unfold a wide table to one row for each reading; None if the table is not wide.
 
-    Columns of a wide table are called "SPECIMEN MASS NAME_UNIT", with "up" or "down" behind for the
-    way the voltage came, as in "circle 17.9 g displacement_mm"; others hold for all of a row's
-    readings. Blank cells are no readings; a column that is there again is a repeat.
+    Columns of a wide table are called "SPECIMEN MASS NAME_UNIT", with "up" or "down" appended for
+    the direction of the voltage, as in "circle 17.9 g displacement_mm"; other columns hold for all
+    of a row's readings. Blank cells are no readings; a column that occurs again is a repeat.
 
     Examples
     --------
@@ -545,7 +544,7 @@ def unfolded(file: Path, rows: Sequence[Row]) -> list[Row] | None:
 
 def _groups(file: Path, top: int, titles: Sequence[str], matches: Sequence[re.Match[str] | None]
             ) -> Iterator[tuple[dict[str, str], dict[str, int]]]:
-    """Groups of marks of readings, one row each, and where their values stand by title."""
+    """Group the marks of readings that share a row, with the places of their values by title."""
     seen = Counter[tuple[str, ...]]()
     groups: dict[tuple[str, ...], tuple[dict[str, str], dict[str, int]]] = {}
     for place, match in enumerate(matches):

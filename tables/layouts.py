@@ -1,8 +1,8 @@
-"""Layouts of tables that others have written: headings, and what they mean.
+"""Layouts of tables by other writers: headings, and their meanings.
 
-A :class:`Layout` is what ``[columns.static]`` of a dataset.toml says. What it leaves open is found:
-the line of the headings, and the columns by the words that :attr:`Column.also` knows. What has more
-than one meaning is refused, with the line to write.
+A :class:`Layout` is ``[columns.static]`` of a dataset.toml. Everything it does not state is found:
+the line of the headings, and the columns by the words of :attr:`Column.also`. A heading with
+several meanings is refused, with the line to write.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from tympan.tables.column import (
 )
 from tympan.tables.formats import Row
 
-#: Headings are looked for in so many lines: preambles of testers have some 60.
+#: Lines in which headings are searched: preambles of testers have some 60.
 SEARCHED = 200
-#: Known headings that make a line one of headings: a line of a preamble may have one by chance.
+#: Least number of known headings in a line of headings: a preamble may have one by chance.
 ENOUGH = 2
-#: The end of a quantity, which is no heading: "mass 20 g".
+#: The end of a quantity, such as "mass 20 g", which is no heading.
 _QUANTITY = re.compile(r"\d\s*[^\W\d]+$")
-#: So much of a line is shown.
+#: Most characters of a line that are shown.
 _SHOWN = 80
-#: So many ranges of lines are listed.
+#: Most ranges of lines that are listed.
 _RANGES = 4
-#: Sizes of a test piece as messages have them.
+#: Sizes of a test piece as examples in messages.
 _SIZES = {"area": "18 mm^2", "length": "30 mm"}
 _LINE: Rule = (lambda x: x >= 1, "must be the number of a line, from 1 on")
 
@@ -49,7 +49,7 @@ _LINE: Rule = (lambda x: x >= 1, "must be the number of a line, from 1 on")
 class Stated:
     """Place of the values of one column, as the user states it.
 
-    ``title`` is our name with the unit of the numbers, such as ``displacement_mm``.
+    ``title`` is tympan's name with the unit of the numbers, such as ``displacement_mm``.
     """
 
     title: str
@@ -63,7 +63,7 @@ class Stated:
 @asks
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a file of readings that has not the usual headings.
+    """Layout of a file of readings with headings other than tympan's.
 
     ``columns`` are stated; others are found by their headings.
     """
@@ -93,7 +93,7 @@ class Layout:
 
     @classmethod
     def from_table(cls, table: Table) -> Layout:
-        """Layout that a table of a dataset.toml states."""
+        """Read the layout that a table of a dataset.toml states."""
         own = {field.key for field in fields_of(cls)}
         titles = [key for key in table.data if key not in own]
         columns = tuple(_stated(table, title) for title in titles)
@@ -102,11 +102,11 @@ class Layout:
 
 
 def _stated(table: Table, title: str) -> Stated:
-    """A column by its heading alone, or by a table."""
+    """Read a column stated by its heading alone, or by a table."""
     if not isinstance(table.data[title], Mapping):
         return Stated(title, table.text(title))
     part = table.table(title)
-    if isinstance(part.data.get("value"), int | float):  # as TOML has numbers
+    if isinstance(part.data.get("value"), int | float):  # TOML allows a number here
         part = replace(part, data=dict(part.data) | {"value": str(part.data["value"])})
     values = {key: part.text(key) for key in ("from", "value") if key in part}
     sign = part.choice("sign", {"down": "down", "up": "up"}, "down")
@@ -121,7 +121,7 @@ def _stated(table: Table, title: str) -> Stated:
 class Source:
     """Source of a column: a ``place`` in each row, or a ``constant``.
 
-    ``per``: the size of the test piece that its numbers were divided by.
+    ``per`` names the size of the test piece by which its numbers were divided.
     """
 
     column: Column
@@ -134,10 +134,10 @@ class Source:
 
 @dataclass(frozen=True)
 class Header:
-    """The headings of a table: their line and words, what the columns are read from, and remarks.
+    """The headings of a table: their line and words, the sources of the columns, and remarks.
 
-    So many rows are ``above`` it; ``without`` are other lines that hold no readings; in the columns
-    at ``fill`` a blank cell has the value above; ``foreign``: no heading is one of ours.
+    ``above`` is the number of rows before it; ``without`` are other lines without readings; in the
+    columns at ``fill`` a blank cell has the value above; ``foreign``: no heading is tympan's.
     """
 
     line: int
@@ -151,21 +151,21 @@ class Header:
     remarks: tuple[str, ...] = ()
 
     def rows(self, rows: Callable[[], Iterable[Row]]) -> Iterator[Row]:
-        """The titles and the rows below, as wide as these, without those that lack a reading."""
+        """Yield the titles and the rows below, of equal width, except rows that lack a reading."""
         yield self.line, list(self.titles)
         for line, cells in self.below(rows):
             if not self.lacking(cells):
                 yield line, cells
 
     def below(self, rows: Callable[[], Iterable[Row]]) -> Iterator[Row]:
-        """The rows below the titles, also those that lack a reading."""
+        """Yield the rows below the titles, also those that lack a reading."""
         above = dict.fromkeys(self.fill, "")
         for line, cells in islice(rows(), self.above + 1, None):
             if self.foreign:
                 cells = _as_wide(cells, len(self.titles))
             if self.missing:
                 cells = ["" if cell in self.missing else cell for cell in cells]
-            if above:  # also by lines to leave out: what begins a block holds for all of it
+            if above:  # lines to leave out count too: the first cell of a block holds for all of it
                 cells = list(cells)
                 for place in (place for place in above if place < len(cells)):
                     cells[place] = above[place] = cells[place] or above[place]
@@ -173,26 +173,26 @@ class Header:
                 yield line, cells
 
     def lacking(self, cells: Sequence[str]) -> list[int]:
-        """Places of needed cells that are blank, where such a row is left out."""
+        """Find places of required cells that are blank, where such a row is left out."""
         return [source.place for source in self.sources if self.missing
                 and source.column.required and source.place is not None
                 and source.place < len(cells) and not cells[source.place]]
 
 
 def in_blocks(cells: Sequence[str]) -> bool:
-    """Whether cells of a column stand only in the first row of each block, as merged ones do."""
+    """Check whether cells stand only in the first row of each block, as merged ones do."""
     return bool(cells and cells[0]) and 2 * sum(not cell for cell in cells) >= len(cells)
 
 
 def _si_unit(cell: str) -> tuple[float, str] | None:
-    """SI value and dimension of the unit of a heading, or of a unit alone; None without one."""
+    """Find SI value and dimension of a heading's unit, or of a unit alone; None without one."""
     unit = next((unit for unit in (Heading.of(cell).unit, cell.strip("[]() "))
                  if quantity_of(unit)), "")
     return any_quantity(f"1 {usual_unit(unit)}") if unit else None
 
 
 def _as_wide(cells: list[str], width: int) -> list[str]:
-    """Cells without blank ones beyond the last heading, and with those that a line left out."""
+    """Remove blank cells beyond the last heading, and add those that a line omits."""
     while len(cells) > width and not cells[-1]:
         cells = cells[:-1]
     return cells + [""] * (width - len(cells))
@@ -200,12 +200,12 @@ def _as_wide(cells: list[str], width: int) -> list[str]:
 
 @dataclass(frozen=True)
 class Reader:
-    """Finds the header of a file that may have some ``columns``.
+    """Finder of the header of a file that may have some ``columns``.
 
-    ``table`` is its name in a dataset.toml, "" of a file read by itself; ``usual`` has what holds
-    where no heading says so, by the names of columns. ``lenient``: unknown headings beside ours
-    are left aside, of two that are as good the first is taken, and a line of headings may be known
-    by their units alone.
+    ``table`` is its name in a dataset.toml, "" for a file read alone; ``usual`` has values that
+    hold where no heading gives them, by the names of columns. If ``lenient``, unknown headings
+    beside tympan's are ignored, the first of equally good ones is taken, and a line of headings may
+    be recognised by units alone.
     """
 
     file: Path
@@ -216,7 +216,7 @@ class Reader:
     lenient: bool = False
 
     def header(self, rows: Iterable[Row]) -> Header:
-        """The header of a table whose rows these are.
+        """Find the header of a table with these rows.
 
         Raises
         ------
@@ -264,7 +264,7 @@ class Reader:
                       foreign or bool(self.layout.columns), remarks)
 
     def _require_headings_read(self, line: int) -> None:
-        """Refuse a layout that leaves out what it reads: the line of the headings, a column."""
+        """Refuse a layout that leaves out what it needs: the line of the headings, or a column."""
         layout, key = self.layout, f"columns.{self.table}"
         if line in layout.skip_lines:
             raise InputError("has the headings, which are read: leave it out of skip_lines, or say "
@@ -278,7 +278,7 @@ class Reader:
                                  given=heading)
 
     def chosen(self, rows: Iterable[Row]) -> Header:
-        """The header of a table of which only columns with our very titles are read."""
+        """Find the header of a table of which only columns with tympan's own titles are read."""
         line, titles = next(iter(rows), (0, []))
         if not titles:
             raise InputError("is empty: a first line with the names of the columns is needed",
@@ -291,7 +291,7 @@ class Reader:
         return Header(line, tuple(titles), tuple(found))
 
     def left_out(self, header: Header, rows: Callable[[], Iterable[Row]]) -> tuple[str, ...]:
-        """A remark on the rows that blank cells leave out, if there are any, and what to do."""
+        """Remark on rows that are left out for blank cells, if there are any, and on what to do."""
         if not header.missing:
             return ()
         below = list(header.below(rows))
@@ -307,16 +307,18 @@ class Reader:
                           for place, found in sorted(lines.items()))
         blocks = [header.titles[place] for place in sorted(lines)
                   if in_blocks([cells[place] for _, cells in below if place < len(cells)])]
-        fill = ", ".join(f'"{title}"' for title in blocks)
-        advice = ("if the value above holds there, "
-                  + self._write(None, f"fill = [{fill}]", "write it into the cells") if blocks else
-                  "if there are values, write them into the cells")
-        return (f"{self.file.name}: {sum(bool(places) for _, places in lacking)} of {len(below)} "
-                f"lines are left out because needed cells are blank: {where}; {advice}",)
+        advice = "if there are values, write them into the cells"
+        if blocks:
+            fill = ", ".join(f'"{title}"' for title in blocks)
+            written = self._write(None, f"fill = [{fill}]", "write it into the cells")
+            advice = f"if the value above holds there, {written}"
+        count = sum(bool(places) for _, places in lacking)
+        return (f"{self.file.name}: {count} of {len(below)} lines are left out because needed "
+                f"cells are blank: {where}; {advice}",)
 
     def _require_one_unit(self, header: Header, rows: Callable[[], Iterable[Row]],
                           left_out: Container[int]) -> None:
-        """Refuse headings that stand again among the readings, with another unit."""
+        """Refuse headings that occur again among the readings, with another unit."""
         factors = {source.place: _si_unit(header.titles[source.place])
                    for source in header.sources if source.place is not None}
         for line, cells in islice(rows(), header.above + 1, None):
@@ -330,7 +332,7 @@ class Reader:
                         given=cells[place])
 
     def advice_on(self, cell: str, line: int, title: str) -> str:
-        """Advice to leave out a cell that is no number, or its line, or to fill it."""
+        """Advise to leave out a cell that is no number, or its line, or to fill it."""
         if not self.table:
             return ""
         if any(mark.isdigit() for mark in cell):
@@ -340,14 +342,14 @@ class Reader:
             None, f'missing = ["{cell}"] or skip_lines = [{line}]{filled}', "")
 
     def advice_on_marks(self, cell: str) -> str:
-        """Advice to state a file's decimal mark in dataset.toml."""
+        """Advise to state a file's decimal mark in dataset.toml."""
         if not self.table:
             return ""
         mark = "." if "," in cell else ","
         return "; or " + self._write(None, f'decimal = "{mark}"', "")
 
     def _titles_at(self, first: Sequence[Row]) -> int:
-        """Index of the row, of the first ones, that has the headings."""
+        """Find the index of the row with the headings, among the first ones."""
         layout = self.layout
         wanted = layout.titles_line
         if wanted is not None:
@@ -371,7 +373,7 @@ class Reader:
                 break
             known = self.known(self._with_units(titles, first[at + 1:at + 2])[0])
             units = sum(bool(Heading.of(title).unit) for title in known)
-            if len(known) >= ENOUGH and (units, len(known)) > most:  # a title may name columns
+            if len(known) >= ENOUGH and (units, len(known)) > most:  # a title may mention columns
                 best, most = at, (units, len(known))
         return best
 
@@ -384,9 +386,9 @@ class Reader:
                           file=self.file, key=f"line {best[0]}", given=heading)
 
     def known(self, titles: Sequence[str]) -> list[str]:
-        """The headings that are known by their words.
+        """List the headings that are recognised by their words.
 
-        Those of a lenient reader also by their units, if no number stands in their line.
+        A lenient reader also recognises them by their units, if no number stands in their line.
         """
         by_unit = self.lenient and not any(map(NUMBER.fullmatch, titles))
         return [title for title in titles
@@ -397,7 +399,7 @@ class Reader:
         return any(column.claims(title) or column.knows(words) for column in self.columns)
 
     def _of_a_unit(self, title: str) -> bool:
-        """Whether a heading of whatever words has a unit of one of the columns."""
+        """Check whether a heading with any words has a unit of one of the columns."""
         heading = Heading.of(title)
         dimension = quantity_of(heading.unit)
         return (bool(heading.words and dimension) and not _QUANTITY.search(title)
@@ -406,7 +408,7 @@ class Reader:
     @staticmethod
     def _with_units(titles: Sequence[str], below: Sequence[Row]
                     ) -> tuple[list[str], frozenset[int]]:
-        """The headings with the units of the line below, if it has nothing else, and its number."""
+        """Add the units of the line below to the headings, if it has only units; number it."""
         for line, cells in below:
             units = [cell.strip("[]() ") for cell in cells]
             said = [unit for unit in units if unit]
@@ -439,7 +441,7 @@ class Reader:
         return sources
 
     def _place(self, heading: str, line: int, titles: Sequence[str]) -> int:
-        """Place of a stated heading in the line of the headings."""
+        """Find the place of a stated heading in the line of the headings."""
         place = next((place for place, title in enumerate(titles)
                       if title == heading or title.startswith(f"{heading} (")), None)
         if place is None:
@@ -448,7 +450,7 @@ class Reader:
 
     def _converted(self, column: Column, place: int, factor: float, stated: Stated, title: str
                    ) -> Source:
-        """A stated column as the unit in its heading means it; else as its key does."""
+        """Convert a stated column by the unit in its heading, else by that in its key."""
         meaning = None if column.unit else self._meaning(column, title)
         if isinstance(meaning, Source):
             return replace(meaning, place=place, factor=meaning.factor * factor)
@@ -466,7 +468,7 @@ class Reader:
         return Source(column, place, factor)
 
     def _size(self, meaning: Meaning, stated: Stated) -> float:
-        """Number by which numbers of a meaning are divided."""
+        """Find the number by which numbers of a meaning are divided."""
         size: float | None = getattr(self.layout, meaning.per) if meaning.per else 1.0
         if size is None:
             raise InputError(f"needs the {meaning.per} of the test piece, such as "
@@ -475,7 +477,7 @@ class Reader:
         return size
 
     def _meaning(self, column: Column, title: str) -> Source | str | None:
-        """Meaning of a heading in a column; the key that is lacking; None: something else."""
+        """Find the meaning of a heading in a column, or the missing key; None if it has none."""
         heading, lacking = Heading.of(title), None
         for meaning in column.also:
             if heading.words not in meaning.words:
@@ -504,7 +506,7 @@ class Reader:
 
     def _own(self, line: int, titles: Sequence[str], place: int, before: Sequence[Source]
              ) -> Source:
-        """A column under one of our titles."""
+        """Read a column under one of tympan's titles."""
         title = titles[place]
         try:
             column = next(item for item in self.columns if item.claims(title))
@@ -518,7 +520,7 @@ class Reader:
 
     def _guessed(self, line: int, titles: Sequence[str], free: Sequence[int],
                  have: Sequence[Column]) -> tuple[list[Source], dict[str, tuple[str, int]]]:
-        """Columns by the words of their headings; what is lacking of others, and where."""
+        """Find columns by the words of their headings; and the missing keys of others."""
         sources: list[Source] = []
         lacks: dict[str, tuple[str, int]] = {}
         for column in self.columns:
@@ -548,7 +550,7 @@ class Reader:
         return sources, lacks
 
     def _refuse(self, line: int, titles: Sequence[str], place: int) -> None:
-        """Refuse a heading that is none of ours in a table that has ours."""
+        """Refuse an unknown heading in a table with tympan's headings."""
         title = titles[place]
         known = [column.title for column in self.columns]
         named = next((column for column in self.columns if column.name == title), None)
@@ -565,7 +567,7 @@ class Reader:
 
     def _require(self, line: int, titles: Sequence[str], found: Sequence[Source],
                  lacks: Mapping[str, tuple[str, int]], left: Sequence[int]) -> None:
-        """Refuse a table without a column that it must have."""
+        """Refuse a table without a required column."""
         have = {source.column.name for source in found}
         absent = [column for column in self.columns
                   if column.required and column.name not in have]
@@ -579,7 +581,7 @@ class Reader:
                                            "call the columns so, in a line of headings with "
                                            "commas, semicolons or tabs between them"),
                              file=self.file, key=f"line {line}",
-                             # What is no table is not quoted: it may be anything.
+                             # A file that is no table is not quoted: it may contain anything.
                              given=(", ".join(titles)[:_SHOWN] if len(titles) >= ENOUGH else None))
         column = next((item for item in absent if item.name in lacks), absent[0])
         words = (f"the column {column.title} is" if len(absent) == 1 else
@@ -589,7 +591,7 @@ class Reader:
 
     def _advice(self, column: Column, titles: Sequence[str],
                 lacks: Mapping[str, tuple[str, int]], left: Sequence[int]) -> str:
-        """Advice on what to write for a column that is missing."""
+        """Advise what to write for a missing column."""
         lack, place = lacks.get(column.name, ("", 0))
         title = titles[place]
         if lack == "unit":
@@ -613,13 +615,13 @@ class Reader:
                     f"{column.title} = {{ value = 0 }}", f"call a column {column.title}")
 
     def _write(self, column: Column | None, line: str, alone: str) -> str:
-        """The lines to write: into dataset.toml, or what to do with a file read by itself."""
+        """Say what to write into dataset.toml, or what to do with a file read alone."""
         return (f"write into dataset.toml, below a line [columns.{self.table}]: {line}"
                 if self.table else alone)
 
     def _remark(self, line: int, titles: Sequence[str], found: Sequence[Source],
                 left: Sequence[int]) -> str:
-        """Remark on what was read as what."""
+        """Remark how the headings were read."""
         named = [f"{source.column.title} is {titles[source.place]!r}" if source.place is not None
                  else f"{source.column.name} is {source.constant}" for source in found]
         rest = ", ".join(repr(titles[place]) for place in left if titles[place])
@@ -628,7 +630,7 @@ class Reader:
 
 
 def error_at(file: Path, line: int, titles: Sequence[str], place: int, allowed: str) -> InputError:
-    """An error about one heading."""
+    """Make an error about one heading."""
     return InputError(allowed, file=file, key=f"line {line}, column {place + 1}",
                       given=titles[place])
 
@@ -638,7 +640,7 @@ def _listed(titles: Sequence[str]) -> str:
 
 
 def _ranges(lines: Sequence[int]) -> str:
-    """Lines in words, of many the first ones: "line 5", "lines 5, 7 to 19, 21 to 33 and more"."""
+    """Write lines in words, the first ranges if many: "line 5", "lines 5, 7 to 19 and more"."""
     ranges: list[list[int]] = []
     for line in lines:
         if ranges and line == ranges[-1][-1] + 1:

@@ -163,23 +163,6 @@ def test_nothing_cites_what_is_not_in_the_project() -> None:
     assert not citing
 
 
-#: A docstring that begins with a preposition or as a clause: "Of each state" and "What it keeps" do
-#: not say what the thing is.
-DANGLING = re.compile(
-    r'^ *r?"""(?:About|After|Against|Along|Among|Around|As|At|Before|Beside|Between|Beyond|By|For'
-    r'|From|How|In|Into|Near|Of|On|Over|Per|That|Through|To|Under|What|When|Where|Which|With|Within'
-    r'|Without)'
-    r'\b.*', re.MULTILINE)
-
-
-def test_a_docstring_begins_with_a_phrase_that_stands_alone() -> None:
-    assert DANGLING.findall('    """Of a cycle [m]."""\n\n    """Offset.\n\n    Of it.\n    """'
-                            ) == ['    """Of a cycle [m]."""']
-    assert not [f"{file.relative_to(ROOT)}: {said.strip()}" for folder in PRODUCT
-                for file in sorted((ROOT / folder).rglob("*.py"))
-                for said in DANGLING.findall(file.read_text(encoding="utf-8"))]
-
-
 def test_files_of_tests_have_names_of_their_own() -> None:
     """Two of one name in folders without a package end the whole run while it is collected."""
     names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]

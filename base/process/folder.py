@@ -1,8 +1,8 @@
-"""The folder of a command's results: whose files are in it, who works in it, what a kill left.
+"""The folder of a command's results: which files are its own, which command works in it.
 
-``.tympan`` lists every result written there as ``sha256sum`` does, digest and name; so a file that
-somebody put in a result's place, or changed, is not taken for ours. The list is also what a command
-locks while it works in the folder.
+``.tympan`` lists every result written there as ``sha256sum`` does, by digest and name. So a file
+that somebody put in a result's place, or changed, is not taken for tympan's own. A command locks
+this list while it works in the folder.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from pathlib import Path
 from tympan.base.errors import InputError
 from tympan.base.process.interruption import signals_wait
 
-#: In each folder, digest and name of the files that were written there, one a line.
+#: Name of the list in each folder: digest and name of each file written there, one a line.
 MANIFEST = ".tympan"
-#: What names of files that are not whole yet begin with.
+#: First letters of the names of files that are not yet complete.
 TEMPORARY = ".tympan-"
 
-#: What names of temporary folders begin with; nobody gives such a name to results.
+#: First letters of the names of temporary folders; nobody gives such a name to results.
 _SCRATCH = f"{TEMPORARY}scratch-"
-#: How long a temporary folder may be without a lock, as one that was made just now is [s].
+#: Age up to which a temporary folder may be without a lock, because it was just made [s].
 _FRESH = 60.0
 
 #: Most bytes of a manifest: some 100,000 results.
 _MOST = 16_000_000
-#: How often a folder that is in use is tried again by those who wait [s].
+#: Time between two attempts to lock a folder that is in use [s].
 _GLANCE = 0.05
-#: What results were before those who write several together: each file that they replaced or
-#: removed, and the other name of its content; None where there was none.
+#: Earlier content of results, while several are written together: each file that was replaced or
+#: removed, and the other name of its content; None where the file did not exist.
 _BEFORE: ContextVar[dict[Path, Path | None] | None] = ContextVar("before", default=None)
-#: A link is not followed, and a pipe not waited for.
+#: Flags to open a file: do not follow a link, do not wait for a pipe.
 _PLAIN = os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-#: File systems without locks are worked on without.
+#: Errors of file systems without locks: work goes on without a lock.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
 
 
 def digest_of(file: Path) -> str:
-    """SHA-256 of a regular file; "" where there is none, or something else."""
+    """Compute the SHA-256 of a regular file; "" if there is none, or something else."""
     try:
         handle = os.open(file, os.O_RDONLY | _PLAIN)
     except OSError:
@@ -61,12 +61,12 @@ def digest_of(file: Path) -> str:
 
 
 def is_own(file: Path) -> bool:
-    """Whether a file is there as it was written here; False where there is none.
+    """Check that a file is as tympan wrote it; False if it does not exist.
 
     Raises
     ------
     InputError
-        When it is somebody else's, or was changed.
+        When somebody else wrote or changed it.
     """
     if not os.path.lexists(file):
         return False
@@ -82,7 +82,7 @@ def is_own(file: Path) -> bool:
 
 
 def put(temporary: Path, file: Path, listed: bool = True) -> None:
-    """Give a whole file its name, and list it unless nobody else gives such names.
+    """Give a complete file its name, and list it unless nobody else gives such names.
 
     It is listed first: a process that is killed between the two leaves the earlier file, which
     is listed too. Signals wait meanwhile.
@@ -101,14 +101,14 @@ def put(temporary: Path, file: Path, listed: bool = True) -> None:
 
 
 def take_away(file: Path) -> None:
-    """Remove a result, if it is there."""
+    """Remove a result if it exists."""
     with signals_wait():
         _keep(file)
         file.unlink(missing_ok=True)
 
 
 def _keep(file: Path) -> None:
-    """Give the content of a result another name before it is replaced, where it may come back."""
+    """Keep the content of a result under another name before it is replaced."""
     before = _BEFORE.get()
     if before is None or file in before:
         return
@@ -123,9 +123,9 @@ def _keep(file: Path) -> None:
 
 @contextmanager
 def together(folder: Path) -> Iterator[None]:
-    """All results that are written into a folder meanwhile, or none.
+    """Write all results of a block into a folder, or none.
 
-    A failure leaves the earlier ones and their list. Their content needs no room meanwhile.
+    A failure restores the earlier results and their list. Copies of them need no disk space.
     """
     before: dict[Path, Path | None] = {}
     manifest = folder / MANIFEST
@@ -154,9 +154,9 @@ def together(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def temporary_beside(file: Path) -> Iterator[Path]:
-    """An empty file to fill, of the same suffix: libraries choose the format by it.
+    """Make an empty file to fill, of the same suffix: libraries choose the format by it.
 
-    Locked as long as its process lives, so that others know when it is left over.
+    It is locked while its process lives, so that others recognise one that was left over.
     """
     made: list[tuple[int, str]] = []
     try:
@@ -174,7 +174,7 @@ def temporary_beside(file: Path) -> Iterator[Path]:
 
 
 def discard_temporaries(folder: Path) -> None:
-    """Remove what killed processes left in a folder and in those that stand in it."""
+    """Remove what killed processes left in a folder and in its subfolders."""
     for pattern in (f"{TEMPORARY}*", f"*/{TEMPORARY}*"):
         for file in folder.glob(pattern):
             with suppress(OSError):
@@ -188,9 +188,10 @@ def discard_temporaries(folder: Path) -> None:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """An empty folder in the system's temporary directory, as long as it is used.
+    """Make an empty folder in the system's temporary directory, removed after its use.
 
-    Locked as long as its process lives: the first of another process removes what killed ones left.
+    It is locked while its process lives. The first one that another process makes removes those
+    that killed processes left.
     """
     _discard_folders(Path(tempfile.gettempdir()))
     made: list[str] = []
@@ -227,15 +228,15 @@ def _discard_folders(place: Path) -> None:
 
 @contextmanager
 def alone(folder: Path | None, patience: float = 0.0) -> Iterator[None]:
-    """Nobody else works in the folder meanwhile; what a kill left there is removed first.
+    """Lock a folder against other commands; what a killed one left there is removed first.
 
-    Ends with the process, however that dies. A folder that was made for nothing is removed again;
-    without one nothing is done.
+    The lock ends with the process, however it dies. A folder that was made for nothing is removed
+    again; without a folder nothing is done.
 
     Raises
     ------
     InputError
-        When it cannot be written, or another command works in it longer than ``patience`` [s].
+        When it cannot be written, or another command uses it for longer than ``patience`` [s].
     """
     if folder is None:
         yield
@@ -259,7 +260,7 @@ def alone(folder: Path | None, patience: float = 0.0) -> Iterator[None]:
 
 
 def _locked(folder: Path, end: float) -> int:
-    """The manifest, open and locked, in a folder that is made."""
+    """Make a folder if needed; open and lock its manifest."""
     while True:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -290,7 +291,7 @@ def _locked(folder: Path, end: float) -> int:
 
 
 def _open(manifest: Path) -> int:
-    """Open a list to read and write; an InputError where it is no list of ours."""
+    """Open a manifest to read and write; an InputError where it is not tympan's list."""
     try:
         handle = os.open(manifest, os.O_RDWR | os.O_CREAT | _PLAIN, 0o644)
     except OSError:
@@ -306,7 +307,7 @@ def _open(manifest: Path) -> int:
 
 
 def _lines(manifest: Path) -> frozenset[str]:
-    """Entries of a manifest; none where there is no manifest."""
+    """Read the entries of a manifest; none where there is no manifest."""
     try:
         handle = os.open(manifest, os.O_RDONLY | _PLAIN)
     except FileNotFoundError:
@@ -320,7 +321,7 @@ def _lines(manifest: Path) -> frozenset[str]:
 
 
 def _checked(handle: int, manifest: Path) -> frozenset[str]:
-    """The lines of a manifest; an InputError of what is none."""
+    """Read the lines of a manifest; an InputError if it is not one."""
     state = os.fstat(handle)
     if not stat.S_ISREG(state.st_mode) or state.st_size > _MOST:
         raise _foreign(manifest)

@@ -1,8 +1,8 @@
-"""Signals that end a command: at any moment, and so that nothing wrong is written afterwards.
+"""Signals that end a command at any moment, so that nothing wrong is written afterwards.
 
-A signal becomes a KeyboardInterrupt, which a callback of another library may swallow: what was
-being computed is then wrong. So it is raised again until the command has ended, and nothing is
-written or printed once it has come.
+A signal becomes a KeyboardInterrupt. A callback of another library may swallow it, and its result
+is then wrong. So the exception is raised again until the command has ended, and nothing is
+written or printed once a signal has come.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-#: Signals that end a command, and what is said then; the exit status is 128 and the number.
+#: Signals that end a command, and the word printed then; the exit status is 128 + number.
 ENDING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SIGHUP: "hung up"}
 #: Signals whose handlers can be set.
 _ORDINARY = tuple(number for number in signal.Signals
                   if number not in (signal.SIGKILL, signal.SIGSTOP))
-#: How soon it is looked whether the command still goes on [s].
+#: Time between two checks whether the command still goes on [s].
 _RETRY = 0.01
-#: How long an import may go on [s]. Another signal after it is a second wish, not the same twice.
+#: Time for which an import may go on [s]. A later signal is a second request, not the same one.
 _PATIENCE = 1.0
 
 
 class Interruption:
-    """Ends the process on a signal by a KeyboardInterrupt, as soon as Python can take one.
+    """Ends the process by a KeyboardInterrupt on a signal, as soon as Python can take one.
 
-    During an import it cannot: compiled modules would turn it into errors of their own, or crash.
-    Where that takes long, or who asks a second time, the process ends at once. It is raised again
-    where it was swallowed, but not while what it ends is cleaned up. ``number`` is that of the
-    signal, 0 before.
+    During an import Python cannot: compiled modules would turn it into errors of their own, or
+    crash. If that takes long, or on a second signal, the process ends at once. The exception is
+    raised again where it was swallowed, but not during the cleaning up after it. ``number`` is
+    that of the signal, 0 before.
     """
 
     number = 0
@@ -41,7 +41,7 @@ class Interruption:
 
     def __init__(self) -> None:
         for number in ENDING:
-            if signal.getsignal(number) != signal.SIG_IGN:  # as of nohup
+            if signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores SIGHUP
                 signal.signal(number, self._ask)
         signal.signal(signal.SIGALRM, self._end)
         sys.unraisablehook = self._swallowed
@@ -66,17 +66,17 @@ class Interruption:
             sys.__unraisablehook__(unraisable)
 
     def say(self, *notes: str) -> int:
-        """One line on what ended the command; answers its exit status."""
+        """Print one line on what ended the command; return its exit status."""
         number = signal.Signals(self.number or signal.SIGINT)
         print("; ".join([f"tympan: {ENDING[number]}", *notes]), file=sys.stderr)
         return 128 + number
 
     def over(self) -> None:
-        """Nothing is raised again any more."""
+        """Stop raising the exception again."""
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
     def leave(self) -> None:
-        """The command is done: a signal ends what is left of the process at once, and says so."""
+        """Let a signal end the process at once, with its message, as the command is done."""
         for number in ENDING:
             if signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, self._leave)
@@ -89,7 +89,7 @@ class Interruption:
 
 
 def raise_again() -> None:
-    """Raise a KeyboardInterrupt where a signal has come: before anything is written or printed."""
+    """Raise a KeyboardInterrupt if a signal has come: before anything is written or printed."""
     for number in ENDING:
         owner = getattr(signal.getsignal(number), "__self__", None)
         if isinstance(owner, Interruption) and owner.number:
@@ -98,12 +98,11 @@ def raise_again() -> None:
 
 @contextmanager
 def signals_wait() -> Iterator[None]:
-    """Delay signals: what they do to this process, they do afterwards.
+    """Delay signals until the end of a block.
 
-    For short sections that must not be left half done, and for callbacks of libraries that swallow
-    what is raised in them. To block signals is not enough: another thread may take one, and the
-    main one then acts on it. Handlers are the caller's, whoever that is; only the main thread has
-    any.
+    It serves short sections that must not be left half done, and callbacks of libraries that
+    swallow exceptions. Blocking signals is not enough: another thread may receive one, and the
+    main one then acts on it. The handlers are the caller's; only the main thread has any.
     """
     import threading
 
@@ -124,9 +123,9 @@ def signals_wait() -> Iterator[None]:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """A library's start changes no handler of a signal, in any thread.
+    """Restore all signal handlers, in any thread, after a library has started.
 
-    That of gmsh makes a broken pipe, SIGTERM and SIGHUP end the process at once, without a word.
+    The handler of gmsh ends the process without a word on a broken pipe, SIGTERM or SIGHUP.
     """
     import ctypes
 
@@ -145,7 +144,7 @@ def handlers_kept() -> Iterator[None]:
 
 
 def _handle(handlers: Sequence[tuple[int, Any]]) -> None:
-    """Set handlers: all of them, whatever a signal that comes meanwhile raises."""
+    """Set all of the handlers, whatever a signal that arrives meanwhile raises."""
     if handlers:
         try:
             signal.signal(*handlers[0])
@@ -162,7 +161,7 @@ def _imports(frame: FrameType | None) -> bool:
 
 
 def _unwinds(error: BaseException | None) -> bool:
-    """Whether an interruption is being handled, or a generator closed: its end must not be cut."""
+    """Check whether an interruption is being handled or a generator closed: it must not be cut."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt | GeneratorExit):
             return True

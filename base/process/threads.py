@@ -1,8 +1,8 @@
-"""One thread for the dense matrices of NumPy and SciPy, whatever the caller's environment says.
+"""One thread for the dense matrices of NumPy and SciPy, whatever the environment says.
 
-Our dense matrices are small: several threads only wait for one another, and three solves take 10
-times longer. Both libraries bring a BLAS, which is asked and set through their own extension
-modules; to look for it among all libraries of the process would take milliseconds at every call.
+The dense matrices here are small: several threads only wait for one another, and three solves take
+10 times longer. Both libraries bring a BLAS, which is called through their own extension modules; a
+search among all libraries of the process would take milliseconds at every call.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-#: What a BLAS looks at when it is loaded, the first one that is set. PARDISO has MKL_NUM_THREADS.
+#: Variables that a BLAS reads when loaded, the first one that is set. PARDISO has MKL_NUM_THREADS.
 VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 
 #: Extension modules that are linked with the BLAS of a package, of several versions.
@@ -24,8 +24,8 @@ _LINKED = {
     "scipy": ("scipy.linalg._fblas", "scipy.sparse.linalg._dsolve._superlu"),
 }
 
-#: The functions that ask for the number of threads and set it: OpenBLAS under the names that
-#: distributions build it with, MKL, BLIS.
+#: Functions that read and set the number of threads: OpenBLAS under the names that distributions
+#: build it with, MKL, BLIS.
 _FUNCTIONS = (
     *((f"{prefix}openblas_get_num_threads{suffix}", f"{prefix}openblas_set_num_threads{suffix}")
       for prefix in ("scipy_", "") for suffix in ("64_", "_64", "")),
@@ -36,7 +36,7 @@ _FUNCTIONS = (
 
 @dataclass(frozen=True)
 class Blas:
-    """The BLAS of a package: what answers its number of threads, and what sets it."""
+    """The BLAS of a package: the functions that read and set its number of threads."""
 
     ask: Callable[[], int]
     set: Callable[[int], object]
@@ -44,7 +44,7 @@ class Blas:
 
 @dataclass
 class _Limit:
-    """Count of the callers in :func:`one_thread`, of all threads, and what was set before."""
+    """Count of the callers in :func:`one_thread`, of all threads, and the settings before them."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     depth: int = 0
@@ -53,7 +53,7 @@ class _Limit:
     libraries: dict[str, Blas | None] = field(default_factory=dict)
 
     def loaded(self) -> dict[str, Blas]:
-        """BLAS libraries with threads that are loaded, by package."""
+        """Find the loaded BLAS libraries that have threads, by package."""
         for package, modules in _LINKED.items():
             files = (getattr(sys.modules.get(module), "__file__", None) for module in modules)
             file = next(filter(None, files), None)
@@ -68,7 +68,7 @@ class _Limit:
                 self.numbers = {package: blas.ask() for package, blas in self.loaded().items()}
                 for blas in self.loaded().values():
                     blas.set(1)
-                # For libraries that are loaded from here on, also by processes that are started.
+                # Libraries that are loaded later read these, also in processes that are started.
                 os.environ.update(dict.fromkeys(VARIABLES, "1"))
             self.depth += 1
 
@@ -82,7 +82,7 @@ class _Limit:
                     else:
                         os.environ[name] = value
                 for package, blas in self.loaded().items():
-                    # What was loaded meanwhile gets what it would have taken.
+                    # A library that was loaded meanwhile gets the number it would have taken.
                     blas.set(self.numbers.get(package) or _default())
 
 
@@ -91,10 +91,10 @@ _LIMIT = _Limit()
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit NumPy's and SciPy's dense algebra to one thread, also where they are loaded later.
+    """Limit NumPy's and SciPy's dense algebra to one thread, also where it is loaded later.
 
-    May be nested, and entered by several threads of the process at once; the last one that leaves
-    gives the caller's numbers back. Also a decorator.
+    It may be nested, and entered by several threads of the process at once; the last one to leave
+    restores the caller's numbers. It is also a decorator.
     """
     _LIMIT.enter()
     try:
@@ -104,23 +104,23 @@ def one_thread() -> Iterator[None]:
 
 
 def stay_single() -> None:
-    """Limit this process to one thread as :func:`one_thread` does, for the rest of its life."""
+    """Limit this process to one thread as :func:`one_thread` does, until it ends."""
     _LIMIT.enter()
 
 
 def blas_threads() -> dict[str, int]:
-    """Threads of the dense algebra now, by package; without one that is not loaded."""
+    """Count the threads of the dense algebra now, by package; only of those that are loaded."""
     return {package: blas.ask() for package, blas in _LIMIT.loaded().items()}
 
 
 def outer_environment() -> dict[str, str | None]:
-    """The caller's :data:`VARIABLES`, as they are outside of :func:`one_thread`."""
+    """Read the caller's :data:`VARIABLES`, as they are outside of :func:`one_thread`."""
     return dict(_LIMIT.environment) if _LIMIT.depth else {
         name: os.environ.get(name) for name in VARIABLES}
 
 
 def _linked(file: str) -> Blas | None:
-    """The BLAS that an extension module is linked with; None of one without such functions."""
+    """Find the BLAS that an extension module is linked with; None if it has no such functions."""
     if not Path(file).exists():
         return None
     import ctypes  # not needed by commands that compute nothing
@@ -133,7 +133,7 @@ def _linked(file: str) -> Blas | None:
 
 
 def _default() -> int:
-    """Number of threads that a BLAS takes which is loaded now."""
+    """Count the threads of a BLAS that would be loaded now."""
     processors = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
                   else os.cpu_count() or 1)
     for name in VARIABLES:

@@ -1,4 +1,4 @@
-"""Worker processes: signals are left to the process that starts them, and they end with it."""
+"""Worker processes: only the process that starts them acts on signals, and they end with it."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from tympan.base.process.threads import stay_single
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
-#: How long a pool waits for its killed processes [s]. They are gone within milliseconds; the bound
-#: is for the day on which the system does not end one.
+#: Longest wait of a pool for its killed processes [s]. They are gone within milliseconds; the bound
+#: is for a process that the system fails to end.
 _GONE = 5.0
 
 #: Processes that :func:`start_worker` started here.
@@ -43,12 +43,12 @@ class WorkerDied(Exception):
 
 
 class _InWorker(Exception):
-    """Traceback of an error in a worker process, as the cause of that error here."""
+    """Traceback of an error in a worker process, as the cause of the error raised here."""
 
 
 @dataclass(frozen=True)
 class Answer(Generic[Value]):
-    """Value of an item, or the error that took its place, with its traceback in the worker.
+    """Value of an item, or the error in its place, with its traceback in the worker.
 
     If not ``started``, no process could be started to compute it.
     """
@@ -59,7 +59,7 @@ class Answer(Generic[Value]):
     started: bool = True
 
     def result(self) -> Value:
-        """The value; the error is raised."""
+        """Return the value, or raise the error."""
         if self.error is None:
             return cast(Value, self.value)
         if self.traceback:
@@ -72,9 +72,9 @@ class Pool(Generic[Item, Value]):
 
     Each process has a thread here and a pipe of its own. So a process that dies, at any moment,
     harms no other, and its item is known. The threads are daemons: the end of the interpreter does
-    not wait for them. That is why this is no ``ProcessPoolExecutor``: its thread is waited for,
-    may wait for ever for the rest of an answer whose sender was killed, and its end waits for
-    processes which nobody ends.
+    not wait for them. A ``ProcessPoolExecutor`` would not do. The interpreter waits for its thread,
+    which may wait for ever for the rest of an answer whose sender was killed; and its end waits
+    for processes that nobody ends.
     """
 
     def __init__(self, function: Callable[[Item], Value], workers: int) -> None:
@@ -92,7 +92,7 @@ class Pool(Generic[Item, Value]):
         self.close()
 
     def put(self, key: str, item: Item) -> None:
-        """Add an item for the next process that is free; another is started while there may be."""
+        """Add an item for the next free process; start another one while there may be more."""
         self._items.put((key, item))
         if len(self._threads) < self._most:
             worker = _Worker()
@@ -103,9 +103,9 @@ class Pool(Generic[Item, Value]):
                 self._threads.append(thread)
 
     def get(self) -> tuple[str, Answer[Value]]:
-        """Key and answer of an item that is done; waits until there is one.
+        """Wait for the next item that is done; return its key and answer.
 
-        What kept a process from being started is raised: it would meet every item.
+        An error that kept a process from being started is raised: it would affect every item.
         """
         key, answer = self._answers.get()
         if not answer.started:
@@ -127,7 +127,7 @@ class Pool(Generic[Item, Value]):
                 thread.join(max(0.0, end - time.monotonic()))
 
     def _attend(self, worker: _Worker) -> None:
-        """Give one item after the other to a process, until the pool is closed."""
+        """Give one item after another to a process, until the pool is closed."""
         try:
             while (task := self._items.get()) is not None and not self._closed:
                 key, item = task
@@ -161,7 +161,7 @@ class _Worker:
             process.kill()
 
     def ask(self, content: bytes) -> bytes:
-        """Answer of the process to an item, both pickled; WorkerDied if it dies."""
+        """Send an item to the process and return its answer, pickled; WorkerDied if it dies."""
         assert self._pipe is not None
         try:
             self._pipe.send_bytes(content)
@@ -171,7 +171,7 @@ class _Worker:
             raise WorkerDied from None
 
     def kill(self) -> None:
-        """Kill the process for good: also one that is only just being started."""
+        """Kill the process for good, also one that is only just being started."""
         self._killed = True
         if (process := self._process) is not None:
             process.kill()
@@ -188,17 +188,17 @@ class _Worker:
 def _answer(worker: _Worker, function: Callable[[Item], Value], item: Item) -> Answer[Value]:
     try:
         worker.start()
-    except BaseException as error:  # of whatever kind: it is raised where the answer is read
+    except BaseException as error:  # any kind: it is raised where the answer is read
         return Answer(error=error, started=False)
     try:
         answer: Answer[Value] = pickle.loads(worker.ask(pickle.dumps((function, item))))
-    except BaseException as error:  # of whatever kind: it is raised where the answer is read
+    except BaseException as error:  # any kind: it is raised where the answer is read
         return Answer(error=error)
     return answer
 
 
 def _work(pipe: Connection) -> None:
-    """Compute what comes through a pipe, until the pool is gone."""
+    """Compute the items that come through a pipe, until the pool is gone."""
     begin_worker()
     with suppress(EOFError, OSError):
         while True:
@@ -207,17 +207,17 @@ def _work(pipe: Connection) -> None:
 
 
 def _computed(content: bytes) -> bytes:
-    """Answer to an item, both pickled; of an error that cannot be sent, its words."""
+    """Compute an item and pickle its answer; an error that cannot be sent is sent as text."""
     answer: Answer[Any]
     try:
         function, item = pickle.loads(content)
         return pickle.dumps(Answer(function(item)))
-    except BaseException as error:  # of whatever kind: it is raised where the answer is read
+    except BaseException as error:  # any kind: it is raised where the answer is read
         answer = Answer(error=error, traceback=traceback.format_exc())
     try:
         sent = pickle.dumps(answer)
         pickle.loads(sent)
-    except Exception:  # whatever the error's own class raises
+    except Exception:  # the error's own class may raise anything
         words = f"{type(answer.error).__name__}: {answer.error}"
         sent = pickle.dumps(Answer(error=RuntimeError(words), traceback=answer.traceback))
     return sent
@@ -225,7 +225,7 @@ def _computed(content: bytes) -> bytes:
 
 @contextmanager
 def signals_blocked() -> Iterator[None]:
-    """Processes started meanwhile leave it to the parent to end them."""
+    """Block signals in processes that are started meanwhile: the parent ends them."""
     resource_tracker.ensure_running()  # its start would lift the block
     with signals_wait():
         before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
@@ -236,7 +236,7 @@ def signals_blocked() -> Iterator[None]:
 
 
 def start_worker(process: BaseProcess) -> None:
-    """Start a process that leaves signals to this one, and is killed when this one leaves.
+    """Start a process that ignores signals and is killed when this one leaves.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def start_worker(process: BaseProcess) -> None:
 
 
 def begin_worker() -> None:
-    """Begin a new process that computes: one thread, and an end with the parent's."""
+    """Set up a new process that computes: one thread, and an end with its parent."""
     stay_single()
 
     def follow(sentinel: int) -> None:
@@ -266,15 +266,15 @@ def begin_worker() -> None:
 
 
 def _kill_started() -> None:
-    """Kill the workers that nobody ended; those that others started here are not ours."""
+    """Kill the workers that are still running, but no process that another library started."""
     _LEAVING.set()
     for process in multiprocessing.active_children():
         if process in _STARTED:
             process.kill()
 
 
-# What is registered last runs first. So workers are gone before multiprocessing, which the imports
-# above have registered, waits for them.
+# The handler registered last runs first. So workers are gone before multiprocessing, which the
+# imports above have registered, waits for them.
 atexit.register(_kill_started)
-# A fork has the objects, but the processes are its parent's.
+# A fork inherits the objects, but the processes are its parent's.
 os.register_at_fork(after_in_child=_STARTED.clear)

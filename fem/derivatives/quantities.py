@@ -1,8 +1,8 @@
-"""Scalar results of an equilibrium: their values, and how they change when film and plate move.
+"""Scalar results of an equilibrium: their values, and their derivatives by film and plate motion.
 
 A quantity works for complex models and states (:mod:`tympan.fem.derivatives.sensitivity`), so its
-own dependence on material, loads and shape needs no further code. :data:`QUANTITIES` has those with
-a name.
+own dependence on material, loads and shape needs no further code. :data:`QUANTITIES` names the
+usual ones.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from tympan.fem.results.firmness import EdgeSpot, Source, Spot
 class Quantity:
     """A scalar result of the whole film, the same for a state and its mirror image.
 
-    ``value`` gives it [SI], complex for a complex model or state; ``slope`` its derivative by the
-    free nodal components and the plate's allowed freedoms.
+    ``value`` computes it [SI], complex for a complex model or state; ``slope`` its derivative by
+    the free nodal components and the plate's allowed freedoms.
     """
 
     value: Callable[[Model, State], Any]
@@ -37,7 +37,7 @@ class Quantity:
 
 
 def _tilt_slope(model: Model, state: State) -> Parts:
-    """Derivative of the tilt θ: with n the normal, δn = ω × n, and cos θ = n_z."""
+    """Differentiate the tilt θ: with n the normal, δn = ω × n, and cos θ = n_z."""
     x, y, _ = state.plate.rotation[:, 2]
     sine = float(np.hypot(x, y))
     if sine < 1e-9:
@@ -47,7 +47,7 @@ def _tilt_slope(model: Model, state: State) -> Parts:
 
 
 def _reaction_slope(model: Model, state: State) -> Parts:
-    """The film's tangent times a lift of the plate's edge, by a complex step."""
+    """Multiply the film's tangent by a lift of the plate's edge, by a complex step."""
     lift = np.zeros(state.positions.shape)
     lift[model.discretisation.plate_nodes, 2] = 1.0
     return _of_nodes(model, state, complex_step(
@@ -56,31 +56,34 @@ def _reaction_slope(model: Model, state: State) -> Parts:
 
 
 def _capacitance_slope(model: Model, state: State) -> Parts:
-    """−2 ∂forces/∂U²."""
+    """Compute −2 ∂forces/∂U²."""
     factor, (inner, plate) = -2 * model.discretisation.mirrored, model.by_load(state, "voltage")
     return factor * inner, factor * plate
 
 
-#: Power of the norm that stands for a largest value: at 64 it is 2 to 10 % short.
+#: Power of the norm that approximates a largest value: at 64 it is 2 to 10 % too small.
 _POWER = 64
-#: A field at quadrature points from model, U² and C of the mounted film.
+#: A field at quadrature points, from model, U² and C of the mounted film.
 Field = Callable[[Model, Any, tuple[Any, Any, Any]], Any]
 
 
 def larger_stretch(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
-    """λ₁, from the virgin film."""
+    """Compute λ₁, counted from the virgin film."""
     return principal_stretches(c, model.specimen.membrane.prestretch)[0]
 
 
 def larger_stress(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
-    """Larger principal true stress, elastic minus Maxwell [Pa]: the larger eigenvalue of S C."""
-    s = np.moveaxis(model.density(voltage_squared)(c, tangent=False).stress, -1, 0)
-    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
-    return mean + np.sqrt(mean**2 - (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2))
+    """Compute the larger principal true stress, elastic minus Maxwell [Pa]: eigenvalue of S C."""
+    stress = model.density(voltage_squared)(c, tangent=False).stress
+    s11, s22, s12 = np.moveaxis(stress, -1, 0)
+    c11, c22, c12 = c
+    mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
+    product = (s11 * s22 - s12**2) * (c11 * c22 - c12**2)
+    return mean + np.sqrt(mean**2 - product)
 
 
 def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
-    """U over the stretched thickness under the electrode, 0 outside [V/m]."""
+    """Compute U over the stretched thickness under the electrode, 0 outside [V/m]."""
     film = model.specimen.membrane
     area = np.sqrt(c[0] * c[1] - c[2] ** 2) * film.area_prestretch
     thickness = film.thickness * model.relative_thickness
@@ -88,10 +91,11 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
 
 
 def largest(field: Field) -> Quantity:
-    """A smooth largest value of a positive field: (mean of hᵖ over the mounted film)^(1/p).
+    """Approximate the largest value of a positive field smoothly: (mean of hᵖ over the film)^(1/p).
 
-    From the quadrature points; below the true maximum, which it nears as p grows, and which has no
-    derivative where two places share it.
+    The mean is over the quadrature points of the mounted film. The result is below the true
+    maximum, which it approaches as p grows. The maximum itself has no derivative where two places
+    share it.
     """
     def norm(h: Any, weights: AnyArray) -> Any:
         scale = np.abs(np.real(h)).max()
@@ -120,14 +124,14 @@ def largest(field: Field) -> Quantity:
 
         stress = np.stack([2 * by(0), 2 * by(1), by(2)], axis=-1)
         forces = mesh.scatter(element_forces(mesh.gradients, f, stress))
-        # A mean over the part is one over the whole: what a node does, its mirror images do.
+        # The mesh is part of the film: its mirror images move alike, and the mean is the same.
         return model.on_freedoms(forces, state.plate)
 
     return Quantity(value, slope)
 
 
 def firmness_at(spot: Spot | EdgeSpot) -> Quantity:
-    """The film's firmness at a spot [Pa], which is used up where the film gives way there."""
+    """Make the film's firmness at a spot [Pa] a quantity; it is zero where the film gives way."""
     def value(model: Model, state: State) -> Any:
         sources = spot.sources(model.discretisation)
         strains = [combined(source, cauchy_green(deformed(source, model, state)))
@@ -167,7 +171,7 @@ def firmness_at(spot: Spot | EdgeSpot) -> Quantity:
     return Quantity(value, slope)
 
 
-#: Quantities by name: the deflection along the load [m]; the angle between its normal and
+#: Quantities by name: the deflection along the load [m]; the angle between the plate's normal and
 #: the load [rad], without derivatives where it is zero; the force with which the film pulls the
 #: whole plate back [N]; charge over voltage [F]; energy stored at constant voltage, counted from
 #: the virgin film [J]; and largest values.
@@ -188,7 +192,7 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def named_quantity(name: str) -> Quantity:
-    """The quantity of a name; InputError for a name nobody registered."""
+    """Find a quantity by its name; InputError for an unknown name."""
     if name not in QUANTITIES:
         raise InputError(f"must be one of {', '.join(QUANTITIES)}", key="quantity", given=name)
     return QUANTITIES[name]
@@ -200,5 +204,5 @@ def _of_plate(model: Model, values: dict[int, float]) -> Parts:
 
 
 def _of_nodes(model: Model, state: State, forces: AnyArray) -> Parts:
-    """Assemble derivatives by this mesh's nodes; the nodes of the plate's edge follow the plate."""
+    """Assemble derivatives by this mesh's nodes; nodes on the plate's edge follow the plate."""
     return model.on_freedoms(forces * model.discretisation.mirrored, state.plate)

@@ -1,12 +1,12 @@
-"""Derivatives of the residual at a state: by motions, and, along fixed ones, by what it depends on.
+"""Derivatives of the residual at a state by motions, and along fixed motions by parameters.
 
-Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
-number of the film costs no more than its materials' W₁δλ₁ + W₂δλ₂. A change of
-shape moves the nodes in the plane by V at constant displacements. The work then changes as if the
-film moved by V, and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (P·δF)
-I − δ(Fᵀ P) for the stored energy (Eshelby's energy-momentum tensor, *J. Elasticity* 5, 1975, along
-the motion). Collected at the nodes both serve all lengths. The gas needs no T: the volume under the
-film does not depend on what the virgin film was.
+The motions are applied to the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point,
+so that a parameter of the film costs only its materials' W₁δλ₁ + W₂δλ₂. A change of shape moves the
+nodes in the plane by V at constant displacements. The work then changes as if the film moved by V,
+and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (P·δF) I − δ(Fᵀ P) for
+the stored energy (Eshelby's energy-momentum tensor, *J. Elasticity* 5, 1975, along the motion).
+Both are collected at the nodes once for all lengths. The gas needs no T: the volume under the film
+does not depend on its virgin state.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ class Stiffness:
     state: State
 
     def product(self, motion: Parts) -> Parts:
-        """Change of the residual with a motion of free components and plate freedoms."""
+        """Multiply the tangent by a motion of free components and plate freedoms."""
         model, state = self.model, self.state
         inner, plate = model.on_freedoms(self.nodal(self.spread(motion)), state.plate)
         return inner, plate + self._turning @ motion[1]
 
     def nodal(self, motion: AnyArray) -> AnyArray:
-        """Change of the nodal forces of film and gas with a motion, both (nodes, 3) [N]."""
+        """Multiply the nodal tangent of film and gas by a motion, both (nodes, 3) [N]."""
         return self.collected(motion, self.stressed(self.model.discretisation.deformation(motion)))
 
     def stressed(self, change: AnyArray) -> AnyArray:
-        """Change of the first Piola–Kirchhoff stress, shaped like ``piola``, when F changes."""
+        """Compute the change of the first Piola–Kirchhoff stress, as ``piola``, when F changes."""
         stress, tangent = self.weighted
         by_stress = np.einsum("...ij,...j->...i", tangent, self.strains(change))
         return first_piola(change, stress) + first_piola(self.deformation, by_stress)
 
     def collected(self, motion: AnyArray, piola: AnyArray) -> AnyArray:
-        """Change of the nodal forces with a motion that changes the stress so, (nodes, 3) [N]."""
+        """Collect the change of nodal forces from a motion and its stresses, (nodes, 3) [N]."""
         mesh, pressure = self.model.discretisation, self.state.pressure
         elements = gathered(mesh.gradients, piola)
         if pressure:
@@ -59,7 +59,7 @@ class Stiffness:
         return mesh.scatter(elements)
 
     def spread(self, motion: Parts) -> AnyArray:
-        """The motion of all nodes, shape (nodes, 3)."""
+        """Spread a motion to all nodes, shape (nodes, 3)."""
         mesh = self.model.discretisation
         nodal = np.zeros(self.state.positions.shape)
         nodal[mesh.free] = motion[0]
@@ -67,9 +67,11 @@ class Stiffness:
         return nodal
 
     def strains(self, change: AnyArray) -> AnyArray:
-        """Strains on which S₁₁, S₂₂ and S₁₂ work when F changes."""
-        (a, b), (by_a, by_b) = ((f[..., 0], f[..., 1]) for f in (self.deformation, change))
-        return np.stack([_dot(a, by_a), _dot(b, by_b), _dot(a, by_b) + _dot(b, by_a)], axis=-1)
+        """Compute the strains conjugate to S₁₁, S₂₂ and S₁₂ when F changes."""
+        a, b = np.moveaxis(self.deformation, -1, 0)
+        by_a, by_b = np.moveaxis(change, -1, 0)
+        shear = _dot(a, by_b) + _dot(b, by_a)
+        return np.stack([_dot(a, by_a), _dot(b, by_b), shear], axis=-1)
 
     @cached_property
     def _following(self) -> AnyArray:
@@ -120,12 +122,12 @@ class Stiffness:
 
     @cached_property
     def _turning(self) -> AnyArray:
-        """Stiffness that the turning of the plate adds to its own: that of the forces on it."""
+        """Stiffness that turning the plate adds, from the forces on it."""
         return self.model.plate_curvature(self.forces, self.state)
 
 
 class ResidualDerivative:
-    """Derivatives of the residual, times motions from a state, by what it depends on."""
+    """Derivatives of the residual by parameters, multiplied by given motions from a state."""
 
     def __init__(self, at: Stiffness, motions: Sequence[Parts]) -> None:
         self.at = at
@@ -133,9 +135,9 @@ class ResidualDerivative:
         self._plate = np.stack([motion[1] for motion in motions])
 
     def by(self, model: Model, state: State) -> AnyArray:
-        """Imaginary part of the virtual work for an imaginary step, shape (motions,).
+        """Compute the imaginary part of the virtual work for an imaginary step, shape (motions,).
 
-        In J per unit of motion. What the step does not touch is left out.
+        The unit is J per unit of motion. Terms that the step does not change are left out.
         """
         mine, other_film = self.at.model, not self._same_film(model)
         result = np.zeros(len(self._plate))
@@ -159,7 +161,7 @@ class ResidualDerivative:
         return result
 
     def _by_film(self, model: Model, state: State) -> AnyArray:
-        """Derivative by materials other than those at the start, and by the virgin thickness."""
+        """Differentiate by materials other than those at the start, and by virgin thickness."""
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
         thickness = film.volume_per_area
         uneven = bool(np.any(np.imag(model.relative_thickness)))
@@ -173,27 +175,27 @@ class ResidualDerivative:
         return result
 
     def _same_film(self, model: Model) -> bool:
-        """Whether film and electrode are those at the start, wherever their points moved."""
+        """Check that film and electrode are those at the start, even if their points moved."""
         mine, other = self.at.model.specimen, model.specimen
         same = other.membrane is mine.membrane and other.electrode is mine.electrode
         return same and self.at.model.even
 
     def _virtual_work(self, material: Any, prestretch: tuple[Any, Any], relative: Any) -> Any:
-        """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N].
+        """Integrate W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N].
 
-        ``relative``: virgin thickness over the stated one.
+        ``relative`` is the virgin thickness over the stated one.
         """
         if prestretch == self.at.model.specimen.membrane.prestretch:
             even = relative is self.at.model.relative_thickness
             return (self._stretching if even else self._stretched(relative))(material)
-        # Where stretches are all but equal, directions have no derivative by another prestretch;
-        # the stress has.
+        # Where both stretches are almost equal, their directions have no derivative by another
+        # prestretch; the stress has one.
         stress = plane_stress(material, self.at.c, prestretch, tangent=False).stress
         weights = (self.at.model.discretisation.weights * relative)[..., None]
         return np.tensordot(self._strains, stress * weights, axes=3)
 
     def _by_shape(self, model: Model, state: State) -> AnyArray:
-        """Derivative by nodes that move in the mounted film's plane, their displacements kept."""
+        """Differentiate by nodes that move in the mounted film, at constant displacements."""
         mine, plate = self.at.model, self.at.state.plate
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
         forces = self.at.forces[mine.discretisation.plate_nodes]
@@ -202,14 +204,15 @@ class ResidualDerivative:
         moved = np.tensordot(returned, state.positions.imag, axes=2)
         places = model.discretisation.reference.imag[:, :2]
         slid = np.tensordot(configurational, places, axes=2)
-        return np.asarray(moved + slid + follows)
+        slopes: AnyArray = moved + slid + follows
+        return slopes
 
     @cached_property
     def _nodal_changes(self) -> tuple[AnyArray, AnyArray]:
         """The tangent times the motions at all nodes [N], and the configurational forces.
 
-        Of shape (motions, nodes, 3) and (motions, nodes, 2). The latter are the change of the work
-        as nodes move in the virgin film alone.
+        The shapes are (motions, nodes, 3) and (motions, nodes, 2). Configurational forces are the
+        change of the work as nodes move in the virgin film alone.
         """
         at, model, mesh = self.at, self.at.model, self.at.model.discretisation
         rows = []
@@ -231,13 +234,13 @@ class ResidualDerivative:
         return self._parts_of(self.at.model, self.at.state)
 
     def _parts_of(self, model: Model, state: State) -> list[Part]:
-        """Parts of the energy density; without wrinkles, each material is a part of its own."""
+        """List the parts of the energy density; without wrinkles, one for each material."""
         density = model.density(state.voltage_squared)
         return replace(density, wrinkles=model.wrinkles and not self.at.taut).parts
 
     @cached_property
     def _strains(self) -> AnyArray:
-        """Strains on which the stress works, shape (motions, elements, points, 3)."""
+        """Strains conjugate to the stress, shape (motions, elements, points, 3)."""
         deformation = self.at.model.discretisation.deformation
         return np.stack([self.at.strains(deformation(row)) for row in self._nodal])
 
@@ -253,9 +256,11 @@ class ResidualDerivative:
 
 
 def _dot(a: AnyArray, b: AnyArray) -> AnyArray:
-    return np.asarray(np.einsum("...i,...i", a, b))
+    product: AnyArray = np.einsum("...i,...i", a, b)
+    return product
 
 
 def _pulled_back(f: AnyArray, piola: AnyArray) -> AnyArray:
-    """Fᵀ P by its columns, (2, elements, points, 2)."""
-    return np.asarray(np.einsum("epia,bepi->bepa", f, piola))
+    """Multiply Fᵀ P by columns of P, (2, elements, points, 2)."""
+    product: AnyArray = np.einsum("epia,bepi->bepa", f, piola)
+    return product

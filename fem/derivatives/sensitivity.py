@@ -3,15 +3,16 @@
 A quantity q of an equilibrium R(u, p) = 0, u the displacements of nodes and plate, changes with a
 parameter p by dq/dp = ∂q/∂p − λ·∂R/∂p, the tangent being K and K λ = ∂q/∂u (adjoint method; Choi &
 Kim, *Structural Sensitivity Analysis and Optimization*, 2005). One back-substitution into the
-factors the solve left serves all parameters. Both partial derivatives are complex steps, exact to
-rounding; but what lengths do to the forces is read off those of λ
+solver's factors serves all parameters. Both partial derivatives are complex steps, exact to
+rounding. Only the effect of lengths on the forces is read off the forces of λ
 (:mod:`tympan.fem.derivatives.residual_derivative`).
 
-Newton's factors are of an iterate some 1e-4 of the frame's extent before the equilibrium. Iterative
-refinement with the equilibrium's own tangent, which needs no factors, gains three digits a step.
+Newton's factors belong to an iterate some 1e-4 of the frame's extent before the equilibrium.
+Iterative refinement with the equilibrium's own tangent needs no factors and gains three digits a
+step.
 
-A parameter says how model and state change with it, for a real change and for an imaginary one. So
-the same few lines serve the complex step and finite changes, which check it.
+A parameter changes model and state by a real or an imaginary step. So the same few lines serve the
+complex step and the finite differences that check it.
 """
 
 from __future__ import annotations
@@ -41,15 +42,15 @@ from tympan.fem.membrane.state import Load, State
 from tympan.fem.results.firmness import firmness, spot_at
 from tympan.geometry.specimen import Specimen
 
-#: Loads by name: node positions hold, the load changes.
+#: Loads by name: node positions stay, the load changes.
 LOADS: tuple[Load, ...] = ("force", "voltage", "pressure")
 
-#: Relative error of an adjoint solution: a tenth of what equilibria themselves may miss.
+#: Relative error of an adjoint solution: a tenth of the error allowed in equilibria.
 _EXACT = 1e-8
 _REFINEMENTS = 12
 
-#: Change of the load, relative to it, per arc length over the frame's half extent, below which a
-#: point is a limit.
+#: Change of the load, relative to it, per arc length over the frame's half extent; a point with a
+#: smaller change is a limit.
 _FOLD = 1e-2
 
 
@@ -57,9 +58,9 @@ _FOLD = 1e-2
 class ModelParameter:
     """One number that model or state depend on.
 
-    ``value`` gives it [SI]; ``changed`` model and state after a change, real or imaginary, in which
-    every node keeps its displacement from its own place. ``odd``: the axes whose reversal turns it
-    into its opposite.
+    ``value`` gives it [SI]; ``changed`` gives model and state after a real or imaginary change, in
+    which every node keeps its displacement from its own place. ``odd`` lists the axes whose
+    reversal changes the sign of the parameter.
     """
 
     value: Callable[[Model, State], float]
@@ -68,7 +69,7 @@ class ModelParameter:
 
 
 def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
-    """The parameters of a model by name, or those named: film, loads, surroundings and shape."""
+    """Find parameters of a model by name, by default all: film, loads, surroundings and shape."""
     makers: dict[Any, Callable[[Any], ModelParameter]] = {
         **dict.fromkeys(film_names(model.specimen), _of_film), **dict.fromkeys(LOADS, _load),
         **dict.fromkeys(_loading_names(model.loading), _number),
@@ -85,7 +86,7 @@ def _loading_names(loading: Loading) -> tuple[str, ...]:
                  if isfinite(at(loading, name.split(".")[1:])))
 
 
-#: Names of pairs whose parts have the opposite effect in a mirror.
+#: Names of pairs whose parts change sign in a mirror image.
 _ODD = {"arm", "thickness_gradient", "centre"}
 
 
@@ -94,7 +95,7 @@ def _of_film(name: str) -> ModelParameter:
 
 
 def _number(name: str) -> ModelParameter:
-    """A number of film, electrode or surroundings; odd along the axis of a pair of :data:`_ODD`."""
+    """Make a parameter of a number at a path; odd along the axis of a pair of :data:`_ODD`."""
     path = name.split(".")
     return ModelParameter(
         lambda model, state: float(at(model, path)),
@@ -114,32 +115,35 @@ def _load(name: Load) -> ModelParameter:
 
 
 def _length(name: str) -> ModelParameter:
-    """A length of frame, plate or electrode; odd along an offset's axis, or in both if an angle."""
+    """Make a parameter of a length; odd along an offset's axis, or along both if an angle."""
     path = tuple(name.split("."))
 
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
         motion = velocity(model.discretisation, model.specimen, path)
         return moved_by(model, state, lengthened(model.specimen, path, change), change * motion)
 
-    odd = "xy"[int(path[-1])] if path[-2] == "offset" else "xy" if path[-1] == "rotation" else ""
+    odd = ""
+    if path[-2] == "offset":
+        odd = "xy"[int(path[-1])]
+    elif path[-1] == "rotation":
+        odd = "xy"
     return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,
                           frozenset(odd))
 
 
 @lru_cache(maxsize=64)
 def film_names(specimen: Specimen) -> tuple[str, ...]:
-    """Names of numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
-    # Strength decides nothing but breakdown.
+    """List the numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
+    # Strength affects only breakdown.
     return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness",
             "electrode.mass", *numbers(specimen.electrode.patches, "electrode.patches"))
 
 
 @lru_cache(maxsize=64)
 def shape_names(specimen: Specimen) -> tuple[str, ...]:
-    """Names of the lengths of frame and plate, and of an electrode with edges within the film.
+    """List the lengths of frame and plate, and of an electrode with edges within the film.
 
-    Corners and points that an outline is drawn through are among them where the specimen has no
-    mirror plane.
+    Corners and points of a drawn outline are among them if the specimen has no mirror plane.
     """
     electrode = specimen.electrode
     margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate")
@@ -153,11 +157,11 @@ def shape_names(specimen: Specimen) -> tuple[str, ...]:
 
 def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Quantity,
              names: Sequence[str]) -> dict[str, float]:
-    """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
+    """Differentiate a quantity at constant loads by named parameters [SI unit per SI unit].
 
     An outcome or a solution brings its factors; a bare state is factorised anew. The names are
-    those of :func:`~tympan.fem.derivatives.sensitivity.parameters`. InputError for any other, and
-    for quantities that have no derivative there.
+    those of :func:`~tympan.fem.derivatives.sensitivity.parameters`. InputError for any other name,
+    and for quantities that have no derivative there.
     """
     return gradient_many(model, equilibrium, {"": quantity}, parameters(model, names))[""]
 
@@ -165,7 +169,7 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
 def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
                   quantities: Mapping[str, Quantity],
                   by: Mapping[str, ModelParameter]) -> dict[str, dict[str, float]]:
-    """Derivatives of quantities by parameters, by their names; one adjoint solve per quantity."""
+    """Differentiate named quantities by named parameters; one adjoint solve per quantity."""
     if isinstance(equilibrium, Outcome) and equilibrium.status != "equilibrium":
         raise InputError("has no derivatives: no equilibrium was found", key="state",
                          given=equilibrium.advice)
@@ -176,7 +180,7 @@ def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
     residual = ResidualDerivative(stiffness, motions)
     result: dict[str, dict[str, float]] = {name: {} for name in quantities}
     for name, parameter in by.items():
-        # A quantity is the same for mirror images, so a change and its opposite do the same.
+        # A quantity is equal for mirror images, so its derivative by an odd parameter is zero.
         if parameter.odd & model.discretisation.planes:
             for slopes in result.values():
                 slopes[name] = 0.0
@@ -189,7 +193,7 @@ def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
 
 
 def nearby_tangent(model: Model, equilibrium: Outcome | Solution | State) -> Tangent:
-    """The factors a solution brings, if of all motions of this model; or new ones."""
+    """Take a solution's factors if they are for all motions of this model; else factorise anew."""
     if isinstance(equilibrium, State):
         return Tangent(model, model.linearised(equilibrium), equilibrium)
     solution = equilibrium.solution if isinstance(equilibrium, Outcome) else equilibrium
@@ -200,7 +204,7 @@ def nearby_tangent(model: Model, equilibrium: Outcome | Solution | State) -> Tan
 
 
 def solve_adjoint(stiffness: Stiffness, nearby: Tangent, right: Parts) -> Parts:
-    """Refined until the next correction would not matter, or be no shorter than the last."""
+    """Solve K λ = ∂q/∂u; refine until the next correction is negligible or no longer shrinks."""
     solution = nearby.respond(right)
     size = last = _extent(solution)
     for _ in range(_REFINEMENTS):
@@ -210,7 +214,7 @@ def solve_adjoint(stiffness: Stiffness, nearby: Tangent, right: Parts) -> Parts:
         if not length < last:
             break
         solution = solution[0] + more[0], solution[1] + more[1]
-        # The next correction is expected shorter in the same proportion.
+        # The next correction is expected to shrink in the same proportion.
         if length * length <= _EXACT * size * last:
             break
         last = length
@@ -219,11 +223,11 @@ def solve_adjoint(stiffness: Stiffness, nearby: Tangent, right: Parts) -> Parts:
 
 def limit_gradient(model: Model, critical: PathPoint, load: Load,
                    by: Mapping[str, ModelParameter]) -> dict[str, float]:
-    """Derivatives of a limit load, such as the U² of pull-in [V²], by parameters.
+    """Differentiate a limit load, such as the U² of pull-in [V²], by parameters.
 
     At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p /
     φ·∂R/∂λ: no solve. The point and its load are such as ``critical`` and ``limited`` of an
-    :class:`~tympan.fem.equilibrium.ramp.Outcome`; InputError where the load has no limit, such as
+    :class:`~tympan.fem.equilibrium.ramp.Outcome`. InputError where the load has no limit, such as
     at a bifurcation.
     """
     state, mode = critical.state, critical.direction
@@ -247,9 +251,9 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
 
 def thinning_gradient(model: Model, critical: PathPoint, load: Load,
                       by: Mapping[str, ModelParameter]) -> dict[str, float]:
-    """Derivatives of a load, U² of a voltage, at which a film begins to thin without bound.
+    """Differentiate the load, U² of a voltage, at which a film becomes unstable locally.
 
-    Its firmness stays used up there. Arguments are those of :func:`limit_gradient`.
+    Its firmness stays zero at that spot. Arguments are those of :func:`limit_gradient`.
     """
     state, parameter = critical.state, _load(load)
     spot = spot_at(model, state, int(np.argmin(firmness(model, state))))
@@ -261,4 +265,4 @@ def thinning_gradient(model: Model, critical: PathPoint, load: Load,
 
 
 def _extent(motion: Parts) -> float:
-    return float(max(np.abs(part).max(initial=0.0) for part in motion))
+    return max(float(np.abs(part).max(initial=0.0)) for part in motion)

@@ -1,10 +1,11 @@
 """Meshes that move with a length of frame, plate or electrode, for derivatives by shape.
 
-Nodes on the edges of frame, plate and electrode move as those edges do; the others as the mean of
-the edges, weighted by inverse squared distance (Shepard's interpolation; for meshes Luke, Collins &
-Blades, *J. Comput. Phys.* 231, 2012). Between two edges that is all but linear. The derivative of a
-discrete result by a length then is exact. In the limit of fine meshes it depends only on how the
-edges move across themselves, not on how nodes slide along them or move between them.
+Nodes on the edges of frame, plate and electrode move with those edges. The other nodes move by the
+mean of the edges' motions, weighted by inverse squared distance (Shepard's interpolation; for
+meshes Luke, Collins & Blades, *J. Comput. Phys.* 231, 2012). Between two edges that is almost
+linear. The derivative of a discrete result by a length then is exact. In the limit of fine meshes
+it depends only on how the edges move across themselves, not on how nodes slide along them or move
+between them.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.curve import Foot
 from tympan.geometry.specimen import Specimen
 
-#: Pairs of a node and one on an edge that are weighed at once.
+#: Number of pairs of a node and an edge node that are weighed at once.
 _AT_ONCE = 1 << 17
 
-#: Distance from a mirror plane, over the mesh's extent, of what lies on it.
+#: Distance from a mirror plane, over the mesh's extent, within which a node lies on it.
 _ON_PLANE = 1e-9
 
 
 def moved_by(model: Model, state: State, specimen: Specimen, motion: AnyArray) -> tuple[Model,
              State]:
-    """The same elements with their nodes elsewhere, and the state of the same displacements.
+    """Move the nodes of a model's elements, and keep the displacements of its state.
 
-    ``specimen`` has that shape; ``motion`` of the nodes in the plane, shape (nodes, 2) [m], is real
-    or imaginary.
+    ``specimen`` has the new shape; ``motion`` is that of the nodes in the plane, shape (nodes, 2)
+    [m], real or imaginary.
     """
     moved = replace(model, discretisation=model.discretisation.moved(motion), specimen=specimen)
     displaced = state.positions + np.column_stack([motion, np.zeros(len(motion))])
@@ -49,7 +50,7 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: AnyArray) -
 
 @lru_cache(maxsize=32)
 def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str, ...]) -> AnyArray:
-    """Motion of the nodes in the plane per unit of the length at a path, shape (nodes, 2).
+    """Compute the motion of the nodes in the plane per unit of a length, shape (nodes, 2).
 
     InputError where an edge of the electrode runs into another edge, so that nodes would have to
     slide along it, or where the film's stress is infinite at a sharp corner.
@@ -63,15 +64,15 @@ def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str
 
 @lru_cache(maxsize=32)
 def lengthened(specimen: Specimen, path: tuple[str, ...], change: complex) -> Specimen:
-    """The specimen after a change of the length at a path [m], real or imaginary."""
+    """Change the length at a path [m] of a specimen by a real or imaginary amount."""
     changed: Specimen = with_change(specimen, path, change)
     return changed
 
 
 def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> AnyArray:
-    """Motion of the nodes to a specimen with the same edges of other lengths, (nodes, 2) [m].
+    """Compute the motion of the nodes to a specimen of other lengths, (nodes, 2) [m].
 
-    Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
+    Nodes on an edge end on the other specimen's edge, even where that bends with its lengths.
     """
     edges, others = _edges(specimen), _edges(other)
     feet = {name: _foot(discretisation, specimen, name) for name in edges}
@@ -81,14 +82,14 @@ def motion_between(discretisation: Discretisation, specimen: Specimen, other: Sp
 
 
 def with_plate(discretisation: Discretisation, motion: AnyArray) -> AnyArray:
-    """Motion of all nodes from that of the plate's edge, (·, 2) [m]; the frame's edge rests."""
+    """Extend the motion of the plate's edge, (·, 2) [m], to all nodes; the frame's edge rests."""
     nodes = {"plate": discretisation.plate_nodes, "frame": discretisation.boundary_nodes("frame")}
     return _extended(discretisation, {"plate": motion}, nodes)
 
 
 def _extended(discretisation: Discretisation, motions: Mapping[str, AnyArray],
               nodes: Mapping[str, AnyArray]) -> AnyArray:
-    """The motion of all nodes from those of nodes on some edges; the other edges rest."""
+    """Extend the motion of nodes on some edges to all nodes; the other edges rest."""
     result = np.zeros((len(discretisation.reference), 2))
     for name, motion in motions.items():
         result[nodes[name]] = motion
@@ -106,16 +107,16 @@ def _extended(discretisation: Discretisation, motions: Mapping[str, AnyArray],
 
 
 def _images(planes: frozenset[str]) -> AnyArray:
-    """Signs of x and y in the mirrored parts of the whole, shape (parts, 1, 2)."""
+    """List the signs of x and y in the mirrored parts of the whole, shape (parts, 1, 2)."""
     sides = [(1, -1) if axis in planes else (1,) for axis in "xy"]
     return np.array(list(product(*sides)))[:, None]
 
 
 def _interpolated(places: AnyArray, sources: AnyArray, values: AnyArray) -> AnyArray:
-    """Values at sources interpolated at places, all of shape (·, 2): exact if they are affine.
+    """Interpolate values from sources to places, all of shape (·, 2): exact if they are affine.
 
-    What the best affine function leaves is averaged by inverse squared distance. Squares of
-    distances come of one product of matrices: rounding in them changes no derivative.
+    The rest of the best affine function is averaged by inverse squared distance. Squared distances
+    come from one product of matrices: its rounding changes no derivative.
     """
     near, far = _lifted(places), _lifted(sources)
     basis = far[:, :3]
@@ -135,13 +136,13 @@ _SQUARE = np.array([[-2, 0, 0, 0], [0, -2, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]], d
 
 
 def _lifted(places: AnyArray) -> AnyArray:
-    """x, y, 1, x² + y² of each place."""
+    """Lift each place to x, y, 1, x² + y²."""
     return np.column_stack([places, np.ones(len(places)), (places * places).sum(axis=1)])
 
 
 @lru_cache(maxsize=8)
 def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, AnyArray]:
-    """Nodes on each edge; raises what :func:`velocity` does."""
+    """Find the nodes on each edge; raises what :func:`velocity` does."""
     _refuse_notches(specimen)
     edges, places = _edges(specimen), discretisation.reference[:, :2]
     nodes: dict[str, AnyArray] = {name: discretisation.boundary_nodes(name)
@@ -163,7 +164,7 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
 
 @lru_cache(maxsize=32)
 def _foot(discretisation: Discretisation, specimen: Specimen, name: str) -> Foot:
-    """Places on an edge of its nodes."""
+    """Project the nodes of an edge onto it."""
     nodes = edge_nodes(discretisation, specimen)[name]
     return _edges(specimen)[name].foot(discretisation.reference[nodes, :2])
 
@@ -177,15 +178,16 @@ class Edge:
     distance: Any = 0.0
 
     def foot(self, places: AnyArray) -> Foot:
-        """Nearest points on the outline."""
+        """Find the nearest points on the outline."""
         return self.outline.curve.foot(places - np.array(self.centre))
 
     def at(self, foot: Foot) -> AnyArray:
-        """Points of the curve, shape (n, 2) [m]."""
+        """Evaluate points of the curve, shape (n, 2) [m]."""
         value, slope = self.outline.curve.at(foot)
         length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
         normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
-        return np.asarray(value + np.array(self.centre) + self.distance * normal)
+        points: AnyArray = value + np.array(self.centre) + self.distance * normal
+        return points
 
 
 def _edges(specimen: Specimen) -> dict[str, Edge]:
@@ -204,7 +206,7 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
 
 @lru_cache(maxsize=64)
 def _refuse_notches(specimen: Specimen) -> None:
-    """Sharp corners into the film make derivatives by lengths converge too slowly."""
+    """Refuse sharp corners into the film: derivatives by lengths converge too slowly there."""
     edges: list[tuple[str, Outline, int]] = [("frame", specimen.frame, -1)]
     if specimen.plate is not None:
         edges.insert(0, ("plate", specimen.plate.outline, 1))

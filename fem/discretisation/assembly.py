@@ -17,29 +17,31 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def element_forces(gradients: AnyArray, f: AnyArray, stress: AnyArray) -> AnyArray:
-    """Forces on the elements' nodes, shape (elements, local, 3).
+    """Compute forces on the elements' nodes, shape (elements, local, 3).
 
-    From ∂φ/∂X (elements, points, local, 2), F (elements, points, 3, 2) and the second
+    The arguments are ∂φ/∂X (elements, points, local, 2), F (elements, points, 3, 2) and the second
     Piola–Kirchhoff stress (S₁₁, S₂₂, S₁₂) times the point's volume, (elements, points, 3).
     """
     return gathered(gradients, first_piola(f, stress))
 
 
 def first_piola(f: AnyArray, stress: AnyArray) -> AnyArray:
-    """F S by its two columns, shape (2, elements, points, 3)."""
-    a, b, s = f[..., 0], f[..., 1], stress[..., None]
-    return np.stack([a * s[..., 0, :] + b * s[..., 2, :], a * s[..., 2, :] + b * s[..., 1, :]])
+    """Multiply F S, by its two columns, shape (2, elements, points, 3)."""
+    a, b = f[..., 0], f[..., 1]
+    s11, s22, s12 = np.moveaxis(stress, -1, 0)[..., None]
+    return np.stack([a * s11 + b * s12, a * s12 + b * s22])
 
 
 def gathered(gradients: AnyArray, piola: AnyArray) -> AnyArray:
-    """Nodal forces of stresses at the points, shape (elements, local, 3)."""
-    return np.asarray(np.matmul(gradients[..., 0].transpose(0, 2, 1), piola[0])
-                      + np.matmul(gradients[..., 1].transpose(0, 2, 1), piola[1]))
+    """Gather stresses at the points into nodal forces, shape (elements, local, 3)."""
+    first: AnyArray = np.matmul(gradients[..., 0].transpose(0, 2, 1), piola[0])
+    second: AnyArray = np.matmul(gradients[..., 1].transpose(0, 2, 1), piola[1])
+    return first + second
 
 
 def element_tangents(gradients: AnyArray, f: AnyArray, stress: AnyArray, tangent: AnyArray,
                      volumes: AnyArray) -> AnyArray:
-    """Tangents of the elements, shape (elements, 3 local, 3 local), node-major.
+    """Compute the elements' tangents, shape (elements, 3 local, 3 local), node-major.
 
     Temporaries do not grow with the mesh. With A = ∂²ψ/∂F∂F an element's block for components i, j
     is Gᵀ A_ij G over its gradients G, and block ji is the transpose of block ij. Unlike for
@@ -61,16 +63,19 @@ def element_tangents(gradients: AnyArray, f: AnyArray, stress: AnyArray, tangent
 
 
 def _moduli(f: AnyArray, stress: AnyArray, tangent: AnyArray, volumes: AnyArray) -> AnyArray:
-    """∂²ψ/∂F_iα∂F_jβ times volume, (elements, points, 12, 2): rows (α, pair ij), columns β."""
+    """Compute ∂²ψ/∂F_iα∂F_jβ times volume, (elements, points, 12, 2): rows (α, ij), columns β."""
     a, b = np.ascontiguousarray(f.transpose(3, 2, 0, 1))
-    d, s = tangent.transpose(2, 3, 0, 1) * volumes, stress.transpose(2, 0, 1) * volumes
-    # ∂S/∂F_jβ, rows S₁₁, S₂₂, S₁₂.
-    by = d[:, 0, None] * a + d[:, 2, None] * b, d[:, 1, None] * b + d[:, 2, None] * a
+    d = tangent.transpose(2, 3, 0, 1) * volumes
+    s = stress.transpose(2, 0, 1) * volumes
+    # ∂S/∂F_jβ for both β: rows S₁₁, S₂₂, S₁₂, columns j.
+    slopes = (d[:, 0, None] * a + d[:, 2, None] * b,
+              d[:, 1, None] * b + d[:, 2, None] * a)
     result = np.empty((2, len(_PAIRS), 2, *volumes.shape))
     for pair, (i, j) in enumerate(_PAIRS):
-        for beta in range(2):
-            result[0, pair, beta] = a[i] * by[beta][0, j] + b[i] * by[beta][2, j]
-            result[1, pair, beta] = b[i] * by[beta][1, j] + a[i] * by[beta][2, j]
+        for beta, slope in enumerate(slopes):
+            s11, s22, s12 = slope[:, j]
+            result[0, pair, beta] = a[i] * s11 + b[i] * s12
+            result[1, pair, beta] = b[i] * s22 + a[i] * s12
         if i == j:
             result[:, pair] += s[[0, 2, 2, 1]].reshape(2, 2, *volumes.shape)
     return result.transpose(3, 4, 0, 1, 2).reshape(*volumes.shape, 12, 2)
@@ -87,11 +92,11 @@ def _place(blocks: AnyArray, result: AnyArray) -> None:
 class SparsityPattern:
     """The tangent's sparsity, and the sum of element tangents as a sparse matrix.
 
-    A tangent is symmetric, so three neighbours in a row of an element's tangent, the components of
+    A tangent is symmetric. So three neighbours in a row of an element's tangent, the components of
     one node, are three neighbours in a column of the sparse one. ``gather`` adds up such triples:
-    its index is a ninth of what single entries would need, and it writes the sparse tangent once,
-    from its beginning to its end. ``kept`` marks the entries that remain where only some components
-    of a node are free; None if all do.
+    its index is a ninth of that of single entries, and it writes the sparse tangent once, from its
+    beginning to its end. ``kept`` marks the entries that remain where only some components of a
+    node are free; None if all are free.
     """
 
     gather: csr_matrix
@@ -107,7 +112,7 @@ class SparsityPattern:
         corner, across = np.divmod(places, local)
         column, source = connectivity.ravel()[corner], 3 * local * corner + across
         node, axis = np.nonzero(free)
-        # One triple per free component and node it meets, added up from its places.
+        # One triple per free component and node it shares an element with, summed over its places.
         entry, lengths = _of_columns(column, node)
         source = source[entry] + local * np.repeat(axis, lengths)
         triple, degree = _of_columns(column[first], node)
@@ -121,7 +126,7 @@ class SparsityPattern:
                    _ends(kept)[3 * _ends(degree)])
 
     def assemble(self, elements: AnyArray) -> csc_matrix:
-        """The sparse tangent of free components, from symmetric (elements, 3 local, 3 local)."""
+        """Sum symmetric element tangents (elements, 3 local, 3 local) over free components."""
         data = (self.gather @ elements.reshape(-1, 3)).ravel()
         size = len(self.indptr) - 1
         return csc_matrix((data if self.kept is None else data[self.kept], self.indices,
@@ -129,9 +134,10 @@ class SparsityPattern:
 
 
 def _node_pairs(connectivity: AnyArray, free: Mask) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Pairs of nodes with unknowns that share an element, ordered by column, then row.
+    """List pairs of nodes with unknowns that share an element, ordered by column, then row.
 
-    The row of each pair, and the start of each pair's run in the list of the places (element,
+    The result is the row of each pair, and the start of each pair's run in the list of the places
+    (element, column, row) where it occurs.
     column, row) where it occurs.
     """
     nodes, any_free = len(free), np.any(free, axis=1)[connectivity]
@@ -145,7 +151,7 @@ def _node_pairs(connectivity: AnyArray, free: Mask) -> tuple[AnyArray, AnyArray,
 
 
 def _of_columns(column: AnyArray, chosen: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Places of the chosen columns in an ascending list, one after another; how many each has."""
+    """Find places of chosen columns in an ascending list, one after another, and their counts."""
     start = np.searchsorted(column, np.arange(int(chosen.max(initial=-1)) + 2))
     length = np.diff(start)[chosen]
     before = np.cumsum(length) - length
@@ -153,5 +159,5 @@ def _of_columns(column: AnyArray, chosen: AnyArray) -> tuple[AnyArray, AnyArray]
 
 
 def _ends(lengths: AnyArray) -> AnyArray:
-    """First and last indices of runs of given lengths."""
+    """Compute first and last indices of runs of given lengths."""
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The film's mesh, numbered and ready to be integrated over, whatever its material and loads."""
+"""The film's mesh, numbered and ready for integration, whatever its material and loads."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
 
 @dataclass(frozen=True, eq=False)
 class Unknowns(FieldsAlone):
-    """Nodal components that are solved for, and what all their tangents have in common.
+    """Nodal components that are solved for, and the structure that all their tangents share.
 
-    Their order is one of elimination that fills in little. Meshes that differ in their nodes'
-    places alone share them.
+    Their order is an order of elimination with little fill-in. Meshes that differ only in the
+    places of their nodes share them.
     """
 
     connectivity: AnyArray  #: nodes of the elements, shape (elements, local)
-    points: AnyArray  #: places of the nodes, by which elements are parted, shape (nodes, 2) [m]
-    movable: Mask  #: which components they are, shape (nodes, 3)
+    points: AnyArray  #: places of the nodes, which order the elimination, shape (nodes, 2) [m]
+    movable: Mask  #: components that are unknown, shape (nodes, 3)
 
     @cached_property
     def free(self) -> tuple[AnyArray, AnyArray]:
-        """Node and component of each: as an index, they take the unknowns from (nodes, 3)."""
+        """Node and component of each unknown: an index into arrays of shape (nodes, 3)."""
         position, component = np.nonzero(self.movable[self.order])
         return self.order[position], component
 
@@ -57,7 +57,7 @@ class Unknowns(FieldsAlone):
 
     @cached_property
     def order(self) -> AnyArray:
-        """The nodes as they are eliminated."""
+        """The nodes in their order of elimination."""
         return elimination_order(self.connectivity, self.points)
 
     @cached_property
@@ -65,7 +65,8 @@ class Unknowns(FieldsAlone):
         """The elements' nodes by their place in that order, shape (elements, local)."""
         rank = np.empty(len(self.movable), dtype=np.int64)
         rank[self.order] = np.arange(len(self.order))
-        return np.asarray(rank[self.connectivity])
+        ranked: AnyArray = rank[self.connectivity]
+        return ranked
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +103,7 @@ class Discretisation(FieldsAlone):
                    Unknowns(np.ascontiguousarray(dofs.element_dofs.T), flat, movable))
 
     def moved(self, motion: AnyArray) -> Discretisation:
-        """The same elements after a motion of their nodes in the plane, shape (nodes, 2) [m].
-
-        It may be imaginary.
-        """
+        """Move the nodes in the plane by (nodes, 2) [m], real or imaginary; keep the elements."""
         nodes, mesh = self.reference[:, :2] + motion, self.mesh
         if not np.iscomplexobj(nodes):
             places: dict[str, Any] = {"doflocs": np.ascontiguousarray(nodes.T)}
@@ -113,7 +111,7 @@ class Discretisation(FieldsAlone):
         return replace(self, mesh=mesh, reference=np.column_stack([nodes, np.zeros(len(nodes))]))
 
     def of_order(self, order: int) -> Discretisation:
-        """The same triangles with nodes of another order, where these elements have such places."""
+        """Give the same triangles nodes of another order, if these elements have such places."""
         mesh = self.mesh
         shapes = tabulated(mesh.order, ELEMENTS[order].doflocs.T)[0].T
         nodes = (shapes @ self.reference[self.connectivity, :2]).transpose(2, 1, 0)
@@ -123,7 +121,7 @@ class Discretisation(FieldsAlone):
             self.planes, self.odd)
 
     def interpolated(self, coarse: Discretisation, values: AnyArray) -> AnyArray:
-        """A nodal field of other elements on the same triangles at these nodes, (nodes, …) each."""
+        """Interpolate a nodal field of other elements on the same triangles, (nodes, …) each."""
         shapes = tabulated(coarse.mesh.order, ELEMENTS[self.mesh.order].doflocs.T)[0].T
         nodal = np.empty((len(self.reference), *values.shape[1:]))
         nodal[self.connectivity] = np.einsum("lc,ec...->el...", shapes,
@@ -137,11 +135,12 @@ class Discretisation(FieldsAlone):
 
     @cached_property
     def fitted(self) -> AnyArray:
-        """Nodal values from values at an element's quadrature points, shape (points, local).
+        """Matrix from values at an element's quadrature points to nodal values, (points, local).
 
-        By the polynomial of the elements' order nearest to them.
+        It fits the nearest polynomial of the elements' order.
         """
-        return np.asarray(np.linalg.pinv(self.shapes).T)
+        fitted: AnyArray = np.linalg.pinv(self.shapes).T
+        return fitted
 
     @property
     def gradients(self) -> AnyArray:
@@ -180,7 +179,7 @@ class Discretisation(FieldsAlone):
         return covered
 
     def boundary_nodes(self, name: str) -> AnyArray:
-        """Nodes on a named boundary, empty if the mesh has none of that name."""
+        """Find the nodes on a named boundary; empty if the mesh has none of that name."""
         return self.boundaries.get(name, np.array([], dtype=int))
 
     @property
@@ -204,16 +203,16 @@ class Discretisation(FieldsAlone):
         return len(self.free[0])
 
     def deformation(self, positions: AnyArray) -> AnyArray:
-        """F at the quadrature points, shape (elements, points, 3, 2), of node positions (nodes, 3).
+        """Compute F at the quadrature points, (elements, points, 3, 2), from positions (nodes, 3).
 
-        Of several states' positions, shape (states, nodes, 3), with the states first.
+        Positions of several states, (states, nodes, 3), give F with the states first.
         """
         return deformation(self.gradients, positions[..., self.connectivity, :])
 
     def scatter(self, elements: AnyArray, nodes: AnyArray | None = None) -> AnyArray:
-        """Sums at the nodes, (nodes, components), of vectors (elements, local, components).
+        """Sum vectors of elements, (elements, local, components), to (nodes, components).
 
-        ``nodes`` of the elements, by default all of the mesh.
+        ``nodes`` are those of the elements, by default of all elements of the mesh.
         """
         if np.iscomplexobj(elements):
             return self.scatter(elements.real, nodes) + 1j * self.scatter(elements.imag, nodes)
@@ -224,10 +223,10 @@ class Discretisation(FieldsAlone):
         return result
 
     def plate_coupling(self, elements: AnyArray, gradient: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """The tangent's columns for motions of the plate: free components' rows, and the corner.
+        """Compute the tangent's columns for motions of the plate: free rows, and the corner.
 
-        Of element tangents (elements, 3 local, 3 local), node-major, and the plate's nodes' motion
-        by p freedoms, (plate nodes, 3, p).
+        ``elements`` are node-major tangents (elements, 3 local, 3 local); ``gradient`` is the
+        motion of the plate's nodes by p freedoms, (plate nodes, 3, p).
         """
         touching, rows = self._plate_elements
         freedoms = gradient.shape[2]
@@ -250,7 +249,7 @@ class Discretisation(FieldsAlone):
 
     @cached_property
     def electrode_edge(self) -> ElectrodeEdge:
-        """The line between what is covered and what is bare."""
+        """The line between covered and bare elements."""
         return ElectrodeEdge.of(self.connectivity, self.covered[:, 0] > 0, self.nodal_gradients,
                                 self.mesh.order)
 
@@ -262,7 +261,7 @@ class Discretisation(FieldsAlone):
                         self.mesh.order)
 
     def nodal_matrix(self, elements: AnyArray) -> Any:
-        """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""
+        """Sum element matrices (elements, local, local) to a sparse one, shape (nodes, nodes)."""
         nodes = self.connectivity
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         shape = (len(self.reference),) * 2

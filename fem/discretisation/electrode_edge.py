@@ -1,4 +1,4 @@
-"""The line between what an electrode covers and what is bare, corner by corner of its elements."""
+"""The edge of the electrode, corner by corner of the elements along it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _ENDS = np.array([(0, 1), (1, 2), (0, 2)])
 
 @dataclass(frozen=True, eq=False)
 class ElectrodeEdge:
-    """Nodes of elements between what is covered and what is bare.
+    """Nodes of elements between the covered and the bare part.
 
-    ``nodes`` (n,) at the elements' corners; ``every`` one, those within their sides too;
-    ``places``: the corners of elements there, first those on the covered side, then on the bare
-    one, each (m, 2) of element and corner; ``rows`` of ``nodes`` that they are, (m,); ``along``:
+    ``nodes`` (n,) are at the elements' corners; ``every`` also has those within their sides.
+    ``places`` are the corners of elements there, first on the covered side, then on the bare one,
+    each (m, 2) of element and corner; ``rows`` are their indices in ``nodes``, (m,). ``along`` is
     the line's unit direction at the nodes, (n, 2), complex where the mesh is.
     """
 
@@ -36,7 +36,7 @@ class ElectrodeEdge:
     @classmethod
     def of(cls, connectivity: AnyArray, covered: AnyArray, nodal_gradients: AnyArray, order: int
            ) -> ElectrodeEdge:
-        """Edge on a mesh; without nodes where the mesh is covered or bare altogether.
+        """Find the edge on a mesh; without nodes where the mesh is all covered or all bare.
 
         ``connectivity`` (elements, local), ``covered`` (elements,), ``nodal_gradients``: ∂φ/∂X at
         the elements' nodes [1/m].
@@ -60,9 +60,9 @@ class ElectrodeEdge:
         return cls(nodes, every, (covers, bares), (rows, others), along)
 
     def averaged(self, values: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Means over the elements on the covered and on the bare side, each (k, n).
+        """Average values over the elements on the covered and on the bare side, each (k, n).
 
-        Of values at the nodes of elements, (k, elements, local).
+        ``values`` are given at the nodes of elements, (k, elements, local).
         """
         covered, bare = (np.array([self._mean(part, rows) for part in
                                    values[:, places[:, 0], places[:, 1]]])
@@ -81,17 +81,19 @@ class ElectrodeEdge:
 
 
 def _directions(slopes: AnyArray, line: AnyArray, rows: AnyArray, order: int) -> AnyArray:
-    """Unit directions at nodes from the sides of elements that meet there.
+    """Compute unit directions at nodes from the sides of elements that meet there.
 
     ``slopes``: ∂φ/∂X at the sides' ends (sides, 2, local, 2); ``line``: element and both corners of
     each (sides, 3); ``rows``: the nodes at their ends (sides, 2).
     """
-    shapes = ELEMENTS[order].doflocs
-    chords = (shapes[line[:, 2]] - shapes[line[:, 1]])[:, None, :, None]
+    nodes = ELEMENTS[order].doflocs
+    chords = (nodes[line[:, 2]] - nodes[line[:, 1]])[:, None, :, None]
     # ∂ξ/∂X is the sum of the places of the shape functions' nodes times their slopes.
-    tangents = np.linalg.solve(np.einsum("li,...lj->...ij", shapes, slopes), chords)[..., 0]
+    reference_by_place = np.einsum("li,...lj->...ij", nodes, slopes)
+    tangents = np.linalg.solve(reference_by_place, chords)[..., 0]
     tangents = tangents / np.sqrt((tangents**2).sum(axis=-1, keepdims=True))
     total = np.zeros((int(rows.max(initial=-1)) + 1, 2), dtype=tangents.dtype)
     for row, tangent in zip(rows.ravel().tolist(), tangents.reshape(-1, 2), strict=True):
         total[row] += tangent if (total[row] @ tangent).real >= 0 else -tangent
-    return np.asarray(total / np.sqrt((total**2).sum(axis=1, keepdims=True)))
+    directions: AnyArray = total / np.sqrt((total**2).sum(axis=1, keepdims=True))
+    return directions

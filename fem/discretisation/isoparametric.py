@@ -13,18 +13,18 @@ from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
 
 @lru_cache
 def quadrature(order: int) -> tuple[AnyArray, AnyArray]:
-    """Points (2, points) and weights (points,) exact for squares of the shape functions."""
+    """Choose points (2, points) and weights (points,) exact for squares of the shape functions."""
     points, weights = skfem.quadrature.get_quadrature(ELEMENTS[order].refdom, max(2, 2 * order))
     return points, weights
 
 
 def tabulated(order: int, points: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Shape functions (local, points), slopes (points, local, 2) at given points (2, points)."""
+    """Evaluate shape functions (local, points), slopes (points, local, 2) at points (2, points)."""
     return _tabulated(order, np.ascontiguousarray(points, dtype=float).tobytes())
 
 
 def isoparametric(order: int, points: AnyArray, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Shape functions' gradients (elements, points, local, 2) [1/m] and |det ∂X/∂ξ| at points.
+    """Compute gradients (elements, points, local, 2) [1/m] of shape functions and |det ∂X/∂ξ|.
 
     ``points`` of the reference triangle, shape (2, points); ``nodes`` of the elements, (elements,
     local, 2) [m], may be complex.
@@ -37,7 +37,7 @@ def isoparametric(order: int, points: AnyArray, nodes: AnyArray) -> tuple[AnyArr
 
 
 def folded(mesh: CurvedTriangles) -> int:
-    """Number of elements that turn inside out between nodes and quadrature points."""
+    """Count the elements that turn inside out between nodes and quadrature points."""
     points = np.hstack([quadrature(mesh.order)[0], ELEMENTS[mesh.order].doflocs.T])
     nodes = mesh.doflocs.T[mesh.dofs.element_dofs.T]
     _, ((a, c), (b, d)) = _jacobian(mesh.order, points, nodes)
@@ -46,15 +46,15 @@ def folded(mesh: CurvedTriangles) -> int:
 
 
 def _jacobian(order: int, points: AnyArray, nodes: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Slopes by ξ and by η, (2, points, local), and by these the place's components, (2, 2, …)."""
+    """Differentiate shape functions, (2, points, local), and places, (2, 2, …), by ξ and by η."""
     by = np.moveaxis(tabulated(order, points)[1], -1, 0)
     return by, np.moveaxis(np.matmul(by[:, None], nodes), -1, 1)
 
 
 def deformation(gradients: AnyArray, nodes: AnyArray) -> AnyArray:
-    """F, (..., elements, points, 3, 2), of the nodes' positions, (..., elements, local, 3) [m].
+    """Compute F, (..., elements, points, 3, 2), from positions (..., elements, local, 3) [m].
 
-    ``gradients`` as :func:`isoparametric` gives them.
+    ``gradients`` are those of :func:`isoparametric`.
     """
     columns = np.matmul(gradients.transpose(3, 0, 1, 2), nodes[..., None, :, :, :])
     first = range(columns.ndim - 4)
@@ -74,6 +74,6 @@ def _tabulated(order: int, points: bytes) -> tuple[AnyArray, AnyArray]:
 
 @lru_cache
 def middles(parts: int) -> AnyArray:
-    """Middles of ``parts``² equal triangles in the reference triangle, shape (2, parts²)."""
+    """Compute the middles of ``parts``² equal triangles in the reference one, (2, parts²)."""
     return np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
                      for i in range(parts) for j in range(parts + 1 - t - i)]).T

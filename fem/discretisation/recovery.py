@@ -1,8 +1,8 @@
 """Values at the corners of elements, recovered from those at the quadrature points around.
 
-By the polynomial, a degree below the elements' own, that is nearest to the values in all elements
-that meet in the corner on the same side of an electrode's edge (Zienkiewicz and Zhu, Int. J. Numer.
-Methods Eng. 33, 1331, 1992).
+A polynomial, a degree below the elements' own, is fitted to the values in all elements that meet in
+the corner on the same side of an electrode's edge (Zienkiewicz and Zhu, Int. J. Numer. Methods
+Eng. 33, 1331, 1992).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from tympan.fem.discretisation.electrode_edge import CORNERS
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """Weights of the values around each corner, worked out once, where they are asked for.
+    """Weights of the values around each corner, computed once for each corner when needed.
 
-    ``connectivity`` (elements, local); ``covered`` (elements,); ``nodes`` and ``places``: where the
-    nodes (nodes, 2) and the quadrature points (elements, points, 2) are, complex where the mesh is;
-    ``order`` of the elements.
+    ``connectivity`` (elements, local); ``covered`` (elements,); ``nodes`` (nodes, 2) and ``places``
+    (elements, points, 2) are the positions of nodes and quadrature points, complex where the mesh
+    is; ``order`` is that of the elements.
     """
 
     connectivity: AnyArray
@@ -34,7 +34,7 @@ class Recovery:
     repr=False)
 
     def recovered(self, values: AnyArray, elements: AnyArray) -> AnyArray:
-        """Values at the corners of some elements from those at the quadrature points around.
+        """Recover values at the corners of some elements from the quadrature points around.
 
         ``values`` (k, elements, points), the result (k, elements, 3).
         """
@@ -50,10 +50,10 @@ class Recovery:
         return result
 
     def at(self, element: int, corner: int) -> tuple[AnyArray, AnyArray]:
-        """Elements around a corner of one, and the weights of their points, (elements, points).
+        """Find the elements around a corner, and the weights of their points, (elements, points).
 
-        The value recovered there is the sum of weights times values. It has derivatives by complex
-        steps of the nodes' places.
+        The recovered value is the sum of weights times values. It has derivatives by complex steps
+        of the nodes' places.
         """
         side = int(self._sides[element, corner])
         if side not in self._known:
@@ -73,7 +73,7 @@ class Recovery:
         inverse = np.linalg.pinv(powers.real)
         weights = inverse[0]
         if np.iscomplexobj(powers):
-            # d(A⁺) = −A⁺ dA A⁺ + (AᵀA)⁻¹ dAᵀ (1 − A A⁺), the first row of it.
+            # d(A⁺) = −A⁺ dA A⁺ + (AᵀA)⁻¹ dAᵀ (1 − A A⁺), of which the first row is needed.
             change, residual = powers.imag, np.eye(len(powers)) - powers.real @ inverse
             slope = -inverse @ change @ inverse + inverse @ inverse.T @ change.T @ residual
             weights = weights + 1j * slope[0]
@@ -81,7 +81,7 @@ class Recovery:
 
 
 def _powers(places: AnyArray, degree: int) -> AnyArray:
-    """All products of powers of x and y up to a degree, (n, products); the first is 1."""
+    """Compute all products of powers of x and y up to a degree, (n, products); the first is 1."""
     x, y = places.T
     return np.column_stack([x**a * y**(total - a) for total in range(degree + 1)
                             for a in range(total + 1)])

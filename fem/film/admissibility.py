@@ -1,4 +1,4 @@
-"""Range of laws: which a film can be made of, and where a solved film is stretched too far."""
+"""Range of laws: materials that a film can have, and points where a film is stretched too far."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from tympan.geometry.specimen import Film, Material
 
 Margin = Callable[[Material, Any, Any], Array]
 
-#: Ranges are written with four digits, and their ends are met by the tests: stretches beyond by
-#: less than this factor are within.
+#: Ranges are written with four digits, and tests reach their ends: stretches beyond an end by less
+#: than this factor are within.
 _ROUNDED = 1.01
 
-#: Stretches over which a material must be admissible: beyond them a film tears.
+#: Stretches over which a material must be admissible: a film tears before it exceeds them.
 STRETCH_RANGE = (0.5, 6.0)
 
-#: Directions of lines across which :func:`acoustic_margin` looks: at so many the least stiffness
-#: is missed by (π/120)²/2, some 3e-4 of what it varies by.
+#: Number of directions of lines that :func:`acoustic_margin` checks: with as many the least
+#: stiffness is missed by (π/120)²/2, some 3e-4 of its variation.
 _LINES = 60
 
 
 def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0],
                         highest: float = STRETCH_RANGE[1],
                         include: float = 1.0) -> tuple[Array, Array]:
-    """A grid of principal stretches λ₁ ≥ λ₂ in a range where W is not infinite, with ``include``.
+    """Make a grid of principal stretches λ₁ ≥ λ₂ where W is finite, with ``include``.
 
-    No stretch is above ``highest``, none in the plane below ``lowest``.
+    No stretch is above ``highest``, and none in the plane is below ``lowest``.
     """
     grid = np.append(np.geomspace(lowest, highest, 61), np.unique([1.0, include]))
     l1, l2 = (axis.ravel() for axis in np.meshgrid(grid, grid))
@@ -43,7 +43,7 @@ def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0],
 
 
 def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
-    """Smallest stiffness of true stress against the logarithms of the stretches [Pa].
+    """Compute the smallest stiffness of true stress against the logarithms of the stretches [Pa].
 
     Where it is positive, Hill's inequality for incompressible solids holds: W is convex in the
     logarithms of the stretches (Ogden, *Non-Linear Elastic Deformations*, §6.2.7), so that true
@@ -55,40 +55,45 @@ def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
 def _hill(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
     _, w1, w2, w11, w12, w22 = derivatives
     with np.errstate(all="ignore"):
-        h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
+        h11 = l1**2 * w11 + l1 * w1
+        h22 = l2**2 * w22 + l2 * w2
+        h12 = l1 * l2 * w12
         mean, radius = (h11 + h22) / 2, np.hypot((h11 - h22) / 2, h12)
         larger = mean + radius
-        # The product of the eigenvalues over the larger keeps its digits where they are far apart.
-        return np.asarray(np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius))
+        # The product over the larger eigenvalue keeps its digits where they are far apart.
+        by_product = (h11 * h22 - h12**2) / larger
+        return np.where(larger > 0, by_product, mean - radius)
 
 
 def equibiaxial_stiffness(material: Material, l1: Any, l2: Any) -> Array:
-    """Growth of the mean true stress [Pa] with the logarithm of a stretch along both axes."""
+    """Differentiate the mean true stress [Pa] by the logarithm of an equibiaxial stretch."""
     l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
-    return np.asarray((l1**2 * w11 + l1 * w1 + l2**2 * w22 + l2 * w2) / 2 + l1 * l2 * w12)
+    own = l1**2 * w11 + l1 * w1 + l2**2 * w22 + l2 * w2
+    return np.asarray(own / 2 + l1 * l2 * w12)
 
 
 def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
-    """The smallest of five stiffnesses [Pa], positive where the film's plane is strongly elliptic.
+    """Compute the smallest of five stiffnesses [Pa], positive where the film is strongly elliptic.
 
-    Where it is not, deformations of the plane can jump across lines. The five conditions, necessary
-    and sufficient for an isotropic energy of two stretches, are those of Knowles and Sternberg (J.
-    Elasticity 8, 329, 1978); at equal stretches divided differences become derivatives. Out of its
-    plane a film is elliptic where it is in tension, which
-    :func:`tympan.studies.case.field_warnings` reports on its own.
+    The film is regarded in its plane. Where it is not strongly elliptic, deformations of the plane
+    can jump across lines. The five conditions, necessary and sufficient for an isotropic energy of
+    two stretches, are those of Knowles and Sternberg (J. Elasticity 8, 329, 1978); at equal
+    stretches divided differences become derivatives. Out of its plane a film is elliptic where it
+    is in tension, which :func:`tympan.studies.case.field_warnings` reports separately.
     """
     return strong_ellipticity(*_derivatives(material, l1, l2))
 
 
 def strong_ellipticity(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
-    """The margin of :func:`ellipticity_margin` from W and its derivatives by the stretches.
+    """Compute the margin of :func:`ellipticity_margin` from W and its derivatives by the stretches.
 
-    W may be any isotropic energy of two stretches, the one with the voltage's part too: at a given
-    voltage that depends on λ₁λ₂ alone.
+    W may be any isotropic energy of two stretches, also with the voltage's part: at a given voltage
+    that depends on λ₁λ₂ alone.
     """
     _, w1, w2, w11, w12, w22 = derivatives
     with np.errstate(all="ignore"):
-        gap, near = l1 - l2, np.abs(l1 - l2) < 1e-6 * (l1 + l2)
+        gap = l1 - l2
+        near = np.abs(gap) < 1e-6 * (l1 + l2)
         safe = np.where(near, 1.0, gap)
         shear = np.where(near, w1 + l1 * (w11 - w12), (l1 * w1 - l2 * w2) / safe)
         slope = np.where(near, w11 - w12, (w1 - w2) / safe)
@@ -98,26 +103,31 @@ def strong_ellipticity(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> 
 
 
 def acoustic_margin(c: tuple[Array, Array, Array], stress: Array, tangent: Array) -> Array:
-    """Smallest stiffness [Pa] against jumps of the film's plane across any line, shape (n,).
+    """Compute the smallest stiffness [Pa] against jumps across any line of the plane, shape (n,).
 
-    The smallest eigenvalue of the acoustic tensor over all directions of the line. For energies
-    without axes in common, which no two stretches describe; C, S (n, 3) and D (n, 3, 3) are those
-    of :mod:`tympan.fem.film.density`.
+    It is the smallest eigenvalue of the acoustic tensor over all directions of the line. It serves
+    energies without common axes, which two stretches cannot describe. C, S (n, 3) and D (n, 3, 3)
+    are those of :mod:`tympan.fem.film.density`.
     """
     c11, c22, c12 = c
+    s11, s22, s12 = stress[..., 0], stress[..., 1], stress[..., 2]
+    det = c11 * c22 - c12**2
     result = np.full(np.shape(c11), np.inf)
     for angle in np.pi * np.arange(_LINES) / _LINES:
         a, b = np.cos(angle), np.sin(angle)
-        # A jump u of the material's own components strains by the symmetric part of (C u) ⊗ N.
+        # A jump u of the material's own components strains it by the symmetric part of (C u) ⊗ N.
         strain = np.empty((*np.shape(c11), 3, 2), dtype=np.result_type(c11, c22, c12, float))
-        strain[..., 0, 0], strain[..., 0, 1] = a * c11, a * c12
-        strain[..., 1, 0], strain[..., 1, 1] = b * c12, b * c22
-        strain[..., 2, 0], strain[..., 2, 1] = b * c11 + a * c12, b * c12 + a * c22
-        along = stress[..., 0] * a * a + stress[..., 1] * b * b + 2 * stress[..., 2] * a * b
+        strain[..., 0, 0] = a * c11
+        strain[..., 0, 1] = a * c12
+        strain[..., 1, 0] = b * c12
+        strain[..., 1, 1] = b * c22
+        strain[..., 2, 0] = b * c11 + a * c12
+        strain[..., 2, 1] = b * c12 + a * c22
+        along = s11 * a * a + s22 * b * b + 2 * s12 * a * b
         q = strain.swapaxes(-1, -2) @ tangent @ strain
-        det = c11 * c22 - c12**2
-        mean = (q[..., 0, 0] * c22 + q[..., 1, 1] * c11 - 2 * q[..., 0, 1] * c12) / (2 * det)
-        product = (q[..., 0, 0] * q[..., 1, 1] - q[..., 0, 1] ** 2) / det
+        q11, q22, q12 = q[..., 0, 0], q[..., 1, 1], q[..., 0, 1]
+        mean = (q11 * c22 + q22 * c11 - 2 * q12 * c12) / (2 * det)
+        product = (q11 * q22 - q12**2) / det
         least = mean - np.sqrt(np.maximum(mean**2 - product, 0.0)) + along
         result = np.minimum(result, least)
     return result
@@ -127,7 +137,7 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
                          highest: float = STRETCH_RANGE[1], *,
                          margin: Margin = hill_margin, nearest: float = 1.0
                          ) -> tuple[float, float] | None:
-    """The first stretches (λ₁, λ₂) in a range, of those the law can reach, where it softens.
+    """Find the first stretches (λ₁, λ₂) in a range, within the law's reach, where it softens.
 
     First means nearest, in the logarithms, to the equibiaxial stretch ``nearest``. ``margin`` is
     :func:`hill_margin` or :func:`ellipticity_margin`.
@@ -143,7 +153,7 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
 
 def checked(material: Material, lowest: float = STRETCH_RANGE[0],
             highest: float = STRETCH_RANGE[1]) -> Material:
-    """The material itself; refused where true stress falls with stretch within a range."""
+    """Refuse a material whose true stress falls with stretch within a range; else return it."""
     stretch = inadmissible_stretch(material, lowest, highest)
     if stretch is not None:
         reach = reachable_stretches(material, lowest, highest)[0].max()
@@ -155,7 +165,7 @@ def checked(material: Material, lowest: float = STRETCH_RANGE[0],
     return material
 
 
-#: What may fail, in the words of a warning, and its margin [Pa], positive where it holds.
+#: Criteria in the words of a warning, each with its margin [Pa], positive where it holds.
 CRITERIA = {
     "Hill's inequality (true stress must grow with stretch)": _hill,
     "strong ellipticity within the film": strong_ellipticity,
@@ -163,9 +173,9 @@ CRITERIA = {
 
 
 def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
-    """Failures of a film's law at the stretches a state visits, where worst, and how widely.
+    """Describe where a film's law fails at the stretches of a state: where worst, and how widely.
 
-    Also that they lie outside the range the law is meant for.
+    Stretches outside the range the law is meant for are described, too.
 
     ``position`` of the points in the mounted film [m], shape (n, 2 or 3); ``l1``, ``l2`` principal
     stretches from the virgin film there, shape (n,).
@@ -185,7 +195,7 @@ def failures(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
 
 
 def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> Mask:
-    """Mask of stretches at which a film's law fails no criterion and is within its range.
+    """Mask the stretches at which a film's law fulfils all criteria and is within its range.
 
     ``film`` may have arrays in place of numbers; ``derivatives`` are those of its law there.
     """
@@ -199,11 +209,11 @@ def lawful(film: Film, l1: Any, l2: Any, derivatives: tuple[Any, ...]) -> Mask:
 
 
 def beyond_range(film: Film, position: Array, l1: Array, l2: Array) -> list[str]:
-    """Stretches visited outside the range of the film's law, in a sentence.
+    """Describe the stretches outside the range of the film's law, in a sentence.
 
-    Of a law without a range, those in the plane at which any film tears. Thickness counts as well
-    as the plane, unless no test could have had such a range of all three: a strip stretched to the
-    upper end is already thinner than the lower one.
+    A law without a range has the in-plane stretches at which any film tears. Thickness counts as
+    well as the plane, unless no test could cover such a range of all three: a strip stretched to
+    the upper end is already thinner than the lower one.
     """
     low, high = film.law_range or (0.0, STRETCH_RANGE[1])
     visited = {"a stretch in its plane": np.concatenate([l1, l2])}

@@ -21,7 +21,7 @@ _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be from 0.1 um to 10 cm")
 @STRENGTHS.register
 @dataclass(frozen=True)
 class ConstantStrength:
-    """The same ``strength`` [V/m] however the film is stretched."""
+    """The same ``strength`` [V/m] at any stretch of the film."""
 
     law: ClassVar[str] = "constant"
     strength: Annotated[float, Key("field at breakdown", "field", _FIELD)]
@@ -35,8 +35,8 @@ class ConstantStrength:
 class PowerStrength:
     """E_b = strength · λ^exponent · (h/thickness)^(−thickness_exponent), λ = √(λ₁λ₂).
 
-    h is the stretched thickness. The strengths of films were measured in equibiaxial stretch; λ
-    carries them to other stretches by the area.
+    h is the stretched thickness. The strengths of films were measured in equibiaxial stretch; at
+    other stretches λ stands for the square root of the area stretch.
     """
 
     law: ClassVar[str] = "power"

@@ -1,8 +1,8 @@
-"""Energy density of the film by its in-plane deformation, with first and second derivatives.
+"""Energy density of the film as a function of its in-plane deformation, with two derivatives.
 
-Per virgin volume, for arrays of quadrature points, of the Voigt triple c = (C₁₁, C₂₂, C₁₂) of C =
-FᵀF: the second Piola–Kirchhoff stress S = 2∂ψ/∂C as (S₁₁, S₂₂, S₁₂) and its tangent D = ∂S/∂E in
-Voigt form with engineering shear, E = (C − I)/2.
+All values are per virgin volume, for arrays of quadrature points, as functions of the Voigt triple
+c = (C₁₁, C₂₂, C₁₂) of C = FᵀF: the second Piola–Kirchhoff stress S = 2∂ψ/∂C as (S₁₁, S₂₂, S₁₂) and
+its tangent D = ∂S/∂E in Voigt form with engineering shear, E = (C − I)/2.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Coat, TensionField, total
 from tympan.geometry.specimen import Film, Specimen
 
-#: Below this relative distance of the squared stretches the divided difference of the stress
-#: becomes its limit. Both are then wrong by less than 1e-10, and only in the tangent: the stress
-#: multiplies it by that distance.
+#: Relative distance of the squared stretches below which the divided difference of the stress is
+#: replaced by its limit. Both are then wrong by less than 1e-10, and only in the tangent: the
+#: stress multiplies it by that distance.
 _EQUAL = 1e-5
 
-#: Second Piola–Kirchhoff tension a film keeps across its wrinkles, as a share of the material's
-#: stiffness, that of the virgin or of the mounted film. The film elsewhere does not feel it.
+#: Second Piola–Kirchhoff tension that a film keeps across its wrinkles, over the material's
+#: stiffness, that of the virgin or of the mounted film. The rest of the film is not affected.
 _RESIDUAL = 1e-3
 
 
 @dataclass(frozen=True)
 class Maxwell:
-    """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other, for the share ``covered``.
+    """Electrostatic energy −½ c (λ₁λ₂)^p of the share ``covered``, used like a material.
 
-    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is the ideal dielectric (n = 0) or one
-    whose permittivity falls as (J/J_p)^(−n).
+    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is the ideal dielectric (n = 0) or one with a
+    permittivity that falls as (J/J_p)^(−n).
     """
 
     coefficient: Any
@@ -45,13 +45,13 @@ class Maxwell:
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         p = self.power
         w = -0.5 * (self.coefficient * self.covered) * (l1 * l2) ** p
-        bend = p * (p - 1) * w
-        return w, p * w / l1, p * w / l2, bend / l1**2, p * p * w / (l1 * l2), bend / l2**2
+        first, bend = p * w, p * (p - 1) * w
+        return w, first / l1, first / l2, bend / l1**2, p * first / (l1 * l2), bend / l2**2
 
 
 @dataclass(frozen=True)
 class Density:
-    """Energy density of a material at a deformation; no tangent where it was not asked for."""
+    """Energy density of a material at a deformation; the tangent is None if not requested."""
 
     energy: Any
     stress: Any
@@ -67,9 +67,9 @@ class FilmDensity:
     """The film's energy at a voltage: elastic, and electrostatic and electrode where covered.
 
     ``covered`` is the share of the film under the electrode, broadcastable against the quadrature
-    points, and so is ``thickness``, that of the virgin film over the stated one. With ``wrinkles``
-    the film wrinkles rather than carry compression
-    (:class:`~tympan.fem.film.tension_field.TensionField`), without it carries any.
+    points. So is ``thickness``, the virgin film's over the stated one. With ``wrinkles`` the film
+    wrinkles rather than carry compression (:class:`~tympan.fem.film.tension_field.TensionField`);
+    without them it carries any compression.
     """
 
     specimen: Specimen
@@ -86,9 +86,9 @@ class FilmDensity:
 
     @property
     def parts(self) -> list[Part]:
-        """Parts that add up to the film; what shares principal axes wrinkles together, if at all.
+        """Parts that add up to the film; those that share principal axes wrinkle together.
 
-        Parts are equal that add the same, wherever they are.
+        Parts that contribute the same are equal, wherever they are.
         """
         joined, apart = self._joined_and_apart
         materials = (self.material,) if self.wrinkles else joined
@@ -96,7 +96,7 @@ class FilmDensity:
 
     @cached_property
     def material(self) -> TensionField:
-        """All that shares the film's principal axes, as one material."""
+        """All parts that share the film's principal axes, as one material."""
         film, (joined, _) = self.specimen.membrane, self._joined_and_apart
         if not self.wrinkles:
             return TensionField(joined, -np.inf)
@@ -111,11 +111,11 @@ class FilmDensity:
         law, (first, second) = Ogden((grease,), (2.0,)), film.prestretch
         if np.all(first == second):
             return (*joined, Coat(law, self.covered, first)), []
-        # Stress-free at a state stretched unequally, it has axes of its own.
+        # A coat that is stress-free at an unequally stretched state has axes of its own.
         return joined, [(Coat(law, self.covered), (1.0, 1.0))]
 
     def __call__(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
-        """Density, stress and tangent at C of the mounted film."""
+        """Compute density, stress and tangent at C of the mounted film."""
         _, apart = self._joined_and_apart
         result = plane_stress(self.material, c, self.specimen.membrane.prestretch, tangent=tangent)
         for material, prestretch in apart:
@@ -126,11 +126,11 @@ class FilmDensity:
 
     @property
     def coaxial(self) -> bool:
-        """Whether all that adds up to the film shares its principal axes."""
+        """Whether all parts of the film share its principal axes."""
         return not self._joined_and_apart[1]
 
     def of_virgin(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
-        """Density, stress and tangent, all of the virgin film, at its C."""
+        """Compute density, stress and tangent, all of the virgin film, at its C."""
         if self.coaxial:
             return plane_stress(self.material, c, (1.0, 1.0), tangent=tangent)
         first, second = self.specimen.membrane.prestretch
@@ -142,7 +142,7 @@ class FilmDensity:
 
     def _flowing(self, rest: Density, flow: Flow, c: tuple[Any, Any, Any], tangent: bool
                  ) -> Density:
-        """Density with what the branches add; the energy includes the potential of the step."""
+        """Add the branches to a density; the energy includes the potential of the step."""
         first, second = self.specimen.membrane.prestretch
         scale = np.array([first * first, second * second, first * second])
         energy, stress, bend = flow.density(from_virgin(c, (first, second)), tangent=tangent)
@@ -153,22 +153,22 @@ class FilmDensity:
                        + np.moveaxis(bend, (0, 1), (-2, -1)) * np.outer(scale, scale))
 
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        """Principal stretches, wrinkles included, and in how many directions it is tense."""
+        """Compute principal stretches, wrinkles included, and the number of tense directions."""
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
         if not self.wrinkles:
             return *seen, np.array(2)
         return self.material.stretches(*seen)
 
     def firmness(self, c: tuple[Any, Any, Any]) -> Any:
-        """Least stiffness of the taut film within its plane, at a given voltage [Pa].
+        """Compute the least stiffness of the taut film within its plane, at a given voltage [Pa].
 
-        The margin to the loss of strong ellipticity of the energy with the voltage's part. Within a
-        frame that holds its edge a uniform film is stable while that is positive (van Hove, Proc.
-        Kon. Ned. Akad. Wet. 50, 18, 1947), and no film is where it is negative (the condition of
-        Legendre and Hadamard). The loss of convexity alone, the criterion under dead loads (Zhao
-        and Suo, Appl. Phys. Lett. 91, 061921, 2007), needs an edge that is free to move. ∞ where
-        the film is pressed, since wrinkles by themselves are no instability, or its law has no
-        stress.
+        It is the margin to the loss of strong ellipticity of the energy with the voltage's part. A
+        uniform film whose edge a frame holds is stable while the margin is positive (van Hove,
+        Proc. Kon. Ned. Akad. Wet. 50, 18, 1947), and no film is stable where it is negative (the
+        condition of Legendre and Hadamard). The loss of convexity alone, the criterion under dead
+        loads (Zhao and Suo, Appl. Phys. Lett. 91, 061921, 2007), needs an edge that is free to
+        move. The margin is ∞ where the film is compressed, since wrinkles by themselves are no
+        instability, or where its law has no stress.
         """
         joined, apart = self._joined_and_apart
         with np.errstate(all="ignore"):
@@ -184,9 +184,9 @@ class FilmDensity:
 
 @lru_cache(maxsize=64)
 def _stiffness(film: Film) -> Any:
-    """The least of the virgin film and of the mounted one along its axes [Pa].
+    """Find the least stiffness of the virgin film and of the mounted one along its axes [Pa].
 
-    A law referred to the mounted film need not mean anything of the virgin one.
+    A law that refers to the mounted film may have no meaning for the virgin one.
     """
     virgin = small_strain_modulus(film.material)
     *_, along, _, across = film.material.derivatives(*map(np.asarray, film.prestretch))
@@ -195,18 +195,18 @@ def _stiffness(film: Film) -> Any:
 
 
 def small_strain_modulus(material: Any) -> Any:
-    """The shear modulus of a law at small strains [Pa]."""
+    """Compute the shear modulus of a law at small strains [Pa]."""
     return material.derivatives(np.ones(()), np.ones(()))[3] / 4
 
 
 def from_virgin(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any]:
-    """C of the virgin film from C of the mounted one."""
+    """Convert C of the mounted film to C of the virgin one."""
     first, second = prestretch
     return c[0] * first**2, c[1] * second**2, c[2] * (first * second)
 
 
 def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Maxwell:
-    """The electrostatic energy of the film at U² (scalar or per point) [V²]."""
+    """Make the electrostatic energy of the film at U² (scalar or per point) [V²]."""
     from scipy.constants import epsilon_0
 
     film = specimen.membrane
@@ -217,14 +217,14 @@ def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Max
 
 def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
                         ) -> tuple[Any, Any]:
-    """Total principal stretches λ₁ ≥ λ₂ from C of the mounted film."""
+    """Compute the total principal stretches λ₁ ≥ λ₂ from C of the mounted film."""
     mean, _, _, radius = _circle(from_virgin(c, prestretch))
     return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
 
 def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float, float], *,
                  tangent: bool = True) -> Density:
-    """An isotropic energy W(λ₁, λ₂) and its derivatives by C of the mounted film.
+    """Compute an isotropic energy W(λ₁, λ₂) and its derivatives by C of the mounted film.
 
     The principal stretches belong to Λ C Λ, Λ = diag(prestretch). In terms of the Mohr circle of
     ΛCΛ, with mean m, half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and
@@ -235,22 +235,27 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     mean, half, shear, radius = _circle(c if virgin else from_virgin(c, prestretch))
     l1, l2 = np.sqrt(mean + radius), np.sqrt(mean - radius)
     w, w1, w2, w11, w12, w22 = material.derivatives(l1, l2)
-    # By the squares of the stretches: dx = 2 l dl.
+    # Derivatives by the squares of the stretches: dx = 2 l dl.
     by1, by2 = 0.5 / l1, 0.5 / l2
     g1, g2 = w1 * by1, w2 * by2
     equal = np.abs(radius) < _EQUAL * np.abs(mean)
     alike = equal.any()
     if tangent or alike:
-        g11, g22 = by1 * by1 * (w11 - 2 * g1), by2 * by2 * (w22 - 2 * g2)
+        g11 = by1 * by1 * (w11 - 2 * g1)
+        g22 = by2 * by2 * (w22 - 2 * g2)
         both = 2 * (by1 * by2 * w12)
-        sum_, bend = g11 + both + g22, g11 - both + g22
-    total, over = g1 + g2, (g1 - g2) / (np.where(equal, 1.0, radius) if alike else radius)
+        sum_ = g11 + both + g22
+        bend = g11 - both + g22
+    total = g1 + g2
+    over = (g1 - g2) / (np.where(equal, 1.0, radius) if alike else radius)
     if alike:
         over = np.where(equal, bend, over)
     split = over * half
     stress = np.empty((3, *np.shape(w)), dtype=np.result_type(w, 0.0))
-    stress[0], stress[1], stress[2] = total + split, total - split, over * shear
-    if not virgin:  # films may differ in their stretches: numbers or arrays
+    stress[0] = total + split
+    stress[1] = total - split
+    stress[2] = over * shear
+    if not virgin:  # stretches may be numbers, or arrays that differ between films
         scale = np.array(np.broadcast_arrays(first * first, second * second, first * second))
         stress = stress * _outermost(scale, stress)
     if not tangent:
@@ -258,12 +263,15 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     safe = np.where(radius == 0, 1.0, radius) if alike else radius
     n1, n2 = half / safe, shear / safe
     mb, bb = g11 - g22, bend - over
-    md, ms, b1 = 2 * mb * n1, mb * n2, bb * n1
+    md, ms = 2 * mb * n1, mb * n2
+    b1 = bb * n1
     dd, ds = over + b1 * n1, b1 * n2
-    apart, together = sum_ - dd, sum_ + dd
+    together = sum_ + dd
     d = np.empty((3, 3, *np.shape(w)), dtype=stress.dtype)
-    d[0, 0], d[1, 1], d[2, 2] = together + md, together - md, over + bb * n2 * n2
-    d[0, 1] = d[1, 0] = apart
+    d[0, 0] = together + md
+    d[1, 1] = together - md
+    d[2, 2] = over + bb * n2 * n2
+    d[0, 1] = d[1, 0] = sum_ - dd
     d[0, 2] = d[2, 0] = ms + ds
     d[1, 2] = d[2, 1] = ms - ds
     if not virgin:
@@ -272,21 +280,21 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
 
 
 def _outermost(values: Any, others: Any) -> Any:
-    """Values along the first axes of others."""
+    """Extend values along the first axes of others, so that they broadcast."""
     return values.reshape(*values.shape, *(1,) * (others.ndim - values.ndim))
 
 
 def _components_last(values: Any, axes: int) -> Any:
-    """A view whose first axes are the last."""
+    """View an array with its first axes moved to the end."""
     return values.transpose(*range(axes, values.ndim), *range(axes))
 
 
 def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
                  prestretch: tuple[Any, Any], weights: Any) -> Callable[[Any], Any]:
-    """Function of a material: weighted sums of W₁δλ₁ + W₂δλ₂ over the points, (k,).
+    """Make a function of a material: weighted sums of W₁δλ₁ + W₂δλ₂ over the points, (k,).
 
     C of the mounted film and ``weights`` have shape s, the changes (k, *s). Where the stretches are
-    equal, their difference has no derivative; a stress that is equal too does not ask.
+    equal, their difference has no derivative; it is not needed if the stresses are equal too.
     """
     centre, half, shear, radius = _circle(from_virgin(c, prestretch))
     mean, by_half, by_shear, _ = _circle(from_virgin(changes, prestretch))
@@ -303,7 +311,7 @@ def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
 
 
 def _circle(c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
-    # Mean, half difference, shear and radius of its Mohr circle.
+    """Compute mean, half difference, shear and radius of the Mohr circle of C."""
     c11, c22, shear = c
     mean, half = (c11 + c22) / 2, (c11 - c22) / 2
     return mean, half, shear, np.sqrt(half * half + shear * shear)

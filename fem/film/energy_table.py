@@ -1,9 +1,9 @@
-"""A film's stress by polynomials of trace and determinant of C: few calls where points are few.
+"""A film's stress by polynomials of trace and determinant of C: quick where points are few.
 
-An isotropic energy W(λ₁, λ₂) is an analytic function of I = tr C and J = det C, equal stretches
-included, and of pairs that no C has: there λ² are conjugate complex. So Chebyshev's nodes of any
-box of I and J tell it, and S = 2 W_I 1 + 2 W_J cof C and ∂S/∂E need neither stretches nor
-directions.
+An isotropic energy W(λ₁, λ₂) is an analytic function of I = tr C and J = det C. That includes equal
+stretches, and pairs (I, J) that no C has: their λ² are complex conjugates. So values at Chebyshev's
+nodes of any box of I and J determine it, and S = 2 W_I 1 + 2 W_J cof C and ∂S/∂E need neither
+stretches nor directions.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from tympan.fem.film.density import FilmDensity, maxwell
 from tympan.fem.film.memory import add_across, cofactor
 from tympan.geometry.specimen import Specimen
 
-#: Largest error of an energy's slopes over the largest of them across the box, far below that of a
-#: reduced film.
+#: Largest error of an energy's slopes over the largest slope across the box, far below the error of
+#: a reduced film.
 PRECISION = 1e-5
-#: Degrees tried in each variable, the lowest first: its polynomial is the quickest.
+#: Degrees tried in each variable, lowest first: a lower degree is quicker.
 _DEGREES = (3, 4, 5, 6, 8, 10)
 
-#: Nodes along an axis more than the degree, for the fit: least squares of a few more than need be.
+#: Number of fit nodes along an axis beyond the degree: a few more, for least squares.
 _NODES = 2
-#: Nodes along an axis more than the degree, for the check: other places than those of the fit.
+#: Number of check nodes along an axis beyond the degree: at other places than those of the fit.
 _CHECKS = 5
 
 
@@ -37,8 +37,8 @@ class EnergyTable:
     """A film's law and its energy by U² in a box of (I, J): ``middle`` ± ``reach``, both (2, 1).
 
     ``rows``, shape (2, 5, coefficients), give 2 W_I, 2 W_J, 4 W_II, 4 W_IJ, 4 W_JJ of the law and
-    of the charge on a covered film at 1 V. The film is ``covered`` as its points are, and wrinkles
-    where a principal S is below ``least`` [Pa].
+    of the charge on a covered film at 1 V. ``covered`` is the covered share of each point. The film
+    wrinkles where a principal S is below ``least`` [Pa].
     """
 
     middle: Array
@@ -52,8 +52,8 @@ class EnergyTable:
            ) -> EnergyTable | None:
         """Tabulate a specimen's film between two pairs (I, J) of its virgin C.
 
-        None where no degree is precise enough, as where an energy is infinite, or where electrodes
-        are stiff.
+        None where no degree is precise enough, for example where an energy is infinite, or where
+        electrodes are stiff.
         """
         if specimen.electrode.stiffness:
             return None
@@ -64,22 +64,26 @@ class EnergyTable:
             fit = _fit(degree)
             places = (middle + reach * fit.nodes).T
             slopes = np.stack([_slopes(energy, *places) * reach[:, None] for energy in energies])
-            coefficients = slopes[..., :fit.count].reshape(2, -1) @ fit.inverse
-            error = np.abs(coefficients @ fit.checks - slopes[..., fit.count:].reshape(2, -1))
-            if (error.max(1) <= PRECISION * np.abs(slopes).max((1, 2))).all():
-                rows = (coefficients @ fit.derivatives).swapaxes(0, 1) / units[:, None]
-                rows[:, :2], rows[:, 2:] = 2 * rows[:, :2], 4 * rows[:, 2:]
-                residual = FilmDensity(specimen, 0.0, covered).material.residual
-                return cls(middle[:, None], reach[:, None], rows, covered,
-                           float(residual))
+            fitted = slopes[..., :fit.count].reshape(2, -1)
+            checked = slopes[..., fit.count:].reshape(2, -1)
+            coefficients = fitted @ fit.inverse
+            errors = np.abs(coefficients @ fit.checks - checked).max(1)
+            precise = errors <= PRECISION * np.abs(slopes).max((1, 2))
+            if not precise.all():
+                continue
+            rows = (coefficients @ fit.derivatives).swapaxes(0, 1) / units[:, None]
+            rows[:, :2] *= 2
+            rows[:, 2:] *= 4
+            residual = FilmDensity(specimen, 0.0, covered).material.residual
+            return cls(middle[:, None], reach[:, None], rows, covered, float(residual))
         return None
 
     def stress(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True
                ) -> tuple[Array, Any] | None:
-        """S [Pa] at C, (3, ..., points), and ∂S/∂E, (3, 3, ..., points), if it is asked for.
+        """Compute S [Pa] at C, (3, ..., points), and if wanted ∂S/∂E, (3, 3, ..., points).
 
-        ``thick``: with ½ so much over det C [Pa], (..., points), stored besides. None where any C
-        is not in the box, or the film wrinkles.
+        ``thick`` adds an energy of half this value over det C [Pa], (..., points). None where any C
+        is outside the box, or the film wrinkles.
         """
         first, last, shear = c
         trace, area = first + last, first * last - shear * shear
@@ -105,7 +109,7 @@ class EnergyTable:
         return stress, bend
 
     def _derivatives(self, trace: Array, area: Array, charge: Any, count: int) -> Array | None:
-        """So many, by ``rows``, shape (count, ..., points), of the law and so often the charge."""
+        """Sum ``count`` rows of law and charge, (count, ..., points); None outside the box."""
         powers = np.ones((self.degree + 1, 2, trace.size))
         place = powers[1]
         place[0], place[1] = trace.ravel(), area.ravel()
@@ -122,7 +126,7 @@ class EnergyTable:
         return np.asarray(charged)
 
     def _tense(self, trace: Array, area: Array, values: Array) -> bool:
-        """Whether both principal S, 2 W_I + 2 W_J λ² of the other stretch, are above ``least``."""
+        """Check that both principal S, 2 W_I + 2 W_J λ² of the other stretch, exceed ``least``."""
         flat, across = values[0] - self.least, values[1]
         other = flat + across * trace
         if np.minimum.reduce(np.minimum(flat, other), None) > 0:
@@ -140,9 +144,9 @@ class EnergyTable:
 class _Fit:
     """Fit of a polynomial's coefficients to its slopes at nodes in (−1, 1)², the first ``count``.
 
-    ``inverse``, (2 × count, coefficients); ``checks``: slopes at the other nodes, (coefficients,
-    2 × others); ``derivatives``: coefficients of x, y, xx, xy, yy by the polynomial's, (5,
-    coefficients, coefficients).
+    ``inverse`` (2 × count, coefficients) fits; ``checks`` are slopes at the other nodes,
+    (coefficients, 2 × others); ``derivatives`` turn the polynomial's coefficients into those of its
+    derivatives x, y, xx, xy, yy, (5, coefficients, coefficients).
     """
 
     nodes: Array
@@ -166,19 +170,19 @@ def _fit(degree: int) -> _Fit:
 
 
 def _grid(count: int) -> Array:
-    """Pairs of Chebyshev's nodes, shape (count², 2)."""
+    """Pair Chebyshev's nodes, shape (count², 2)."""
     nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
     return np.stack(np.meshgrid(nodes, nodes), -1).reshape(-1, 2)
 
 
 def _powers(places: Array, degree: int) -> Array:
-    """xⁱ yʲ at places, shape (coefficients, places)."""
+    """Compute xⁱ yʲ at places, shape (coefficients, places)."""
     x, y = places.T[:, None] ** np.arange(degree + 1)[:, None]
     return np.asarray((x[:, None] * y).reshape(-1, len(places)))
 
 
 def _slopes(energy: Any, trace: Array, determinant: Array) -> Array:
-    """W_I and W_J of an energy by principal stretches, nan where it has none, shape (2, ...)."""
+    """Compute W_I and W_J of an energy by principal stretches, nan if undefined, shape (2, ...)."""
     half = trace / 2
     radius = np.sqrt(half * half - determinant + 0j)
     first, second = np.sqrt(half + radius), np.sqrt(half - radius)

@@ -16,18 +16,18 @@ _POWER: Rule = (lambda x: 0 < x <= 20, "must be above 0, at most 20")
 @FLOWS.register
 @dataclass(frozen=True)
 class ShearThinning:
-    """A viscosity that grows as the dashpot is stretched and falls with the stress that drives it.
+    """A viscosity that grows with the dashpot's stretch and falls with the stress that drives it.
 
     η/η₀ = r + (1 − r + k (I₁ᵛ^β₁ − 3^β₁)) / (1 + (J₂/σ²)^β₂), I₁ᵛ = tr C_v, J₂ = (I₁ᵉ²/3 − I₂ᵉ) μ²
-    of C C_v⁻¹, half the square of the branch's deviatoric Kirchhoff stress. So Kumar and
-    Lopez-Pamies (C. R. Mecanique 344, 2016) have it for a branch that is neo-Hookean, with r =
-    η_∞/η₀, k = K₁/η₀, σ = K₂^(−1/2); taken from FElupe's example of that paper, which was not read
-    itself. The branch's ``time`` is η₀/μ. Their VHB 4910, whose branch has two other terms, has η₀
-    7014 kPa s, η_∞ 0.1 kPa s, K₁ 3507 kPa s, K₂ 1 kPa⁻², β₁ 1.852, β₂ 0.26.
+    of C C_v⁻¹, half the square of the branch's deviatoric Kirchhoff stress. Kumar and Lopez-Pamies
+    (C. R. Mecanique 344, 2016) give it for a neo-Hookean branch, with r = η_∞/η₀, k = K₁/η₀, σ =
+    K₂^(−1/2); it is taken from FElupe's example of that paper, and the paper itself was not read.
+    The branch's ``time`` is η₀/μ. Their VHB 4910, whose branch has two other terms, has η₀ 7014 kPa
+    s, η_∞ 0.1 kPa s, K₁ 3507 kPa s, K₂ 1 kPa⁻², β₁ 1.852, β₂ 0.26.
 
     Examples
     --------
-    Where the stress is σ, half of what falls has fallen:
+    At the stress σ the viscosity has lost half of the falling part:
 
     >>> ShearThinning(1e3, 2.0, least_viscosity=0.5).relative_viscosity(3.0, 1e6)
     0.75

@@ -1,4 +1,4 @@
-"""A law looked at on its own: true stress against stretch, and the first stretches it fails at."""
+"""Report on a law alone: true stress against stretch, and the first stretches where it fails."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Pair = tuple[float, float]
 class Examination:
     """Behaviour of a law over :data:`tympan.fem.film.admissibility.STRETCH_RANGE`.
 
-    True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is
+    True stress [Pa] at ``stretch``: equibiaxial, and along a strip whose other stretch is
     ``mounted``; nan where the law cannot be stretched so far. ``hill`` and ``ellipticity`` are the
     failing stretches nearest to ``mounted``, each None where there are none; ``peaks`` the first
     stretches from which the two stresses fall.
@@ -39,7 +39,7 @@ class Examination:
     peaks: tuple[float | None, float | None]
 
     def json(self) -> dict[str, Any]:
-        """Report as a JSON object; stresses that do not exist are None."""
+        """Write the report as a JSON object; stresses that do not exist are None."""
         def numbers(values: Array) -> list[float | None]:
             return [float(value) if np.isfinite(value) else None for value in values]
 
@@ -68,7 +68,7 @@ class Examination:
 
 
 def subject(name: str, mounted: float | None = None) -> tuple[Material, float]:
-    """A material to examine and the stretch it is mounted at: by name, or of a specimen file."""
+    """Find a material to examine and its mounted stretch, by name or from a specimen file."""
     if mounted is not None and not 0.2 <= mounted <= 10:
         raise InputError("must be a stretch between 0.2 and 10", key="--held", given=mounted)
     laws = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
@@ -107,7 +107,7 @@ def examine(material: Material, mounted: float = 1.0) -> Examination:
 
 
 def _peak(stretch: Array, stress: Array, mounted: float) -> float | None:
-    # From the mounted stretch on, else of all.
+    """Find the first stretch from which a stress falls, from the mounted stretch on if it can."""
     falling = np.flatnonzero(np.diff(stress) < 0)
     onward = falling[stretch[falling] >= mounted - 1e-9]
     first = onward if len(onward) else falling

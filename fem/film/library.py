@@ -29,7 +29,7 @@ from tympan.geometry.specimen import (
 
 @dataclass(frozen=True)
 class FilmScatter:
-    """Scatter of films of one kind: relative standard deviations, None where no source says it."""
+    """Scatter of films of one kind: relative standard deviations, None where no source gives it."""
 
     thickness: Annotated[float | None, Key("of the virgin film", rule=NON_NEGATIVE)] = None
     stiffness: Annotated[float | None, Key("of the whole law", rule=NON_NEGATIVE)] = None
@@ -72,13 +72,13 @@ class LibraryMaterial:
         return known
 
     def holds(self, prestretch: tuple[float, float]) -> bool:
-        """Whether the law was tested at a prestretch, or has no range of stretches."""
+        """Check that the law was tested at a prestretch; True if it has no range of stretches."""
         l1, l2 = prestretch
         low, high = self.law_range or (0.0, float("inf"))
         return low <= min(l1, l2, 1 / (l1 * l2)) and max(l1, l2) <= high
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") or name == "material":  # asked for while it is unpickled
+        if name.startswith("__") or name == "material":  # as unpickling does
             raise AttributeError(name)
         return getattr(self.material, name)
 
@@ -106,14 +106,14 @@ MATERIALS: dict[str, LibraryMaterial] = {
                Table(_FILE, _LIBRARY["films"][entry.pop("film")] | entry, plain=True))
     for name, entry in _LIBRARY["materials"].items()}
 
-#: Why no film can be made of some constants; and these as laws, to be examined.
+#: Reasons why some constants cannot make a film; and their laws, which can be examined.
 REFUSED: dict[str, str] = {name: entry["reason"] for name, entry in _LIBRARY["refused"].items()}
 EXAMINED: dict[str, Material] = {name: LAWS.read(Table(_FILE, entry["material"], plain=True))
                                  for name, entry in _LIBRARY["refused"].items()}
 
 
 def read_material(table: Table, key: str) -> Material | LibraryEntry:
-    """The material under a key: a name of the library, or a table with ``law`` and its constants.
+    """Read the material under a key: a name of the library, or a table of a ``law`` with constants.
 
     ``range`` in the table are the principal stretches the law is meant for, such as those of the
     tests it was fitted to, the thickness included. The law must be admissible over in-plane
@@ -124,7 +124,7 @@ def read_material(table: Table, key: str) -> Material | LibraryEntry:
 
 
 def library_material(name: str) -> LibraryMaterial:
-    """The material of a name; an :class:`InputError` where it is refused, or there is none."""
+    """Find a material by its name; an :class:`InputError` if it is refused or unknown."""
     if name in REFUSED:
         raise InputError(f"cannot be a membrane material: {REFUSED[name]}", key="material",
                          given=name)
@@ -134,9 +134,9 @@ def library_material(name: str) -> LibraryMaterial:
 
 
 def material_name(film: Film) -> str | None:
-    """The name of the library's material that a film is made of, None if it is of none.
+    """Find the name of the library's material that a film is made of, None if there is none.
 
-    A file or constructor that gives this name and what the film has beside it makes an equal film.
+    A file or constructor that gives this name and the film's other properties makes an equal film.
     """
     def shared(entry: LibraryMaterial) -> list[bool]:
         return [getattr(film, key) == known for key, known in entry.of_film.items()]
@@ -149,7 +149,7 @@ def material_name(film: Film) -> str | None:
 
 
 def library_strength(name: str) -> Strength:
-    """The strength of a name; an :class:`InputError` where there is none."""
+    """Find a strength by its name; an :class:`InputError` if it is unknown."""
     if name not in STRENGTH_LIBRARY:
         raise InputError(one_of(name, STRENGTH_LIBRARY), key="breakdown", given=name)
     return STRENGTH_LIBRARY[name].strength
@@ -160,7 +160,7 @@ STRENGTHS.by_name = library_strength
 
 
 def examine_material(table: Table, key: str) -> Material | LibraryEntry:
-    """The material under a key, admissible or not, also of the refused names: to look at only."""
+    """Read the material under a key for examination: inadmissible and refused ones, too."""
     name = table.value(key)
     if isinstance(name, str) and name in EXAMINED:
         return EXAMINED[name]
@@ -185,11 +185,11 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | 
     return RangedMaterial(law, (low, high)) if stated else law
 
 
-#: Readers of what of a film a file may also name.
+#: Readers of values of a film that a file may also give by name.
 READERS: Special = {(Film, "material"): read_material}
 
 
 def load_specimen(source: Table | Path | str) -> Specimen:
-    """The specimen of a TOML file or table, with the laws and the library known here."""
+    """Read the specimen of a TOML file or table, with the known laws and the library."""
     table = source if isinstance(source, Table) else Table.read(source, "specimen")
     return read(Specimen, table, READERS)

@@ -2,17 +2,17 @@
 
 Beside its law a film has branches of a modulus μ and a time τ. Each stores μ/2 (C : C_v⁻¹ − 3) per
 virgin volume, det C_v = 1, C₃₃ = 1/(C₁₁C₂₂ − C₁₂²), and flows: Ċ_v = (C − ⅓ (C : C_v⁻¹) C_v)/τ
-(Kumar and Lopez-Pamies, C. R. Mecanique 344, 2016, with a neo-Hookean branch), τ = η/μ, whose
+(Kumar and Lopez-Pamies, C. R. Mecanique 344, 2016, with a neo-Hookean branch), τ = η/μ. The
 viscosity η may depend on C_v and the stress (:mod:`tympan.fem.film.flows`).
 
-So C_v = M/det(M)^⅓ of an M that grows along C, Ṁ = det(M)^⅓ C/τ. A step from C₀ to C leaves M = H +
-w C, where H is known before and w follows from the step's length, and what the branch then pulls
-with derives from the potential (3μ/2w) det(H + w C)^⅓. No equations are solved at a point, C_v
-stays positive with determinant 1, and the tangent is symmetric. (For Euler's step: Shutov, Landgraf
-and Ihlemann, Comput. Methods Appl. Mech. Eng. 265, 2013; this one is of second order.)
+So C_v = M/det(M)^⅓ of an M that grows along C, Ṁ = det(M)^⅓ C/τ. A step from C₀ to C ends at M = H
++ w C, where H is known before the step and w follows from its duration. The branch's stress at the
+end derives from the potential (3μ/2w) det(H + w C)^⅓. No equations are solved at a point, C_v stays
+positive with determinant 1, and the tangent is symmetric. (For Euler's step: Shutov, Landgraf and
+Ihlemann, Comput. Methods Appl. Mech. Eng. 265, 2013; this one is of second order.)
 
-Symmetric tensors are arrays of the components 11, 22, 12, 33 on the virgin film's axes, which are
-their first axis; the branches' own are the second one of what belongs to them.
+Symmetric tensors are arrays of the components 11, 22, 12, 33 along the virgin film's axes, as their
+first axis; the second axis is that of the branches, where values differ between them.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ import numpy as np
 from tympan.base.arrays import AnyArray
 from tympan.geometry.specimen import ConstantFlow, Film, FlowLaw, ViscousBranch
 
-#: Rates below which the weights of a step are their series, and its terms.
+#: Rate below which the weights of a step are computed by their series, and its terms.
 _SLOW = 0.5
 _SERIES = [(-1) ** n / factorial(n + 2) for n in range(12)]
 
-#: After so many of its times a branch is relaxed to the last digit.
+#: Number of its times after which a branch is relaxed to the last digit.
 _LONG = 80.0
 
-#: C of a film that is not strained.
+#: C of an unstrained film.
 _UNIT = np.array([1.0, 1.0, 0.0, 1.0])
 
-#: Twice A dC A by dC, symmetric in both pairs, is 2 A ⊗ A and this times det A, in the plane by
-#: the components 11, 22, 12 (A_ik A_lj − A_ij A_lk = det A ε_il ε_kj).
+#: Coefficients of det A in twice A dC A by dC, symmetric in both pairs, which is 2 A ⊗ A plus this
+#: times det A, in the plane by the components 11, 22, 12 (A_ik A_lj − A_ij A_lk = det A ε_il ε_kj).
 ACROSS = ((0.0, -2.0, 0.0), (-2.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -47,7 +47,7 @@ ACROSS = ((0.0, -2.0, 0.0), (-2.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 class Memory:
     """The branches' C_v at points, shape (4, branches, *points), moduli [Pa] and times [s].
 
-    ``flows`` of the branches where any has another viscosity than a constant one, else none.
+    ``flows`` are those of the branches if any viscosity is not constant, else empty.
     """
 
     moduli: AnyArray
@@ -57,14 +57,14 @@ class Memory:
 
     @classmethod
     def relaxed(cls, film: Film, c: Any) -> Memory:
-        """Memory fully relaxed at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
+        """Make a memory that is fully relaxed at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
         full = incompressible(c)[:, None]
         moduli, times, flows = _constants(film)
         return cls(moduli, times, np.repeat(full, len(times), 1), flows)
 
     @classmethod
     def mounted(cls, film: Film, points: tuple[int, ...]) -> Memory:
-        """Memory of a flat film, stretched at once so long ago as it says, at points of a shape."""
+        """Make the memory of a flat film, stretched at once at its age, at points of a shape."""
         first, second = film.prestretch
         flat = incompressible((first**2, second**2, 0.0))
         moduli, times, flows = _constants(film)
@@ -77,11 +77,11 @@ class Memory:
         return cls(moduli, times, np.broadcast_to(spread, (4, len(times), *points)), flows)
 
     def step(self, c: Any, duration: float, ahead: Any = None) -> Flow:
-        """Shares of what was before that a step of a duration [s] from C keeps.
+        """Prepare a step of a duration [s] from C.
 
         In the step det(M)^⅓ grows exponentially, by its rate at the start. Where a viscosity is not
         constant, its inverse is the mean of that at the start and of that at a C ``ahead``, where
-        the step is foreseen to end.
+        the step is expected to end.
         """
         fluidity = self.fluidity(c)
         if self.flows and np.any(duration) and ahead is not None:
@@ -100,20 +100,20 @@ class Memory:
         return Flow(self, kept, share * last)
 
     def energy(self, c: Any) -> AnyArray:
-        """Energy that the branches store at C [J/m³], shape (*points)."""
+        """Compute the energy that the branches store at C [J/m³], shape (*points)."""
         stretch = inner(inverse(self.viscous), incompressible(c)[:, None]) - 3
         return np.asarray((self.each(self.moduli) / 2 * stretch).sum(0))
 
     def dissipation(self, c: Any) -> AnyArray:
-        """Power that the branches turn into heat at C [W/m³], shape (*points).
+        """Compute the power that the branches turn into heat at C [W/m³], shape (*points).
 
-        With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
+        It is (μ/2τ) (tr X² − (tr X)²/3) with X = C C_v⁻¹.
         """
         rate = self.each(self.moduli / self.times) * self.fluidity(c)
         return np.asarray((rate * self._driving(c)).sum(0))
 
     def fluidity(self, c: Any) -> Any:
-        """Inverse viscosity at C, over that of the branches' times, shape (branches, *points)."""
+        """Compute inverse viscosity at C, over that of the branches' times, (branches, *points)."""
         if not self.flows:
             return 1.0
         stretch = self.viscous[0] + self.viscous[1] + self.viscous[3]
@@ -123,37 +123,41 @@ class Memory:
                          for flow, *invariants in pairs])
 
     def _driving(self, c: Any) -> AnyArray:
-        """(tr X² − (tr X)²/3)/2, X = C C_v⁻¹, shape (branches, *points)."""
+        """Compute (tr X² − (tr X)²/3)/2, X = C C_v⁻¹, shape (branches, *points)."""
         full, back = incompressible(c)[:, None], inverse(self.viscous)
+        c11, c22, c12, c33 = full
+        v11, v22, v12, v33 = back
         trace = inner(back, full)
         # tr X² = C C_v⁻¹ : (C C_v⁻¹)ᵀ, by components in the plane.
-        first, last = full[0] * back[0] + full[2] * back[2], full[1] * back[1] + full[2] * back[2]
-        above, below = full[0] * back[2] + full[2] * back[1], full[2] * back[0] + full[1] * back[2]
-        square = first**2 + last**2 + 2 * above * below + (full[3] * back[3]) ** 2
+        x11 = c11 * v11 + c12 * v12
+        x22 = c22 * v22 + c12 * v12
+        x12 = c11 * v12 + c12 * v22
+        x21 = c12 * v11 + c22 * v12
+        square = x11**2 + x22**2 + 2 * x12 * x21 + (c33 * v33) ** 2
         driving = (square - trace**2 / 3) / 2
-        # Rounding may leave less than nothing where the branch is relaxed.
+        # Rounding may leave a negative value where the branch is relaxed.
         return np.where(np.real(driving) > 0, driving, 0.0)
 
     def each(self, values: AnyArray) -> AnyArray:
-        """Values of the branches, broadcast over all of their points."""
+        """Broadcast values of the branches over all of their points."""
         return values.reshape(-1, *(1,) * (self.viscous.ndim - 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """A step under way: H, shape (4, branches, *points), and w of every branch."""
+    """A step in progress: H, shape (4, branches, *points), and w of every branch."""
 
     memory: Memory
     kept: AnyArray
     weight: AnyArray
 
     def after(self, c: Any) -> Memory:
-        """The memory at the step's end, at C."""
+        """Compute the memory at the step's end, at C."""
         grown = self.kept + self.weight * incompressible(c)[:, None]
         return replace(self.memory, viscous=grown / cube_root(determinant(grown)))
 
     def at(self, interpolate: Callable[[AnyArray], AnyArray], shear: Any = 1.0) -> Flow:
-        """The same step at other points, to which values are interpolated, shape (..., *points).
+        """Move the step to other points, to which values are interpolated, shape (..., *points).
 
         ``shear`` multiplies the component 12 there: -1 in a mirror image.
         """
@@ -164,10 +168,11 @@ class Flow:
 
     def density(self, c: Any, *, tangent: bool = True) -> tuple[AnyArray, AnyArray,
                 AnyArray | None]:
-        """The step's potential at C [J/m³], S = 2∂/∂C and ∂S/∂E in Voigt form [Pa].
+        """Compute the step's potential at C [J/m³], S = 2∂/∂C and ∂S/∂E in Voigt form [Pa].
 
-        Shapes (*points), (3, *points), (3, 3, *points), those of several films first. The potential
-        is 0 where nothing is strained; without flow it is what the branches store.
+        Shapes are (*points), (3, *points), (3, 3, *points), with those of several films first. The
+        potential is 0 where nothing is strained; without flow it is the energy that the branches
+        store.
         """
         full, weight, grown, growth = self._grown(c)
         moduli, kept = self._moduli(full.ndim), _aligned(self._unit[0], 2, full.ndim)
@@ -176,7 +181,7 @@ class Flow:
                 *self._stress(full, weight, grown, growth, tangent))
 
     def stress(self, c: Any) -> tuple[AnyArray, AnyArray | None]:
-        """S and ∂S/∂E of :meth:`density` alone."""
+        """Compute S and ∂S/∂E of :meth:`density` alone."""
         if self.at_once is None:
             return self._stress(*self._grown(c), tangent=True)
         plane, thick = self.at_once
@@ -185,9 +190,9 @@ class Flow:
 
     @cached_property
     def at_once(self) -> tuple[AnyArray, AnyArray] | None:
-        """Σ μ C_v⁻¹ in the plane, (3, *points), and Σ μ/C_v,33 [Pa], where nothing flows.
+        """Σ μ C_v⁻¹ in the plane, (3, *points), and Σ μ/C_v,33 [Pa]; None if a branch flows.
 
-        The branches then store ½ (the one : C + the other/det C).
+        Without flow the branches store ½ (the first : C + the second/det C).
         """
         if np.any(self.weight):
             return None
@@ -195,7 +200,7 @@ class Flow:
         return (moduli * back[:3]).sum(1), (moduli * back[3]).sum(0)
 
     def _grown(self, c: Any) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
-        """C, w, H + w C and det(H + w C)^⅓, of det H = 1."""
+        """Compute C, w, H + w C and det(H + w C)^⅓, scaled to det H = 1."""
         full = incompressible(c)[:, None]
         kept, weight = self._unit
         weight = _aligned(weight, 1, full.ndim - 1)
@@ -205,13 +210,16 @@ class Flow:
     def _stress(self, full: AnyArray, weight: AnyArray, grown: AnyArray, growth: AnyArray,
                 tangent: bool
                 ) -> tuple[AnyArray, AnyArray | None]:
-        by_grown, by_full, ratio = inverse(grown), inverse(full), full[3] / grown[3]
-        pull, strength = (by_grown - ratio * by_full)[:3], self._moduli(full.ndim) * growth
+        by_grown, by_full = inverse(grown), inverse(full)
+        ratio = full[3] / grown[3]
+        pull = (by_grown - ratio * by_full)[:3]
+        strength = self._moduli(full.ndim) * growth
         stress = (strength * pull).sum(1)
         if not tangent:
             return stress, None
         softer, stiffer = strength * weight, strength * ratio
-        along, by_stretch = 2 / 3 * softer * pull, 2 * stiffer * (2 - weight * ratio) * by_full
+        along = 2 / 3 * softer * pull
+        by_stretch = 2 * stiffer * (2 - weight * ratio) * by_full
         by_growth = 2 * softer * by_grown
         area = stiffer * plane_determinant(by_full) - softer * plane_determinant(by_grown)
         bend = np.empty((3, 3, *stress.shape[1:]), dtype=stress.dtype)
@@ -225,18 +233,18 @@ class Flow:
         return stress, bend
 
     def _moduli(self, axes: int) -> AnyArray:
-        """Moduli of the branches, for tensors of so many axes."""
+        """Reshape the moduli of the branches for tensors of this number of axes."""
         return self.memory.moduli.reshape(-1, *(1,) * (axes - 2))
 
     @cached_property
     def _unit(self) -> tuple[AnyArray, AnyArray]:
-        # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
+        # The potential is the same for any multiple of H and w; with det H = 1 it has a limit.
         unit = cube_root(determinant(self.kept))
         return self.kept / unit, self.weight / unit
 
 
 def _constants(film: Film) -> tuple[AnyArray, AnyArray, tuple[FlowLaw, ...]]:
-    """Moduli [Pa] and times [s] of a film's branches; their flows where any is not constant."""
+    """Collect moduli [Pa] and times [s] of branches, and their flows if any is not constant."""
     flows = tuple(branch.flow for branch in film.branches)
     constant = all(flow == ConstantFlow() for flow in flows)
     return (np.array([branch.modulus for branch in film.branches]),
@@ -244,8 +252,8 @@ def _constants(film: Film) -> tuple[AnyArray, AnyArray, tuple[FlowLaw, ...]]:
 
 
 def _grown(flat: AnyArray, age: float, branch: ViscousBranch) -> float:
-    """The s of M = 1 + s C after C was held for an age [s]; ds/dt = det(M)^⅓ φ/τ, φ = η₀/η."""
-    from scipy.integrate import solve_ivp  # few films have an age, and it takes long to load
+    """Compute s of M = 1 + s C after C was held for an age [s]; ds/dt = det(M)^⅓ φ/τ, φ = η₀/η."""
+    from scipy.integrate import solve_ivp  # slow to load, and few films have an age
 
     constants = np.array([branch.modulus]), np.array([branch.time])
     flows = () if branch.flow == ConstantFlow() else (branch.flow,)
@@ -253,7 +261,7 @@ def _grown(flat: AnyArray, age: float, branch: ViscousBranch) -> float:
     def fluidity(viscous: AnyArray) -> Any:
         return Memory(*constants, viscous[:, None], flows).fluidity(flat[:3])
 
-    # By the logarithm of 1 + s, since s grows exponentially.
+    # The unknown is the logarithm of 1 + s, since s grows exponentially.
     def rate(_: float, log: AnyArray) -> AnyArray:
         grown = _UNIT + np.expm1(log) * flat
         size = np.cbrt(determinant(grown))
@@ -266,7 +274,7 @@ def _grown(flat: AnyArray, age: float, branch: ViscousBranch) -> float:
 
 
 def incompressible(c: Any) -> AnyArray:
-    """C of (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
+    """Complete (C₁₁, C₂₂, C₁₂) with the C₃₃ that keeps the volume, shape (4, *points)."""
     c11, c22, c12 = c
     across = np.asarray(1 / (c11 * c22 - c12 * c12))
     full = np.empty((4, *across.shape), across.dtype)
@@ -275,35 +283,38 @@ def incompressible(c: Any) -> AnyArray:
 
 
 def determinant(a: AnyArray) -> AnyArray:
-    """Determinants of symmetric tensors, shape (...)."""
+    """Compute determinants of symmetric tensors, shape (...)."""
     return np.asarray((a[0] * a[1] - a[2] * a[2]) * a[3])
 
 
 def inverse(a: AnyArray) -> AnyArray:
-    """Inverses of symmetric tensors, in their shape."""
+    """Invert symmetric tensors, in their shape."""
     first, last, shear, thick = a
     plane = first * last - shear * shear
     result = np.empty_like(a)
-    result[0], result[1], result[2] = last / plane, first / plane, -shear / plane
+    result[0] = last / plane
+    result[1] = first / plane
+    result[2] = -shear / plane
     result[3] = 1 / thick
     return result
 
 
 def inner(a: AnyArray, b: AnyArray) -> AnyArray:
-    """a : b of symmetric tensors, shape (...)."""
+    """Compute a : b of symmetric tensors, shape (...)."""
     sums = a * b
     sums[2] *= 2
     return np.asarray(np.add.reduce(sums, 0))
 
 
 def _weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Integrals over s in (0, 1) of e^(κ(s−1)) times 1 − s and s."""
+    """Integrate e^(κ(s−1)) times 1 − s, and times s, over s in (0, 1)."""
     slow = rate < _SLOW
     if slow.all():
         return _slow_weights(rate)
     k = np.where(slow, 1.0, rate)
     fading = np.exp(-k)
-    first, last = (1 - fading * (1 + k)) / k**2, (k - 1 + fading) / k**2
+    first = (1 - fading * (1 + k)) / k**2
+    last = (k - 1 + fading) / k**2
     if slow.any():
         near = _slow_weights(np.minimum(rate, _SLOW))
         first, last = np.where(slow, near[0], first), np.where(slow, near[1], last)
@@ -311,7 +322,7 @@ def _weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
 
 
 def _slow_weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """The same of small rates: of s by its series Σ (−κ)ⁿ/(n + 2)!, of 1 − s what is left."""
+    """Compute both weights at small rates: of s by its series Σ (−κ)ⁿ/(n + 2)!, then of 1 − s."""
     last = np.full_like(rate, _SERIES[-1])
     for term in _SERIES[-2::-1]:
         last = last * rate + term
@@ -319,20 +330,20 @@ def _slow_weights(rate: AnyArray) -> tuple[AnyArray, AnyArray]:
 
 
 def _excess(kept: AnyArray, weight: AnyArray, full: AnyArray) -> AnyArray:
-    """(det(H + w C) − 1)/w of det H = det C = 1."""
+    """Compute (det(H + w C) − 1)/w for det H = det C = 1."""
     return np.asarray(inner(inverse(kept), full)
                       + weight * (inner(inverse(full), kept) + weight))
 
 
 def plane_determinant(a: AnyArray) -> AnyArray:
-    """Determinants in the plane of symmetric tensors, shape (...)."""
+    """Compute determinants in the plane of symmetric tensors, shape (...)."""
     first, last, shear = a[:3]
     return np.asarray(first * last - shear * shear)
 
 
 def of_thickness(c: AnyArray, thick: Any, *, tangent: bool = True) -> tuple[AnyArray,
                  AnyArray | None]:
-    """S = 2∂/∂C and ∂S/∂E in Voigt form of ½ thick/det C, C in the plane, shape (3, ...)."""
+    """Compute S = 2∂/∂C and ∂S/∂E (Voigt form) of ½ thick/det C, C in the plane, shape (3, ...)."""
     across, thin = cofactor(c), 1 / plane_determinant(c)
     push = thick * thin**2
     if not tangent:
@@ -343,7 +354,7 @@ def of_thickness(c: AnyArray, thick: Any, *, tangent: bool = True) -> tuple[AnyA
 
 
 def cofactor(a: AnyArray) -> AnyArray:
-    """Cofactors in the plane of symmetric tensors, shape (3, ...)."""
+    """Compute cofactors in the plane of symmetric tensors, shape (3, ...)."""
     result = np.empty((3, *a.shape[1:]), a.dtype)
     result[0], result[1] = a[1], a[0]
     np.negative(a[2], out=result[2])
@@ -359,11 +370,11 @@ def add_across(slopes: AnyArray, value: AnyArray) -> None:
 
 
 def _aligned(values: AnyArray, first: int, axes: int) -> AnyArray:
-    """Values with so many axes in all, new ones after the first."""
+    """Insert axes after the first ones, up to this number of axes in all."""
     new = (1,) * (axes - values.ndim)
     return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 
 def cube_root(value: AnyArray) -> AnyArray:
-    """Cube root of any numbers, complex ones too."""
+    """Compute the cube root of any numbers, complex ones too."""
     return np.asarray(value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value))

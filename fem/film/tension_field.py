@@ -12,18 +12,18 @@ import numpy as np
 from tympan.base.arrays import AnyArray, Mask, Numbers
 
 _HALVINGS = 60
-#: A step of Newton's, relative, after which the next one is nothing.
+#: Relative length of a step of Newton's after which the next one is negligible.
 _SMALL = 1e-9
-#: Least stiffness along the tension lines of a film that wrinkles, in residual tensions: one a
-#: little below zero brackets the loads at which it vanishes.
+#: Least stiffness along the tension lines of a wrinkled film, in residual tensions. It is a little
+#: below zero, so that the loads at which the stiffness vanishes are bracketed.
 _SOFT = 100.0
-#: Stretches of a film slack both ways at which it is looked for tension, over what it has; where
-#: none has any it is none.
+#: Factors of the stretches of a film slack both ways at which tension is sought. Where none of them
+#: gives tension the film has none.
 _OUTWARDS = np.array([1.03, 1.1, 1.25, 1.5, 2.0, 3.0, 4.0])
 
 
 class Tension(IntEnum):
-    """Number of directions in which the film carries tension; the numbers are those of the VTU."""
+    """Number of directions in which the film carries no tension, as numbered in VTU files."""
 
     TAUT = 0  #: in both
     WRINKLED = 1  #: along the wrinkles only
@@ -31,10 +31,11 @@ class Tension(IntEnum):
 
 
 def tension_state(stress_1: AnyArray, stress_2: AnyArray, tense: AnyArray) -> Numbers:
-    """Values of :class:`Tension` by the larger and smaller principal true stress [Pa], shape (n,).
+    """Classify points by :class:`Tension`, by principal true stresses [Pa], shape (n,).
 
-    ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
-    but no more than the residual tension of :class:`TensionField`.
+    ``tense`` is the number of directions in which a wrinkling film carries tension by itself. The
+    stress is positive in the other directions too, but no more than the residual tension of
+    :class:`TensionField`.
     """
     pressed = (np.asarray(stress_1) <= 0).astype(np.int64) + (np.asarray(stress_2) <= 0)
     return np.asarray(np.maximum(pressed, 2 - np.asarray(tense)))
@@ -42,7 +43,7 @@ def tension_state(stress_1: AnyArray, stress_2: AnyArray, tense: AnyArray) -> Nu
 
 @dataclass(frozen=True)
 class Coat:
-    """A material on a share of every point, 1 where it is and 0 where it is not.
+    """A material on a share of every point: 1 where it is present, 0 where it is not.
 
     Its own virgin state is the film's at the stretch ``scale`` along both axes.
     """
@@ -67,11 +68,11 @@ class TensionField:
     (Pipkin, IMA J. Appl. Math. 36, 1986; Steigmann, Proc. R. Soc. A 429, 1990; with voltage W
     includes the electrostatic energy, at constant potential). That leaves no stiffness across the
     tension lines. So the film keeps a residual second Piola–Kirchhoff tension ``residual`` there
-    [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film whose
-    tensions exceed κ is not touched at all. Under voltage a film may have no natural width:
-    wrinkled, it would thin without bound, and what is asked of it there is nan.
+    [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film with
+    tensions above κ is not changed. Under voltage a wrinkled film may have no natural width: it
+    would thin until it breaks down, and its values there are nan.
 
-    As a material it wants λ₁ ≥ λ₂ and is symmetric in them otherwise.
+    The stretches must be ordered, λ₁ ≥ λ₂; otherwise the material is symmetric in them.
     """
 
     materials: tuple[Any, ...]
@@ -91,10 +92,11 @@ class TensionField:
         return tuple(value[()] for value in values)
 
     def stretches(self, l1: Any, l2: Any) -> tuple[Any, Any, Numbers]:
-        """Those of the material itself, wrinkles included, λ₁* ≥ λ₁ and λ₂* ≥ λ₂.
+        """Compute the stretches of the material itself, wrinkles included, λ₁* ≥ λ₁ and λ₂* ≥ λ₂.
 
-        And in how many directions the film is tense, by its own tension, not by the residual one:
-        across its wrinkles it is not, for unwrinkled it would be pressed there.
+        The third result is the number of directions in which the film is tense by its own tension.
+        The residual one does not count: across its wrinkles the film would be compressed without
+        them.
         """
         plain = total(self.materials, l1, l2)
         loose = self._loose(plain, l2)
@@ -109,10 +111,10 @@ class TensionField:
         return first[()], second[()], np.where(slack, 0, tense)
 
     def thinning_margin(self, l1: Any, l2: Any) -> Any:
-        """Margin of a film that wrinkles to thinning without bound [Pa]; negative beyond.
+        """Compute the margin of a wrinkling film to unlimited thinning [Pa]; negative beyond.
 
-        Where it is wrinkled, the stiffness W*″ along the tension lines; where wrinkled it would
-        have none, the tension; elsewhere ∞.
+        Where the film is wrinkled it is the stiffness W*″ along the tension lines; where a wrinkled
+        film would have no stiffness, the tension; elsewhere ∞.
         """
         plain = total(self.materials, l1, l2)
         _, _, w2, w11, w12, w22 = plain
@@ -123,17 +125,17 @@ class TensionField:
         if loose.any():
             wrinkled = self._wrinkled(l1, l2, loose)
             margin[loose] = np.where(wrinkled.sound, wrinkled.stiffness, (w2 / l2)[loose])
-        # Where the law has no stress the film is strained too far, not thin.
+        # A law without a stress means that the film is strained too far, not that it is thin.
         return np.where(np.isnan(margin), np.inf, margin)
 
     def _loose(self, plain: tuple[Any, ...], l2: Any) -> Mask:
-        # A law may have no value so far pressed together.
+        # A law may have no value at such a compression.
         least = np.real(self.residual) * np.real(l2)
         return np.asarray(~(np.real(plain[2]) >= least) & np.isfinite(least))
 
     def _at(self, l1: Any, l2: Any, points: Mask
             ) -> tuple[tuple[Any, ...], AnyArray, AnyArray]:
-        """Materials and stretches at some points; arrays of a material are fields over all."""
+        """Select materials and stretches at points; a material's arrays are fields over all."""
         def chosen(value: Any) -> AnyArray:
             return np.asarray(np.broadcast_to(value, points.shape)[points])
 
@@ -141,7 +143,7 @@ class TensionField:
 
     def _taken(self, materials: tuple[Any, ...], a: AnyArray, b: AnyArray) -> tuple[AnyArray,
                AnyArray]:
-        """Natural stretches of loose points, nan where the film has none."""
+        """Compute natural stretches of loose points, nan where the film has none."""
         k = self.residual
 
         def across(s: Any) -> tuple[Any, Any]:
@@ -158,14 +160,14 @@ class TensionField:
         return first, second
 
     def _apart(self, materials: tuple[Any, ...], a: AnyArray) -> AnyArray:
-        """Natural stretch of points that are slack both ways, nan where the film has none."""
+        """Find the natural stretch of points that are slack both ways, nan where there is none."""
         k = self.residual
 
         def both(s: Any) -> tuple[Any, Any]:
             values = total(materials, s, s)
             return values[1] - k * s, values[3] + values[4] - k
 
-        # Under voltage the tension falls again further out.
+        # Under voltage the tension falls again at larger stretches.
         outer = _OUTWARDS[:, None] * a
         tense = np.real(both(outer)[0]) > 0
         nearest = np.argmax(tense, axis=0)
@@ -185,10 +187,10 @@ class TensionField:
 
 @dataclass(frozen=True, eq=False)
 class _Wrinkled:
-    """Loose points of a film: stretches, natural stretches, and what is stored at these.
+    """Loose points of a film: their stretches, natural stretches, and energy and tension at these.
 
-    ``stiffness`` along the tension lines, of a slack film the smaller one; ``sound`` where that is
-    not negative, but for a little, so that the film has a state.
+    ``stiffness`` is that along the tension lines, for a slack film the smaller one; ``sound`` marks
+    points where it is not much below zero, so that the film has a state.
     """
 
     seen: tuple[AnyArray, AnyArray]
@@ -200,16 +202,17 @@ class _Wrinkled:
     stiffness: AnyArray
 
     def relaxed(self, k: Any) -> tuple[AnyArray, ...]:
-        """W and its derivatives with a residual tension k [Pa]."""
+        """Compute W and its derivatives with a residual tension k [Pa]."""
         (a, b), (first, second) = self.seen, self.natural
-        energy = self.energy + k / 2 * (a * a + b * b - first * first - second * second)
+        squares = a * a + b * b - first * first - second * second
+        energy = self.energy + k / 2 * squares
         w1 = np.where(self.slack, k * a, self.tension)
         w11 = np.where(self.slack, k, self.stiffness)
         return energy, w1, k * b, w11, 0 * a, k + 0 * a
 
 
 def _at_points(materials: tuple[Any, ...], points: Mask) -> tuple[Any, ...]:
-    """Materials at some points; their arrays are fields over all."""
+    """Select materials at some points; their arrays are fields over all."""
     fields = [{name: np.broadcast_to(value, points.shape)[points] for name, value
                in vars(material).items() if isinstance(value, np.ndarray)}
               for material in materials]
@@ -218,7 +221,7 @@ def _at_points(materials: tuple[Any, ...], points: Mask) -> tuple[Any, ...]:
 
 
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
-    """Sum of the materials' W and derivatives."""
+    """Sum the materials' W and derivatives."""
     first, *others = (material.derivatives(l1, l2) for material in materials)
     for other in others:
         first = tuple(map(add, first, other))
@@ -226,12 +229,10 @@ def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
 
 
 def _root(function: Any, low: AnyArray, high: AnyArray, exists: Mask) -> AnyArray:
-    """Root of a function that is negative at ``low`` and positive at ``high``.
+    """Find the root of a function that is negative at ``low`` and positive at ``high``.
 
-    Nan where there ``exists`` none.
-
-    Newton within bisection. The last step is taken in the arguments' own arithmetic, so that an
-    imaginary step on anything passes through.
+    Nan where no root ``exists``. The method is Newton's within bisection. The last step is taken in
+    the arguments' own arithmetic, so that an imaginary step of any argument passes through.
     """
     if not exists.any():
         return np.full(len(low), np.nan)
@@ -240,7 +241,7 @@ def _root(function: Any, low: AnyArray, high: AnyArray, exists: Mask) -> AnyArra
         point = lower
         for _ in range(_HALVINGS):
             value, slope = (np.real(part) for part in function(point))
-            above = value >= 0  # not where there is no value
+            above = value >= 0  # False where there is no value
             lower, upper = np.where(above, lower, point), np.where(above, point, upper)
             step = -value / slope
             settled = np.abs(step) <= _SMALL * point

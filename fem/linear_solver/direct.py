@@ -1,8 +1,8 @@
-"""Direct solution of sparse symmetric systems; what depends on the sparsity is done once.
+"""Direct solution of sparse symmetric systems; work that depends on the sparsity is done once.
 
 SciPy's SuperLU in an order by nested dissection is the default. MKL's PARDISO takes its place above
-``PARDISO_PAYS`` unknowns where pypardiso is installed (the extra ``fast``). ``docs/scaling.md``
-has what was measured.
+``PARDISO_PAYS`` unknowns where pypardiso is installed (the extra ``fast``). ``docs/scaling.md`` has
+the measurements.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
 #: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
 PARDISO_PAYS = 20_000
 
-#: A multiplier of the elimination above this has cost so many digits that the pivots' signs are not
-#: trusted.
+#: Largest multiplier of an elimination whose pivots' signs are trusted: a larger one has cost too
+#: many digits.
 _GROWTH = 1e6
 
-#: Order up to which eigenvalues are simply computed where pivots will not do.
+#: Order up to which eigenvalues are computed where pivots are not trusted.
 _DENSE = 300
 
 
 @dataclass(frozen=True)
 class SuperLU:
-    """SciPy's sparse LU, pivots on the diagonal: LDLᵀ in all but name.
+    """SciPy's sparse LU with pivots on the diagonal, which amounts to LDLᵀ.
 
-    Unknowns are eliminated in the order they have where that is ``ordered`` to fill in little, else
-    by minimum degree.
+    Unknowns are eliminated in their own order if that is ``ordered`` for little fill-in, else by
+    minimum degree.
     """
 
     ordered: bool = False
@@ -44,7 +44,7 @@ class SuperLU:
     def factorise(self, matrix: csc_matrix) -> SuperLUFactors:
         """Factorise; rows are exchanged only where a pivot is exactly zero."""
         spec = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
-        with silent():  # SuperLU prints where it gets no memory, besides raising
+        with silent():  # SuperLU prints when memory is short, besides raising
             factors = splu(matrix, permc_spec=spec, diag_pivot_thresh=0.0,
                            options={"SymmetricMode": True})
         return SuperLUFactors(factors, matrix)
@@ -52,20 +52,20 @@ class SuperLU:
 
 @dataclass(frozen=True, eq=False)
 class SuperLUFactors:
-    """Factors by SuperLU, and the matrix they are of."""
+    """Factors by SuperLU, with their matrix."""
 
     factors: Any
     matrix: csc_matrix
 
     def solve(self, right: AnyArray) -> AnyArray:
-        """Solution for right-hand sides of shape (n,) or (n, k)."""
+        """Solve for right-hand sides of shape (n,) or (n, k)."""
         return np.asarray(self.factors.solve(right))
 
     @cached_property
     def negative(self) -> int:
         """Number of negative eigenvalues.
 
-        SciPy copies the factors to show their pivots, and keeps the copy as long as this.
+        SciPy copies the factors to show their pivots, and keeps the copy as long as the factors.
         """
         lower, pivots = self.factors.L, self.factors.U.diagonal()
         reach = np.maximum(np.maximum.reduceat(lower.data, lower.indptr[:-1]),
@@ -78,7 +78,7 @@ class SuperLUFactors:
 
 
 def _negative_eigenvalues(matrix: csc_matrix, last: AnyArray) -> int:
-    """Those of the unknowns but the ``last``, and of their Schur complement (Haynsworth)."""
+    """Count those of the unknowns but the ``last``, and of their Schur complement (Haynsworth)."""
     count = matrix.shape[0]
     if count <= _DENSE or len(last) == count:
         return int(np.count_nonzero(np.linalg.eigvalsh(matrix.toarray()) < 0))
@@ -90,16 +90,16 @@ def _negative_eigenvalues(matrix: csc_matrix, last: AnyArray) -> int:
     return factors.negative + int(np.count_nonzero(values < 0))
 
 
-#: What all symmetric matrices with one sparsity have in common; a factorised one of them.
+#: Common data of all symmetric matrices with one sparsity; and one of them, factorised.
 Analysis = SuperLU | Pardiso
 Factorisation = SuperLUFactors | PardisoFactors
 
 
 def analyse(indices: AnyArray, indptr: AnyArray, ordered: bool = False) -> Analysis:
-    """Analysis for the fastest solver installed.
+    """Analyse a sparsity for the fastest solver installed.
 
-    ``indices`` and ``indptr``: sparsity in compressed columns, rows ascending, both triangles, the
-    diagonal included; ``ordered``: whether the unknowns' own order fills in little.
+    ``indices`` and ``indptr`` are the sparsity in compressed columns, rows ascending, both
+    triangles, with the diagonal; ``ordered`` says that the unknowns' own order has little fill-in.
     """
     if len(indptr) - 1 >= PARDISO_PAYS and find_spec("pypardiso") is not None:
         return Pardiso(indices, indptr)
@@ -107,7 +107,7 @@ def analyse(indices: AnyArray, indptr: AnyArray, ordered: bool = False) -> Analy
 
 
 def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisation:
-    """Factorise a sparse symmetric matrix, best with the analysis of its sparsity at hand.
+    """Factorise a sparse symmetric matrix, best with a given analysis of its sparsity.
 
     A singular matrix is a RuntimeError.
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray
 
-#: Directions tried for each cut; four leave 5 % more fill than eight, and more than eight gain
+#: Directions tried for each cut; four leave 5 % more fill-in than eight, and more than eight gain
 #: nothing.
 _DIRECTIONS = 8
 
 
 def elimination_order(connectivity: AnyArray, points: AnyArray) -> AnyArray:
-    """Nodes in an order whose elimination fills in O(n log n) entries, n nodes in a plane.
+    """Order nodes so that elimination fills in O(n log n) entries, n nodes in a plane.
 
     The elements, shape (elements, local) with the three corners first, are halved again and again;
     nodes that two halves share are eliminated after both of them (A. George, "Nested dissection of
@@ -23,7 +23,7 @@ def elimination_order(connectivity: AnyArray, points: AnyArray) -> AnyArray:
 
     Examples
     --------
-    Of two triangles the nodes of one alone come first, then those of the other, then their common
+    The nodes of one of two triangles alone come first, then those of the other, then their common
     edge:
 
     >>> import numpy as np
@@ -33,17 +33,18 @@ def elimination_order(connectivity: AnyArray, points: AnyArray) -> AnyArray:
     """
     codes = _bisected(connectivity, points)
     low, high = _Sharing.of(connectivity).ends(codes)
-    # Elements 1011 and 1001 part at their third-last digit: their common nodes belong to part 10xx,
-    # whose end is 1011.
+    # Elements 1011 and 1001 differ from their third-last digit on: their common nodes belong to
+    # part 10xx, whose end is 1011.
     levels = np.frexp((low ^ high).astype(float))[1].astype(np.int64)
     ends = high | ((np.int64(1) << levels) - 1)
     return np.unique(connectivity)[np.lexsort((levels, ends))]
 
 
 def _bisected(connectivity: AnyArray, points: AnyArray) -> AnyArray:
-    """Code of each element: the sides it fell on, cut after cut, as binary digits."""
+    """Compute the code of each element: the sides it fell on, cut after cut, as binary digits."""
     angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
-    along = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ points[connectivity].mean(axis=1).T
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    along = directions @ points[connectivity].mean(axis=1).T
     ranks = np.argsort(np.argsort(along, kind="stable"), kind="stable")
     codes = np.zeros(len(connectivity), dtype=np.int64)
     corners = _Sharing.of(connectivity[:, :3])
@@ -55,9 +56,9 @@ def _bisected(connectivity: AnyArray, points: AnyArray) -> AnyArray:
 
 
 def _halved(codes: AnyArray, ranks: AnyArray) -> AnyArray:
-    """The codes with one more digit, 1 in the half of each part that ranks higher.
+    """Append a digit to the codes: 1 in the half of each part that ranks higher.
 
-    For ranks along each direction, shape (directions, elements).
+    The ranks are those along each direction, shape (directions, elements).
     """
     order = np.argsort(codes * len(codes) + ranks)
     parts = codes[order[0]]  # in ascending order, the same in all directions
@@ -69,9 +70,9 @@ def _halved(codes: AnyArray, ranks: AnyArray) -> AnyArray:
 
 
 def _cuts(low: AnyArray, high: AnyArray, parts: int) -> AnyArray:
-    """Number of nodes within each part that the last digit divides, (directions, parts).
+    """Count the nodes within each part that the last digit divides, (directions, parts).
 
-    From the ends of the nodes in each direction, (directions, nodes).
+    The arguments are the ends of the nodes in each direction, (directions, nodes).
     """
     direction, node = np.nonzero((low ^ high) == 1)
     part = direction * parts + (low[direction, node] >> 1)
@@ -80,7 +81,7 @@ def _cuts(low: AnyArray, high: AnyArray, parts: int) -> AnyArray:
 
 @dataclass(frozen=True, eq=False)
 class _Sharing:
-    """The elements of each node that has any, one node after the other."""
+    """The elements of each node that has any, one node after another."""
 
     elements: AnyArray
     starts: AnyArray
@@ -92,7 +93,7 @@ class _Sharing:
         return cls(order // connectivity.shape[1], np.flatnonzero(np.diff(nodes, prepend=-1)))
 
     def ends(self, codes: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Smallest and largest code among the elements of each node, along the last axis."""
+        """Find the smallest and largest code of the elements of each node, along the last axis."""
         spread = codes[..., self.elements]
         return (np.minimum.reduceat(spread, self.starts, axis=-1),
                 np.maximum.reduceat(spread, self.starts, axis=-1))

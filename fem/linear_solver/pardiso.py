@@ -1,4 +1,4 @@
-"""MKL's PARDISO by pypardiso; imported only where that is installed.
+"""MKL's PARDISO by pypardiso; imported only where it is installed.
 
 It runs on one thread unless the environment variable MKL_NUM_THREADS says otherwise.
 """
@@ -24,26 +24,26 @@ _FACTORISE = 22
 #: The phase in which it solves by the factors.
 _SOLVE = 33
 
-#: Settings, numbered from 1: not the defaults; nested dissection; pivots below 1e-10 are perturbed;
+#: Settings, numbered from 1: no defaults; nested dissection; pivots below 1e-10 are perturbed;
 #: pivots of order 1 and 2.
 _SETTINGS = {1: 1, 2: 2, 10: 10, 21: 1}
 
-#: Where PARDISO reports how many pivots it perturbed.
+#: Index of the report of perturbed pivots.
 _PERTURBED = 14
-#: Where it reports how many pivots were negative.
+#: Index of the report of negative pivots.
 _NEGATIVE = 23
 
 
 class Pardiso:
-    """Analyses of one sparsity, each good for one factorisation at a time.
+    """Analyses of one sparsity, each for one factorisation at a time.
 
-    A factorisation that nothing refers to any more gives its analysis back, so along a path there
-    are as many as tangents alive at once.
+    A factorisation that nothing refers to any more returns its analysis. So a path needs as many
+    analyses as it has tangents at once.
     """
 
     def __init__(self, indices: AnyArray, indptr: AnyArray) -> None:
         column = np.repeat(np.arange(len(indptr) - 1, dtype=np.int32), np.diff(indptr))
-        # The lower triangle by columns is the upper one by rows, which is what PARDISO reads.
+        # PARDISO reads the upper triangle by rows, which equals the lower one by columns.
         self._lower = indices >= column
         counts = np.bincount(column[self._lower], minlength=len(indptr) - 1)
         self._rows = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
@@ -68,7 +68,7 @@ class PardisoFactors:
         self._solver, self._upper = solver, upper
 
     def solve(self, right: AnyArray) -> AnyArray:
-        """Solution for right-hand sides of shape (n,) or (n, k)."""
+        """Solve for right-hand sides of shape (n,) or (n, k)."""
         columns = np.array(right, dtype=float, order="F")
         return _call(self._solver, _SOLVE, self._upper, columns) if columns.size else columns
 
@@ -89,8 +89,8 @@ def _analysed(upper: csr_matrix) -> Any:
     solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
     for number, value in _SETTINGS.items():
         solver.set_iparm(number, value)
-    # One thread: bitwise the same result every time, and workers of a sweep do not wait for each
-    # other's threads.
+    # One thread gives bitwise the same result every time, and workers of a sweep do not wait for
+    # each other's threads.
     if "MKL_NUM_THREADS" not in os.environ:
         solver.libmkl.MKL_Set_Num_Threads(1)
     _call(solver, _ANALYSE, upper)

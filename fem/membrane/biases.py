@@ -1,8 +1,7 @@
 """Mechanisms between plate and ground: springs, constant forces, magnets, buckled beams, tables.
 
-Another film joined by a rod is one, too.
-
-Each says its energy by the deflection of the plate, and a rig may have any number of them.
+Another film joined by a rod is also a mechanism. Each computes its energy from the deflection of
+the plate. A rig may have any number of them.
 """
 
 from __future__ import annotations
@@ -30,25 +29,25 @@ from tympan.tables.columns import LEAST_STEP, Column, Sheet, read_sheet
 _POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 _COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 
-#: Share of its length up to which a beam's compression is taken: beyond, its slopes are not small.
+#: Largest compression of a beam, as a share of its length: beyond, its slopes are not small.
 _MOST_COMPRESSED = 0.05
-#: Largest thickness of a beam over its length: at it, shear adds some 12 % to the deflection of
+#: Largest thickness of a beam over its length: there, shear adds some 12 % to the deflection of
 #: each half, 12.5 times the square of this share for a Poisson's ratio of 0.3.
 _THICKEST = 0.1
 #: Terms of the series about a beam without axial force: at π² the last is below 1e-16 of the sum.
 _TERMS = 26
-#: Square of a half beam's phase at which it buckles by itself, its ends at rest.
+#: Square of a half beam's phase at which it buckles alone, with its ends at rest.
 _SECOND_BUCKLING = float(np.pi**2)
-#: Below this square of the phase, where a beam is far in tension, closed forms lose nothing.
+#: Square of the phase, far in tension, below which closed forms lose no digits.
 _TENSE = -10.0
-#: How far a rod may hold the other plate out, in half extents of its frame: searches end there.
+#: Largest distance that a rod may hold the other plate out, in half extents of its frame.
 _MOST_HELD = 1.5
-#: Most rows of a table of forces: as many as a list of a file may have.
+#: Most rows of a table of forces: the most entries of a list in a file.
 _MOST_ROWS = 10_000
-#: Most turns of a measured force: what snaps over has two, one beside another four; noise has one
-#: in every second row.
+#: Most extrema of a measured force: a snapping mechanism has two, two of them side by side four;
+#: noise has one in every second row.
 _MOST_TURNS = 8
-#: Corrections of the axial force, which hardly ever takes ten.
+#: Most corrections of the axial force, which rarely needs ten.
 _CORRECTIONS = 200
 
 
@@ -59,8 +58,8 @@ Interval = tuple[float, float]
 class Bias(Protocol):
     """A mechanism between plate and ground; its energy depends on the deflection alone.
 
-    Its stiffness does not jump. Where the slope of the stiffness does, at deflections [m] that a
-    property ``kinks`` lists, curves of it begin anew.
+    Its stiffness does not jump. The slope of the stiffness may jump at the deflections [m] that a
+    property ``kinks`` lists; interpolating curves begin anew there.
     """
 
     law: ClassVar[str]
@@ -69,20 +68,21 @@ class Bias(Protocol):
     def softening(self) -> tuple[Interval, ...]:
         """Deflections [m] between which its stiffness may be negative; elsewhere it never is.
 
-        Only there can it make a plate jump.
+        A plate can snap only there.
         """
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m].
+        """Compute energy [J], its derivative [N] (positive: pushes back), and stiffness [N/m].
 
-        nan where the mechanism cannot be. Of arrays where the law says ``on_arrays = True``.
+        They are nan where the mechanism cannot be. It takes arrays where the class has ``on_arrays
+        = True``.
         """
 
 
 def acting(biases: Sequence[Bias], deflections: AnyArray) -> AnyArray:
-    """Energy [J] of mechanisms, its derivative [N] and its second derivative [N/m], (3, …).
+    """Sum energy [J] of mechanisms, its derivative [N] and its second derivative [N/m], (3, …).
 
-    At many deflections [m] of any shape; nan where one of them cannot be.
+    The deflections [m] have any shape; values are nan where one of the mechanisms cannot be.
     """
     total = np.zeros((3, *deflections.shape), dtype=deflections.dtype)
     found: Any
@@ -105,18 +105,18 @@ def acting(biases: Sequence[Bias], deflections: AnyArray) -> AnyArray:
 
 @lru_cache(maxsize=32)
 def _curve(bias: Any, reach: float) -> ForceCurve | None:
-    """A law that takes one deflection, on arrays up to a reach [m]; None where it is not at all.
+    """Interpolate a law that takes one deflection up to a reach [m]; None where it never exists.
 
-    Kept, since a search asks for its force in many steps.
+    The curve is kept, since a search evaluates its force in many steps.
     """
     return ForceCurve.of(bias.derivatives, -reach, reach, getattr(bias, "kinks", ()))
 
 
-#: Places up to which a law that takes one number is asked for each.
+#: Number of places up to which a law that takes one number is evaluated at each.
 _ONE_BY_ONE = 64
-#: The least reach of a law on arrays [m]; others are doubled from it.
+#: Smallest reach of a curve on arrays [m]; larger ones are doubled from it.
 _REACH = 5e-3
-#: The farthest [m].
+#: Largest reach of a curve [m].
 _FAR = 1.0
 
 #: Bias mechanisms that rig files may name.
@@ -151,7 +151,7 @@ class Spring:
 @BIASES.register
 @dataclass(frozen=True)
 class Constant:
-    """A force that stays the same, as of a weight on a string over a pulley."""
+    """A constant force, such as that of a weight on a string over a pulley."""
 
     law: ClassVar[str] = "constant"
     on_arrays: ClassVar[bool] = True
@@ -186,10 +186,12 @@ class Magnet:
         # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
         n, d = self.power, self.decay
         near: Any = 1 + (self.gap - deflection) / d
-        # No step may end beyond the pole, nor pass it.
+        # No step may end at or beyond the pole.
         near = np.where(np.real(near) > 0, near, np.nan)[()]
-        return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
-                -self.force * n / d * near ** (-n - 1))
+        energy = -self.force * d / (n - 1) * near ** (1 - n)
+        push = -self.force * near**-n
+        stiffness = -self.force * n / d * near ** (-n - 1)
+        return energy, push, stiffness
 
 
 @BIASES.register
@@ -212,16 +214,16 @@ class Bistable:
 
     @cached_property
     def _shape(self) -> tuple[Any, Any]:
-        """Place between the rest positions, over the travel, and the cubic's factor."""
+        """Unstable position between the rest positions, over the travel, and the cubic's factor."""
         ratio: Any = (self.back if np.real(self.back) else self.force) / self.force
         low, high = 0.0, 1.0
         while high - low > 1e-15:
             middle = (low + high) / 2
             over, back = _peaks(middle)
-            # The nearer the unstable position is to the first, the easier it is to push over.
+            # It is the easier to push over, the nearer the unstable position is to the first.
             low, high = (middle, high) if back > np.real(ratio) * over else (low, middle)
         place: Any = low
-        if np.iscomplexobj(ratio):  # by the implicit function's derivative, off the real axis
+        if np.iscomplexobj(ratio):  # derivative of the implicit function, off the real axis
             slope = complex_step(lambda at: _peaks(at)[1] - np.real(ratio) * _peaks(at)[0], low)
             place = low + 1j * np.imag(ratio) * _peaks(low)[0] / slope
         return place, self.force / _peaks(place)[0]
@@ -233,20 +235,22 @@ class Bistable:
         return (low, high),
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        (middle, factor), s = self._shape, (deflection - self.rest) / self.travel
-        return (factor * self.travel * s * s * (middle / 2 + s * (s / 4 - (1 + middle) / 3)),
-                factor * s * (s - middle) * (s - 1),
-                factor / self.travel * (middle + s * (3 * s - 2 * (1 + middle))))
+        middle, factor = self._shape
+        s = (deflection - self.rest) / self.travel
+        energy = factor * self.travel * s * s * (middle / 2 + s * (s / 4 - (1 + middle) / 3))
+        push = factor * s * (s - middle) * (s - 1)
+        stiffness = factor / self.travel * (middle + s * (3 * s - 2 * (1 + middle)))
+        return energy, push, stiffness
 
 
 def _peaks(middle: Any) -> tuple[Any, Any]:
-    """Largest and, with the other sign, least value of s (s − middle) (s − 1) between 0 and 1."""
+    """Compute the largest and minus the least value of s (s − middle) (s − 1) between 0 and 1."""
     over, back = (s * (s - middle) * (s - 1) for s in _turns(middle))
     return over, -back
 
 
 def _turns(middle: Any) -> tuple[Any, Any]:
-    """Both turns."""
+    """Find both extrema of s (s − middle) (s − 1)."""
     half = (1 + middle) / 3
     root = (half**2 - middle / 3) ** 0.5
     return half - root, half + root
@@ -290,7 +294,7 @@ class BuckledBeam:
     def softening(self) -> tuple[Interval, ...]:
         if not np.real(self.derivatives(self.middle)[2]) < 0:
             return ()
-        # Without axial force a half shortens by 0.6 of the square; further out beams are in
+        # Without axial force a half beam shortens by 0.6 of the square; further out beams are in
         # tension.
         most = float(np.real((self.compression * self.length / 2.4) ** 0.5))
         middle = float(np.real(self.middle))
@@ -299,9 +303,10 @@ class BuckledBeam:
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
         moved = deflection - self.middle
         half = self.length / 2
-        # Of the square x of a half's phase: P = 4 EI x/half², in which it shortens by yielding x.
+        # x is the square of a half's phase: P = 4 EI x/half², under which it yields by yielding x.
         yielding = self.thickness**2 / (3 * half)
-        shear = self.number * 2 * self.modulus * self.width * self.thickness**3 / 12 * 4 / half**3
+        bending = self.number * 2 * self.modulus * self.width * self.thickness**3 / 12
+        shear = bending * 4 / half**3
         x, held = self._phase(moved, yielding, half)
         v, v_x, g, g_x = _beam_column(x)
         push = shear * v * moved
@@ -310,13 +315,13 @@ class BuckledBeam:
         else:
             turn = -2 * g * moved / half / (yielding + g_x * moved**2 / half)
             stiffness = shear * (v + v_x * moved * turn)
-        # Bending has V w/2 + P s, of the shortening s, and the axial force half of P times its own.
+        # Bending has V w/2 + P s, s the shortening; the axial force has half of P times its own.
         axial = shear * half * x
         bent = self.compression / 2 - yielding * x
         return push * moved / 2 + axial * (bent + yielding * x / 2), push, stiffness
 
     def _phase(self, moved: Any, yielding: Any, half: Any) -> tuple[Any, bool]:
-        """The square of a half's phase, and whether that is where it buckles by itself."""
+        """Find the square of a half's phase, and whether that is where it buckles alone."""
         def missing(x: Any, at: Any, ease: Any, long: Any, given: Any) -> tuple[Any, Any]:
             _, _, g, g_x = _beam_column(x)
             return ease * x + g * at**2 / long - given / 2, ease + g_x * at**2 / long
@@ -326,7 +331,7 @@ class BuckledBeam:
         real, ease, long, given = reals
         if missing(_SECOND_BUCKLING, *reals)[0] <= 0:
             return _SECOND_BUCKLING, True
-        # In tension a half shortens by at least half of the square, without, by 0.6 of it.
+        # In tension a half shortens by at least half of the square, without tension by 0.6 of it.
         high = _SECOND_BUCKLING
         low = min((given / 2 - 0.75 * real**2 / long) / ease, high) - 1.0
         x = min(max((given / 2 - 0.6 * real**2 / long) / ease, low), high)
@@ -338,49 +343,54 @@ class BuckledBeam:
             if abs(step - x) <= 1e-15 * max(abs(x), 1.0):
                 break
             x = step
-        if any(map(np.iscomplexobj, every)):  # its derivative, for a step off the real axis
+        if any(map(np.iscomplexobj, every)):  # derivative by a step off the real axis
             value, slope = missing(x, *every)
             return x - 1j * np.imag(value / slope), False
         return x, False
 
 
 def _beam_column(x: Any) -> tuple[Any, Any, Any, Any]:
-    """Shear v and shortening g of a beam column by the square of its phase, with derivatives.
+    """Compute shear v, shortening g of a beam column by the square of its phase, with slopes.
 
-    Of a beam clamped at 0, guided at l and moved by w there, under P = 4 EI x/l²: the shear force
+    The beam is clamped at 0, guided at l and moved by w there, under P = 4 EI x/l²: the shear force
     is 4 EI/l³ v w, and it shortens by g w²/l. With h² = x, c = cos h, s = sin h: v = h² c/(s/h −
-    c), g = (1 − 3 s c/h + 2 c²)/(4 (s/h − c)²). About x = 0 by series, (s/h − c)/x and the other
-    bracket over x².
+    c), g = (1 − 3 s c/h + 2 c²)/(4 (s/h − c)²). Near x = 0, (s/h − c)/x and the other bracket over
+    x² are computed by series.
     """
     if np.real(x) >= _TENSE:
         e, e_x = _series(_SHEAR, x)
         m, m_x = _series(_SHORTENING, x)
         c, c_x = _series(_COSINE, x)
-        v, g = c / e, m / (4 * e**2)
-        return v, (c_x - v * e_x) / e, g, m_x / (4 * e**2) - 2 * g * e_x / e
-    # All over cosh y, y² = −x, which may be large.
+        v = c / e
+        v_x = (c_x - v * e_x) / e
+        g = m / (4 * e**2)
+        g_x = m_x / (4 * e**2) - 2 * g * e_x / e
+        return v, v_x, g, g_x
+    # All terms are over cosh y, y² = −x, which may be large.
     y = np.sqrt(-x)
-    tangent, square = np.tanh(y) / y, 1 / np.cosh(np.where(np.real(y) > 300, 300, y)) ** 2
+    tangent = np.tanh(y) / y
+    square = 1 / np.cosh(np.where(np.real(y) > 300, 300, y)) ** 2
     e = tangent - 1
-    tangent_x = (tangent - square) / (2 * -x)
+    e_x = (tangent - square) / (2 * -x)
     v = x / e
+    v_x = 1 / e - v * e_x / e
     g = (square - 3 * tangent + 2) / (4 * e**2)
     square_x = square * tangent
-    return (v, 1 / e - v * tangent_x / e, g,
-            (square_x - 3 * tangent_x) / (4 * e**2) - 2 * g * tangent_x / e)
+    g_x = (square_x - 3 * e_x) / (4 * e**2) - 2 * g * e_x / e
+    return v, v_x, g, g_x
 
 
 _ORDERS = range(_TERMS)
 #: Coefficients of cos √x.
 _COSINE = [(-1) ** k / factorial(2 * k) for k in _ORDERS]
-#: Those of (sin √x/√x − cos √x)/x.
+#: Coefficients of (sin √x/√x − cos √x)/x.
 _SHEAR = [(-1) ** k * 2 * (k + 1) / factorial(2 * k + 3) for k in _ORDERS]
-#: Those of (1 − 3 sin √x cos √x/√x + 2 cos² √x)/x².
+#: Coefficients of (1 − 3 sin √x cos √x/√x + 2 cos² √x)/x².
 _SHORTENING = [(-1) ** k * 4 ** (k + 2) * 2 * (k + 1) / factorial(2 * k + 5) for k in _ORDERS]
 
 
 def _series(coefficients: list[float], x: Any) -> tuple[Any, Any]:
-    """A power series and its derivative."""
+    """Evaluate a power series and its derivative."""
     value, slope = 0.0 * x, 0.0 * x
     for coefficient in reversed(coefficients):
         slope = slope * x + value
@@ -414,7 +424,7 @@ class ForceTable:
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
-        """Read from a table of a rig file, from whose folder its ``file`` is found."""
+        """Read from a table of a rig file; its ``file`` is relative to that file's folder."""
         return read(cls, table, {(cls, "file"): _file_beside, (cls, "columns"): _titles})
 
     @classmethod
@@ -462,24 +472,27 @@ class ForceTable:
         return curve.x, curve.c, stored - np.interp(0.0, curve.x, stored)
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        breaks, (a, b, c, d), stored = self._cubics
+        breaks, cubics, stored = self._cubics
         at = np.real(deflection)
         k = np.clip(np.searchsorted(breaks, at, "right") - 1, 0, len(breaks) - 2)
-        # Beyond the table it cannot be.
-        u = deflection - np.where((at >= breaks[0]) & (at <= breaks[-1]), breaks[k], np.nan)[()]
-        return (stored[k] + u * (d[k] + u * (c[k] / 2 + u * (b[k] / 3 + u * a[k] / 4))),
-                d[k] + u * (c[k] + u * (b[k] + u * a[k])),
-                c[k] + u * (2 * b[k] + u * 3 * a[k]))
+        # The mechanism cannot be beyond the table.
+        within = (at >= breaks[0]) & (at <= breaks[-1])
+        u = deflection - np.where(within, breaks[k], np.nan)[()]
+        a, b, c, d = cubics[:, k]
+        energy = stored[k] + u * (d + u * (c / 2 + u * (b / 3 + u * a / 4)))
+        push = d + u * (c + u * (b + u * a))
+        stiffness = c + u * (2 * b + u * 3 * a)
+        return energy, push, stiffness
 
 
 def _file_beside(table: Table, key: str) -> str | None:
-    """The file that a key names, from the folder of the table's own; None without the key."""
+    """Locate the file that a key names, relative to the table's own file; None without the key."""
     named = table.value(key, None)
     return None if named is None else str(table.beside(key))
 
 
 def _titles(table: Table, key: str) -> tuple[str, ...] | None:
-    """Names of two columns; None without the key."""
+    """Read the names of two columns; None without the key."""
     names = table.value(key, None)
     if names is None:
         return None
@@ -492,7 +505,7 @@ def _titles(table: Table, key: str) -> tuple[str, ...] | None:
 
 def _measured(file: Path, titles: tuple[str, ...] | None
               ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Displacements [m], ascending, and forces [N] of a file, which may begin with the largest."""
+    """Read displacements [m], ascending, and forces [N] of a file in either order."""
     columns = [Column("displacement", "mm"), Column("force", "N")]
     for place, title in enumerate(titles or ()):
         columns[place] = _column(title, columns[place])
@@ -520,7 +533,7 @@ def _measured(file: Path, titles: tuple[str, ...] | None
 
 
 def _column(title: str, usual: Column) -> Column:
-    """The column of a title that ends in a unit of the dimension of the usual one."""
+    """Make the column of a title that ends in a unit of the usual column's dimension."""
     name, _, unit = title.rpartition("_")
     if not name:
         raise InputError(f"has no unit: write it into the name, such as {title}_{usual.unit}",
@@ -534,15 +547,15 @@ def _column(title: str, usual: Column) -> Column:
 
 
 def _check_sign(sheet: Sheet, where: AnyArray, force: AnyArray) -> None:
-    """Refuse a force that drives the plate off to both ends, and most there.
+    """Refuse a force that drives the plate away to both ends, and most strongly there.
 
-    A spring of the wrong sign does so; what snaps over does not, where it is measured beyond its
-    peaks. A force that only pulls or only pushes may be meant either way.
+    A spring of the wrong sign does that; a snapping mechanism measured beyond its peaks does not. A
+    force that only pulls or only pushes may have either sign.
     """
     if force[0] == force.max() > 0 > force.min() == force[-1]:
         past = int(np.argmax(force < 0))
-        turn = where[past] - force[past] * (where[past] - where[past - 1]) / (
-            force[past] - force[past - 1])
+        gap, rise = where[past] - where[past - 1], force[past] - force[past - 1]
+        turn = where[past] - force[past] * gap / rise
         raise InputError(
             "must be positive where the mechanism pushes the plate back towards smaller "
             f"displacements: this one drives it off from {1e3 * turn:.4g} mm to both sides, to "
@@ -565,7 +578,7 @@ class JoinedFilm:
     """
 
     law: ClassVar[str] = "film"
-    #: A taut film pushes back the more the further it is out: no snap is looked for.
+    #: A taut film pushes back the more, the further it is out, so no snap is sought.
     softening: ClassVar[tuple[Interval, ...]] = ()
     specimen: Annotated[Specimen, Key(
         "the other film: its specimen file, from the folder of this file, or its table",
@@ -591,21 +604,21 @@ class JoinedFilm:
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
-        """Read from a table of a rig file, from whose folder its specimen is found."""
+        """Read from a table of a rig file; its specimen is relative to that file's folder."""
         return read(cls, table, {(cls, "specimen"): _specimen_beside})
 
     def other(self, deflection: Any) -> Any:
-        """Deflection of the other plate [m] by that of this one."""
+        """Compute the deflection of the other plate [m] from that of this one."""
         longer = self.rod - self.distance
         return deflection + (longer if self.side == "below" else -longer)
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        """Those of the film that is solved on a mesh, which a model has in place of this."""
+        """Refuse: a model replaces this by the film that is solved on a mesh."""
         raise TypeError("a joined film has no force before it is solved on a mesh")
 
 
 def _specimen_beside(table: Table, key: str) -> Specimen:
-    """The specimen of a file in the table's own folder, or of a table."""
+    """Read the specimen of a file in the table's own folder, or of a table."""
     if isinstance(table.value(key), str):
         return load_specimen(table.beside(key))
     return load_specimen(table.table(key))

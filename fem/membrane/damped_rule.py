@@ -1,10 +1,10 @@
-"""A rule for steps in time of what may decay within one: the trapezoidal one, damped where it must.
+"""A rule for steps in time: trapezoidal, damped for motions that decay within one step.
 
-y₁ = y₀ + h ((1 − θ) ẏ₀ + θ ẏ₁). With θ = ½ what decays in a time T much shorter than h rings, and
-grows once whole and halved steps are extrapolated; with θ = 1, Euler's implicit rule, it is
-forgotten (Hairer and Wanner, *Solving Ordinary Differential Equations II*, §IV.3). So θ goes from
-the one to the other with h/T. As θ − ½ is odd in h, the error remains a series in h², whose first
-term is the trapezoidal rule's.
+y₁ = y₀ + h ((1 − θ) ẏ₀ + θ ẏ₁). With θ = ½ a motion that decays in a time T much shorter than h
+rings, and grows when whole and halved steps are extrapolated; with θ = 1, Euler's implicit rule, it
+is damped (Hairer and Wanner, *Solving Ordinary Differential Equations II*, §IV.3). So θ goes from
+½ to 1 with h/T. As θ − ½ is odd in h, the error remains a series in h², whose first term is the
+trapezoidal rule's.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from __future__ import annotations
 #: θ where nothing decays.
 TRAPEZOIDAL = 0.5
 
-#: h/T at which θ is ¾. By the trapezoidal rule extrapolated what decays so fast is yet forgotten.
+#: h/T at which θ is ¾. The extrapolated trapezoidal rule still damps motions that decay this fast.
 _TURN = 8.0
-#: h/T from which on θ is 1: the cube of a longer one might be beyond all numbers.
+#: h/T above which θ is 1: the cube of a larger one might overflow.
 _LONG = 1e6
 
 
 def end_weight(ratio: float) -> float:
-    """θ of a step of a length h over the time T in which something decays.
+    """Compute θ of a step of a length h over the time T in which a motion decays.
 
     Examples
     --------
@@ -32,9 +32,10 @@ def end_weight(ratio: float) -> float:
 
 def end_weights(duration: float, stiffness: float, damper: float, mass: float
                 ) -> tuple[float, float]:
-    """θ of a plate's motion and of its momentum over a step [s], on a film of a stiffness [N/m].
+    """Compute θ of a plate's motion and of its momentum over a step [s].
 
-    A damped momentum decays at c/m, a plate that its damper [N s/m] does not let swing at k/c.
+    The film has a ``stiffness`` [N/m]. A damped momentum decays at c/m; a plate that is overdamped
+    by its damper c [N s/m] creeps at k/c.
     """
     if not damper:
         return TRAPEZOIDAL, TRAPEZOIDAL

@@ -1,4 +1,4 @@
-"""One specimen on one mesh, what acts on it, and the nonlinear equations of its equilibrium."""
+"""A specimen on a mesh, the actions on it, and the nonlinear equations of its equilibrium."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tympan.geometry.specimen import Specimen
 #: order.
 Parts = tuple[AnyArray, AnyArray]
 
-#: How high a balloon may be, in half extents of its frame: one of neo-Hookean film bears the most
+#: Large height of a balloon, in half extents of its frame: one of neo-Hookean film bears the most
 #: pressure at about one and a half.
 _BALLOON = 4.0
 
@@ -38,9 +38,9 @@ class Model:
     """A specimen on a mesh and its surroundings.
 
     ``wrinkles`` says whether the film wrinkles rather than carry compression
-    (:mod:`tympan.fem.film.tension_field`). Another specimen of the same outlines, or other
-    surroundings, are a :func:`dataclasses.replace` away and share the discretisation; so is a step
-    of time (``flow``) of a film with viscous branches, which without one are at rest.
+    (:mod:`tympan.fem.film.tension_field`). A :func:`dataclasses.replace` gives another specimen of
+    the same outlines, or other surroundings, on the same discretisation. It also gives a step of
+    time (``flow``) of a film with viscous branches, which without a step are at rest.
     """
 
     discretisation: Discretisation
@@ -55,7 +55,7 @@ class Model:
             raise ValueError("a weight beside a mirror plane needs a mesh not mirrored there")
 
     def mounted(self, voltage_squared: float = 0.0) -> State:
-        """The flat film with the plate at rest."""
+        """Lay the film flat with the plate at rest."""
         return State(self.discretisation.reference.copy(), PlateMotion.rest(), voltage_squared)
 
     @cached_property
@@ -77,7 +77,7 @@ class Model:
 
     @property
     def even(self) -> bool:
-        """Whether thickness and coverage are alike wherever points of an element move."""
+        """Whether thickness and coverage are the same wherever points of an element move."""
         return np.ndim(self.relative_thickness) == 0 and not self.specimen.electrode.patches
 
     @cached_property
@@ -94,11 +94,11 @@ class Model:
 
     @cached_property
     def centre_node(self) -> int:
-        """The node in the centre: meshes of films without plate have one there."""
+        """The node in the centre: meshes of films without plate have such a node."""
         return int(np.hypot(*self.discretisation.reference[:, :2].T.real).argmin())
 
     def deflection(self, state: State) -> float:
-        """Deflection of the plate along the load [m]; of a film without plate, of its centre."""
+        """Measure the deflection along the load [m] of the plate or, without one, of the centre."""
         if self.specimen.plate is not None:
             return state.plate.deflection
         deflection: float = state.positions[self.centre_node, HEAVE].item()
@@ -115,7 +115,7 @@ class Model:
 
     @property
     def pushed_by(self) -> Load:
-        """Cause that pushes the film out: the force on the plate, or gas where there is none."""
+        """Load that pushes the film out: the force on the plate, or gas where there is no plate."""
         return "pressure" if self.specimen.plate is None else "force"
 
     @cached_property
@@ -136,17 +136,17 @@ class Model:
 
     @cached_property
     def arm_of_freedom(self) -> AnyArray:
-        """1 of the plate's freedoms that move it, the frame's half extent of those that turn it."""
+        """1 for plate freedoms that translate, the frame's half extent for those that rotate."""
         return np.where(np.array(self.plate_freedoms, dtype=int) < 3, 1.0, self.size)
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether film, plate and loads are the same all around."""
+        """Whether film, plate and loads are axisymmetric."""
         return self.specimen.axisymmetric and self.loading.arm == (0.0, 0.0)
 
     @property
     def unknowns(self) -> int:
-        """Number of nodal unknowns and plate freedoms solved for."""
+        """Number of unknowns: nodal components and plate freedoms."""
         return self.discretisation.free_count + len(self.plate_freedoms)
 
     @cached_property
@@ -156,7 +156,7 @@ class Model:
 
     @property
     def high(self) -> float:
-        """A deflection that is large [m]: the frame's larger half extent, of a balloon four."""
+        """A large deflection [m]: the frame's larger half extent, for a balloon four times that."""
         return self.size * (_BALLOON if self.specimen.plate is None else 1.0)
 
     @cached_property
@@ -188,17 +188,17 @@ class Model:
         return mesh.scatter(elements)
 
     def place(self, positions: AnyArray, plate: PlateMotion) -> AnyArray:
-        """A copy of the positions with the plate's edge where the plate is."""
+        """Copy the positions and put the plate's edge where the plate is."""
         placed = positions.copy()
         placed[self.discretisation.plate_nodes] = plate.positions(self.centre, self.arms)
         return placed
 
     def cauchy_green(self, positions: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-        """C₁₁, C₂₂, C₁₂ from the mounted film at the quadrature points, (elements, points)."""
+        """Compute C₁₁, C₂₂, C₁₂ from the mounted film, shape (elements, points) each."""
         return cauchy_green(self.discretisation.deformation(positions))
 
     def density(self, voltage_squared: Any, *, nodal: bool = False) -> FilmDensity:
-        """The film's energy density at U² [V²] at quadrature points, or nodes of the elements."""
+        """Make the film's energy density at U² [V²] at quadrature points, or elements' nodes."""
         thickness, covered = self.relative_thickness, self.covered
         if nodal:
             mesh = self.discretisation
@@ -209,13 +209,13 @@ class Model:
                            thickness)
 
     def in_tension(self, state: State) -> bool:
-        """Whether the film is in tension everywhere, at the quadrature points."""
+        """Check that the film is in tension at all quadrature points."""
         return self.least_tension(state) > 0
 
     def least_tension(self, state: State) -> float:
-        """Smallest principal tension of a film that bears compression, at the quadrature points.
+        """Find the smallest principal tension, if the film could not wrinkle.
 
-        It is ∂W/∂λ₂ [Pa].
+        It is ∂W/∂λ₂ at the quadrature points [Pa], and may be negative.
         """
         return self._least_tension(self.cauchy_green(state.positions), state.voltage_squared)
 
@@ -225,10 +225,10 @@ class Model:
         return float(total(materials, *stretches)[2].min())
 
     def thinning_margin(self, state: State) -> float:
-        """Least stiffness or tension of a film that wrinkles [Pa], as a :class:`TensionField` says.
+        """Find the least stiffness or tension of a wrinkling film [Pa]; see :class:`TensionField`.
 
-        At the nodes of every element, so that the film's edges count; negative where the film thins
-        without bound.
+        It is taken at the nodes of every element, so that the film's edges count, and is negative
+        where the film gets thinner until it breaks down.
         """
         mesh = self.discretisation
         material = self.density(state.voltage_squared, nodal=True).material
@@ -239,14 +239,14 @@ class Model:
 
     @cached_property
     def slack_when_mounted(self) -> bool:
-        """Whether the flat film has less tension, somewhere, than the residual one it keeps."""
+        """Whether the flat film has, somewhere, less tension than the residual one it keeps."""
         state = self.mounted()
         material, stretches = self.density(state.voltage_squared).material, self._stretches(state)
         tension = total(material.materials, *stretches)[2] / stretches[1]
         return bool((tension < material.residual).any())
 
     def residual_share(self, state: State) -> float:
-        """Share of the stresses' work, from the mounted film to a state, by residual tension."""
+        """Compute the share of residual tension in the stresses' work up to a state."""
         material = self.density(state.voltage_squared).material
         c, prestretch = self.cauchy_green(state.positions), self.specimen.membrane.prestretch
         f = self.discretisation.deformation(state.positions)
@@ -266,28 +266,28 @@ class Model:
                                    self.specimen.membrane.prestretch)
 
     def energy(self, positions: AnyArray, voltage_squared: Any) -> Any:
-        """Stored energy of this mesh, counted from the virgin film [J]."""
+        """Integrate the stored energy of this mesh, counted from the virgin film [J]."""
         density = self.density(voltage_squared)(self.cauchy_green(positions), tangent=False)
         return (density.energy * self.volumes).sum()
 
     def forces(self, positions: AnyArray, voltage_squared: Any) -> AnyArray:
-        """Derivative of the energy by the node positions [N], shape (nodes, 3)."""
+        """Differentiate the energy by the node positions [N], shape (nodes, 3)."""
         f = self.discretisation.deformation(positions)
         stress = self.density(voltage_squared)(cauchy_green(f), tangent=False).stress
         return self._nodal(f, stress)
 
     def reaction(self, state: State) -> Any:
-        """Force with which the film pulls the whole plate back [N], positive against the load.
+        """Compute the force with which the film pulls the whole plate back [N], against the load.
 
-        The virtual work of stresses, weight and gas of the film when the plate alone moves along
-        the load: in equilibrium, on any mesh, what acts on the plate itself. The part of the gas
-        and the weight that elements at the plate's edge hand on to it is the film's.
+        It is the virtual work of stresses, weight and gas of the film when the plate alone moves
+        along the load. In equilibrium it equals, on any mesh, the force on the plate itself. Gas
+        and weight that elements at the plate's edge pass on to it count as the film's.
         """
         return self.nodal_forces(state)[self.discretisation.plate_nodes, 2].sum() * (
             self.discretisation.mirrored)
 
     def capacitance(self, state: State) -> Any:
-        """Q/U = −2 ∂energy/∂U² of the whole film [F].
+        """Compute Q/U = −2 ∂energy/∂U² of the whole film [F].
 
         The energy includes the electrostatic one at constant voltage, which is linear in U² where
         the film does not wrinkle; model and state may then be complex.
@@ -298,24 +298,24 @@ class Model:
         return -2 * slope * self.discretisation.mirrored
 
     def nodal_forces(self, state: State) -> AnyArray:
-        """Derivative of the potential by node positions, what acts on the plate left out [N]."""
+        """Differentiate the potential by node positions, without the actions on the plate [N]."""
         forces = self.forces(state.positions, state.voltage_squared) - self.weight
         return forces - state.pressure * self._volume_forces(state) if state.pressure else forces
 
     def residual(self, forces: AnyArray, state: State) -> Parts:
-        """Unbalanced forces on free components and the plate's freedoms, from the nodal forces."""
+        """Compute unbalanced forces on free components and plate freedoms, from nodal forces."""
         outer = self._on_plate(state)[1][list(self.plate_freedoms)] / self.discretisation.mirrored
         inner, plate = self.on_freedoms(forces, state.plate)
         return inner, plate + outer
 
     def unbalanced(self, state: State) -> float:
-        """Largest unbalanced force on a free component, relative to the largest nodal force."""
+        """Find the largest unbalanced force on a free component, over the largest nodal force."""
         forces = self.nodal_forces(state)
         return float(np.abs(forces[self.discretisation.free]).max(initial=0.0)
                      / np.abs(forces).max())
 
     def by_load(self, state: State, load: Load) -> Parts:
-        """Derivative of the residual by the force, U² or the pressure, at a fixed configuration."""
+        """Differentiate the residual by force, U² or pressure, at a fixed configuration."""
         mesh, allowed = self.discretisation, list(self.plate_freedoms)
         if load == "voltage":
             return self.on_freedoms(self._electric_forces(state), state.plate)
@@ -327,7 +327,7 @@ class Model:
         return np.zeros(mesh.free_count), -lift / mesh.mirrored
 
     def _electric_forces(self, state: State) -> AnyArray:
-        """Derivative of the nodal forces by U² [N/V²]; not linear in it where wrinkled."""
+        """Differentiate nodal forces by U² [N/V²]; they are not linear in it if wrinkled."""
         f = self.discretisation.deformation(state.positions)
         c = cauchy_green(f)
         if self.wrinkles and not self._least_tension(c, state.voltage_squared) > 0:
@@ -338,7 +338,7 @@ class Model:
         return self._nodal(f, stress)
 
     def linearised(self, state: State) -> Linearised:
-        """Forces and tangent with the plate's freedoms as border."""
+        """Compute forces and tangent, with the plate's freedoms as border."""
         mesh = self.discretisation
         f = mesh.deformation(state.positions)
         density = self.density(state.voltage_squared)(cauchy_green(f))
@@ -355,15 +355,15 @@ class Model:
                           corner + self.plate_curvature(forces, state))
 
     def plate_curvature(self, forces: AnyArray, state: State) -> AnyArray:
-        """Stiffness of the plate's allowed freedoms by the bending of their motions, (p, p)."""
+        """Compute the stiffness of plate freedoms by the curvature of their motions, (p, p)."""
         mesh, allowed = self.discretisation, self.plate_freedoms
         bend = self._on_plate(state)[2] / mesh.mirrored
-        if any(freedom >= 3 for freedom in allowed):  # as the plate turns
+        if any(freedom >= 3 for freedom in allowed):  # if the plate may turn
             bend = bend + state.plate.curvature(self.arms, forces[mesh.plate_nodes])
         return np.asarray(bend[np.ix_(allowed, allowed)])
 
     def on_freedoms(self, forces: AnyArray, plate: PlateMotion) -> Parts:
-        """Nodal forces [N] on free components, and gathered on the plate's freedoms [N, N m]."""
+        """Collect nodal forces [N] on free components, and on the plate's freedoms [N, N m]."""
         mesh = self.discretisation
         on_plate = plate.gathered(self.arms, forces[mesh.plate_nodes])
         return forces[mesh.free], on_plate[list(self.plate_freedoms)]
@@ -384,7 +384,7 @@ class Model:
 class Linearised:
     """Forces and tangent at one state.
 
-    ``forces`` (nodes, 3); ``inner`` the tangent of the free components (n, n); ``border`` (n, p)
+    ``forces`` (nodes, 3); ``inner`` is the tangent of the free components (n, n); ``border`` (n, p)
     and ``corner`` (p, p) couple the plate's allowed freedoms.
     """
 
@@ -395,6 +395,6 @@ class Linearised:
 
 
 def cauchy_green(f: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """(C₁₁, C₂₂, C₁₂) of C = FᵀF for F of shape (..., 3, 2); complex-safe, without conjugation."""
+    """Compute (C₁₁, C₂₂, C₁₂) of C = FᵀF, F of shape (..., 3, 2), without complex conjugation."""
     a, b = f[..., 0], f[..., 1]
     return tuple(np.einsum("...i,...i", *pair) for pair in ((a, a), (b, b), (a, b)))

@@ -1,6 +1,6 @@
-"""A force along one deflection as quintics between places where it and its slope are known.
+"""A force along one deflection as quintics between places with a known force and slope.
 
-Energy, force and stiffness of one piece are each other's derivatives, and so of all pieces.
+Energy, force and stiffness of one piece are derivatives of one another, and so over all pieces.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray
 
-#: Miss of a cubic through both ends in their middle, relative to the forces, up to which the
-#: quintic through all three is taken. Where a cubic misses by so much, with four numbers, a quintic
-#: with six misses by its power of 3/2.
+#: Largest error of a cubic through both ends in their middle, relative to the forces, for which the
+#: quintic through all three is accepted. Where a cubic, with four numbers, has this error, a
+#: quintic, with six, has its power of 3/2.
 CUBIC = 1e-9
-#: Halvings of a step: a film that wrinkles has forces that no polynomial follows closer, and one
-#: that gives way does so within a 250th of a step.
+#: Most halvings of a step: a wrinkling film has forces that no polynomial follows closer, and a
+#: film that becomes unstable does so within a 250th of a step.
 HALVINGS = 8
 #: Pieces that a range is divided into before these are halved.
 _PIECES = 32
 
-#: Values and slopes at 0, 1/2 and 1 of the powers up to the fifth, inverted.
+#: Inverse of the values and slopes at 0, 1/2 and 1 of the powers up to the fifth.
 _QUINTIC = np.linalg.inv(np.array([
     *([place**power for power in range(6)] for place in (0.0, 0.5, 1.0)),
     *([power * place ** max(power - 1, 0) for power in range(6)] for place in (0.0, 0.5, 1.0))]))
 
 #: A place [m], the force [N] and the stiffness [N/m] there.
 Known = tuple[float, float, float]
-#: Both ends of a piece and its middle between them.
+#: Both ends of a piece, with its middle between them.
 Piece = tuple[Known, Known, Known]
 
 
 def cubic_miss(first: Known, middle: Known, last: Known) -> float:
-    """Error of the cubic of both ends for the force in their middle, relative to forces."""
+    """Compute the error of the cubic of both ends for the force in their middle, relative."""
     span = last[0] - first[0]
     value = (first[1] + last[1]) / 2 + span * (first[2] - last[2]) / 8
     scale = max(abs(each[1]) for each in (first, middle, last)) + abs(span * middle[2])
@@ -44,16 +44,16 @@ def cubic_miss(first: Known, middle: Known, last: Known) -> float:
 
 
 def powers_of(first: Known, middle: Known, last: Known) -> AnyArray:
-    """Powers of the share of the way from the first to the last place, (6,)."""
+    """Fit powers of the share of the way from the first to the last place, (6,)."""
     three, span = (first, middle, last), last[0] - first[0]
     return np.asarray(_QUINTIC @ [*(force for _, force, _ in three),
                                   *(span * stiffness for *_, stiffness in three)])
 
 
 def values(powers: Any, share: Any, span: Any) -> tuple[Any, Any, Any]:
-    """Energy from the piece's start on [J], force [N] and stiffness [N/m] at a share of its way.
+    """Evaluate energy from the piece's start [J], force [N] and stiffness [N/m] at a share of it.
 
-    ``powers``: (6, …), ``span`` [m]; both broadcast with the share.
+    ``powers`` (6, …) and ``span`` [m] both broadcast with the share.
     """
     energy, force, slope = 0.0 * share, 0.0 * share, 0.0 * share
     for power in range(5, -1, -1):
@@ -67,7 +67,7 @@ def values(powers: Any, share: Any, span: Any) -> tuple[Any, Any, Any]:
 class ForceCurve:
     """A force between ``breaks`` [m], ascending; ``powers`` (6, pieces), ``stored`` (pieces,) [J].
 
-    Answers arrays of deflections; nan beyond its ends.
+    It takes arrays of deflections, and is nan beyond its ends.
     """
 
     breaks: AnyArray
@@ -77,10 +77,10 @@ class ForceCurve:
     @classmethod
     def of(cls, force: Callable[[float], Sequence[float]], low: float, high: float,
            kinks: Sequence[float] = (), through: float = 0.0) -> Self | None:
-        """The curve of a mechanism between two deflections [m], as far as it is there.
+        """Fit the curve of a mechanism between two deflections [m], as far as it exists.
 
-        ``force`` answers energy, force and stiffness, nan where there is none. Force and stiffness
-        are smooth between ``kinks`` [m] and do not jump there. Of several parts the one
+        ``force`` computes energy, force and stiffness, nan where there is none. Force and stiffness
+        are smooth between ``kinks`` [m] and do not jump there. If it has several parts, the one
         ``through`` a deflection [m] is taken; None where there is none.
         """
         def known(place: float) -> Known:
@@ -96,20 +96,23 @@ class ForceCurve:
             if runs[-1] and runs[-1][-1][-1] is not piece[0]:
                 runs.append([])
             runs[-1].append(piece)
-        pieces = next((run for run in runs if run and run[0][0][0] <= through <= run[-1][-1][0]),
-                      [])
-        if not pieces:
+        for run in filter(None, runs):
+            bounds = [piece[0][0] for piece in run] + [run[-1][-1][0]]
+            if bounds[0] <= through <= bounds[-1]:
+                break
+        else:
             return None
-        breaks = np.array([*(first[0] for first, *_ in pieces), pieces[-1][-1][0]])
-        powers = np.array([powers_of(*piece) for piece in pieces]).T
+        breaks = np.array(bounds)
+        powers = np.array([powers_of(*piece) for piece in run]).T
         spans = np.diff(breaks)
         ends = np.cumsum(values(powers, np.ones(len(spans)), spans)[0])
         stored = np.append(0.0, ends[:-1])
         made = cls(breaks, powers, stored)
-        return cls(breaks, powers, stored + force(through)[0] - made.derivatives(through)[0])
+        missing = force(through)[0] - made.derivatives(through)[0]
+        return cls(breaks, powers, stored + missing)
 
     def derivatives(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J], force [N] and stiffness [N/m] at deflections [m]."""
+        """Evaluate energy [J], force [N] and stiffness [N/m] at deflections [m]."""
         at = np.real(deflection)
         number = np.clip(np.searchsorted(self.breaks, at, "right") - 1, 0, len(self.stored) - 1)
         low, span = self.breaks[number], np.diff(self.breaks)[number]
@@ -120,7 +123,7 @@ class ForceCurve:
 
 def _halved(known: Callable[[float], Known], first: Known, last: Known, halvings: int
             ) -> Iterator[Piece]:
-    """Pieces between two places, each with its middle, where the force is there."""
+    """Halve an interval into pieces, each with its middle, where the force exists."""
     middle = known((first[0] + last[0]) / 2)
     whole = np.isfinite([*first, *middle, *last]).all()
     if whole and (not halvings or cubic_miss(first, middle, last) <= CUBIC):

@@ -19,8 +19,8 @@ from tympan.geometry.outlines import Outline, moments
 class RigidPlate:
     """Load of the plate: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
 
-    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
-    and turn with the plate.
+    ``arm`` leads from the plate's centre to the centre of mass [m]. Inertia and arm belong to the
+    mounted position and turn with the plate.
     """
 
     mass: float
@@ -30,11 +30,11 @@ class RigidPlate:
     @classmethod
     def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
                 arm: tuple[float, float] = (0.0, 0.0)) -> RigidPlate:
-        """A thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
+        """Make a thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
 
-        The rest, spread evenly, has the outline's second moments about its centroid, taken about
-        the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
-        of the weight above the film.
+        The rest, spread evenly, has the outline's second moments about its centroid, regarded as
+        those about the centre of mass, wherever ``arm`` puts that. The thickness does not count,
+        nor the height of the weight above the film.
 
         Examples
         --------
@@ -49,10 +49,11 @@ class RigidPlate:
                              key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
         area, _, second = moments(outline)
         (xx, xy), (_, yy) = (mass - point_mass) / area * second
-        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
+        inertia = np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]])
+        return cls(mass, inertia, arm)
 
     def matrix(self, plate: PlateMotion) -> Array:
-        """Mass matrix of the six freedoms where the plate is, shape (6, 6)."""
+        """Compute the mass matrix of the six freedoms where the plate is, shape (6, 6)."""
         centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
         result = self.mass * centre.T @ centre
         result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
@@ -60,9 +61,9 @@ class RigidPlate:
 
 
 def carried_along(velocity: Array, momentum: Array) -> Array:
-    """Moment that turns momentum about a centre in motion, on the six freedoms [N, N m].
+    """Compute the moment that turns momentum about a moving centre, on the six freedoms [N, N m].
 
-    Angular momentum about the plate's centre changes by moments less v × p, which is not zero where
+    Angular momentum about the plate's centre changes by moments minus v × p, which is not zero if
     the centre of mass is elsewhere.
     """
     return np.concatenate([np.zeros(3), np.cross(velocity[:3], momentum[:3])])
@@ -72,13 +73,13 @@ def carried_along(velocity: Array, momentum: Array) -> Array:
 class Swing:
     """The plate's inertia and damper over a step of a ``duration`` [s].
 
-    ``velocity`` of the six freedoms at its start [m/s, rad/s], their ``momentum`` [kg m/s,
-    kg m²/s] and its ``rate`` [N, N m], all of shape (6,); ``mass`` at the step's end, as far as it
-    is foreseen, and ``damping`` [kg, N s/m], shape (6, 6). So at the step's end the plate is pulled
-    back as by a spring whose rest is where it would fly to by itself. The rule is the trapezoidal
-    one, damped where the damper stops things within the step
-    (:mod:`tympan.fem.membrane.damped_rule`); for that ``film`` is about how stiff the film is
-    against heave [N/m].
+    ``velocity`` is that of the six freedoms at the step's start [m/s, rad/s], ``momentum`` their
+    momentum [kg m/s, kg m²/s] and ``rate`` its rate [N, N m], all of shape (6,). ``mass`` is the
+    predicted mass matrix at the step's end and ``damping`` that of the damper [kg, N s/m], shape
+    (6, 6). So at the step's end the plate is pulled back as by a spring whose rest is where it
+    would move by itself. The rule is the trapezoidal one, damped where the damper stops motions
+    within the step (:mod:`tympan.fem.membrane.damped_rule`); for that ``film`` is about the film's
+    stiffness against deflection [N/m].
     """
 
     origin: PlateMotion
@@ -91,12 +92,12 @@ class Swing:
     film: float = 0.0
 
     def motion(self, plate: PlateMotion) -> Array:
-        """Motion of the plate over the step, shape (6,)."""
+        """Compute the motion of the plate over the step, shape (6,)."""
         return np.concatenate([plate.translation - self.origin.translation,
                                turned(plate, self.origin)])
 
     def after(self, plate: PlateMotion) -> tuple[Array, Array]:
-        """Velocity and the momentum's rate at the step's end."""
+        """Compute velocity and the momentum's rate at the step's end."""
         motion, momentum = self._ends
         velocity = self.motion(plate) / self.duration - (1 - motion) * self.velocity
         velocity = velocity / motion
@@ -104,20 +105,20 @@ class Swing:
         return velocity, rate / momentum
 
     def on_plate(self, plate: PlateMotion) -> tuple[Any, Array, Array]:
-        """A potential [J] and its derivatives by the six freedoms, as far as these do not turn."""
+        """Compute a potential [J] and its derivatives by the six freedoms, if these do not turn."""
         motion, (velocity, rate) = self.motion(plate), self.after(plate)
         stiffness = self.stiffness
         first = rate + self.damping @ velocity + carried_along(velocity, self.mass @ velocity)
         return motion @ (first - stiffness @ motion / 2), first, stiffness
 
     def rounding(self, size: float) -> Array:
-        """Forces by how exactly a plate within a size [m] of its rest can be placed, shape (6,)."""
+        """Estimate forces of rounding for a plate within a size [m] of its rest, shape (6,)."""
         lengths = np.array([size, size, size, 1.0, 1.0, 1.0])
         return np.asarray(np.finfo(float).eps * (np.abs(self.stiffness) @ lengths))
 
     @property
     def stiffness(self) -> Array:
-        """Derivative of what pulls the plate back by its motion [N/m, N m], shape (6, 6)."""
+        """Derivative of the restoring forces by the plate's motion [N/m, N m], shape (6, 6)."""
         motion, momentum = self._ends
         return (self.mass / (momentum * self.duration) + self.damping) / (motion * self.duration)
 

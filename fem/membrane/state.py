@@ -1,4 +1,4 @@
-"""Positions of film and plate, and the loads they are under."""
+"""Positions of film and plate, and the loads on them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from tympan.base.arrays import Array
 
-#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
-#: load.
+#: The plate's freedoms: translations [m], then rotations [rad]; z is the deflection, positive along
+#: the load.
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 HEAVE = FREEDOMS.index("z")
 
-#: The loads that can be changed along a path: force on the plate [N], U² [V²], gas pressure [Pa],
-#: which lifts film and plate against the force.
+#: Loads that can change along a path: force on the plate [N], U² [V²], gas pressure [Pa], which
+#: lifts film and plate against the force.
 Load = Literal["force", "voltage", "pressure"]
 
 _UNIT = np.eye(3)
@@ -33,7 +33,7 @@ class PlateMotion:
 
     @classmethod
     def rest(cls) -> PlateMotion:
-        """The mounted position."""
+        """Make the mounted position."""
         return cls(np.zeros(3), np.eye(3))
 
     @property
@@ -48,37 +48,38 @@ class PlateMotion:
         return float(np.arccos(np.clip(self.rotation[2, 2], -1, 1)))
 
     def moved(self, step: Array) -> PlateMotion:
-        """Motion after a small one in the six freedoms; rotations compose, so none is singular."""
+        """Add a small motion in the six freedoms; rotations compose, so none is singular."""
         rotation = _turn(step[3:]) @ self.rotation if step[3:].any() else self.rotation
         return PlateMotion(self.translation + step[:3], rotation)
 
     def raised_to(self, deflection: float) -> PlateMotion:
-        """The same with another deflection [m]."""
+        """Copy the motion with another deflection [m]."""
         translation = self.translation.copy()
         translation[HEAVE] = deflection
         return PlateMotion(translation, self.rotation)
 
     def positions(self, centre: Array, arms: Array) -> Array:
-        """Positions of plate points with given arms from the centre, shape (n, 3)."""
+        """Compute positions of plate points with given arms from the centre, shape (n, 3)."""
         return centre + self.translation + arms @ self.rotation.T
 
     def gradient(self, arms: Array) -> Array:
-        """Derivative of the positions by the six freedoms, shape (n, 3, 6)."""
+        """Differentiate the positions by the six freedoms, shape (n, 3, 6)."""
         turned = arms @ self.rotation.T
         result = np.zeros((len(arms), 3, 6), dtype=turned.dtype)
         result[:, :, :3] = _UNIT
-        # The cross products of the axes with the arms.
+        # These are the cross products of the axes with the arms.
         result[:, (2, 0, 1), (3, 4, 5)] = turned[:, (1, 2, 0)]
         result[:, (1, 2, 0), (3, 4, 5)] = -turned[:, (2, 0, 1)]
         return result
 
     def gathered(self, arms: Array, forces: Array) -> Array:
-        """Forces at plate points on the six freedoms: their sum and their moment, shape (6,)."""
-        moment = forces.T @ (arms @ self.rotation.T)
-        return np.concatenate([forces.sum(axis=0), (moment.T - moment)[(1, 2, 0), (2, 0, 1)]])
+        """Sum forces at plate points on the six freedoms: force and moment, shape (6,)."""
+        products = forces.T @ (arms @ self.rotation.T)
+        moment = (products.T - products)[(1, 2, 0), (2, 0, 1)]
+        return np.concatenate([forces.sum(axis=0), moment])
 
     def curvature(self, arms: Array, forces: Array) -> Array:
-        """Σ forces · second derivative of positions, (6, 6): ½ (a × (b × r) + b × (a × r))."""
+        """Sum forces · second derivative of positions, (6, 6): ½ (a × (b × r) + b × (a × r))."""
         moment = forces.T @ (arms @ self.rotation.T)
         result = np.zeros((6, 6), dtype=moment.dtype)
         result[3:, 3:] = (moment + moment.T) / 2 - _UNIT * moment.trace()
@@ -86,7 +87,7 @@ class PlateMotion:
 
 
 def _turn(vector: Array) -> Array:
-    """The matrix of a rotation vector, by Rodrigues' formula."""
+    """Compute the matrix of a rotation vector, by Rodrigues' formula."""
     x, y, z = vector.tolist()
     angle = sqrt(x * x + y * y + z * z)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
@@ -94,7 +95,7 @@ def _turn(vector: Array) -> Array:
 
 
 def turned(plate: PlateMotion, origin: PlateMotion) -> Array:
-    """The rotation vector that turns one orientation into another, by less than π [rad]."""
+    """Find the rotation vector that turns one orientation into another, by less than π [rad]."""
     if plate.rotation is origin.rotation:
         return np.zeros(3)
     turn = plate.rotation @ origin.rotation.T
@@ -118,10 +119,10 @@ class State:
     pressure: float = 0.0
 
     def load(self, name: Load) -> float:
-        """Force [N], U² [V²] or pressure [Pa]."""
+        """Read a load: force [N], U² [V²] or pressure [Pa]."""
         return float(getattr(self, _FIELD[name]))
 
     def under(self, **loads: float) -> State:
-        """The same configuration with other loads, by the names of :data:`Load`."""
+        """Copy the configuration with other loads, by the names of :data:`Load`."""
         changes: dict[str, Any] = {_FIELD[name]: value for name, value in loads.items()}
         return replace(self, **changes)

@@ -1,7 +1,7 @@
 """Results of solved films: fields at points, and integrals over the film.
 
-Fields are those of the element they are asked in; nothing is averaged, so jumps between neighbours
-show the discretisation error.
+Fields are computed within each element and not averaged, so jumps between neighbours show the
+discretisation error.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.mesh import ELEMENTS, unfold
 from tympan.geometry.specimen import Film
 
-#: Where a reference triangle's edges start, and their directions, in scikit-fem's order 01, 12, 02.
+#: Starts and directions of a reference triangle's edges, in scikit-fem's order 01, 12, 02.
 _EDGES = (((0, 0), (1, 0)), ((1, 0), (-1, 1)), ((0, 0), (0, 1)))
 
-#: Distance from the centre, relative to the frame, within which no direction leads there.
+#: Distance from the centre, relative to the frame, below which no direction leads there.
 _CENTRE = 1e-12
 
-#: How far below its values at the nodes a stress may be between them, in their differences.
+#: Largest drop of a stress between nodes below its nodal values, in their differences.
 _BETWEEN = 0.5
 
 
@@ -45,9 +45,9 @@ _BETWEEN = 0.5
 class Fields:
     """Fields at points; each array's first axis runs over the points.
 
-    True stresses are elastic minus the Maxwell part; add ``maxwell_stress`` for
-    the elastic part alone. Radial and circumferential directions are the deformed radial fibre
-    through the plate's centre and the normal to it within the film.
+    True stresses are elastic minus the Maxwell part; add ``maxwell_stress`` for the elastic part
+    alone. The radial direction is the deformed radial fibre through the plate's centre, the
+    circumferential one its normal within the film.
     """
 
     position: AnyArray  #: in the flat mounted film [m], shape (n, 3)
@@ -78,10 +78,10 @@ class Fields:
 
 @dataclass(frozen=True, eq=False)
 class Unfolding:
-    """The whole of a film that was meshed in part, for that mesh however its nodes move.
+    """The whole of a film that was meshed in part, for that mesh, even if its nodes move.
 
-    Of each node of the whole ``origin`` is the one in the part, (nodes,); ``signs`` of its x and y
-    over those of that, (2, nodes).
+    ``origin`` is the node in the part for each node of the whole, (nodes,); ``signs`` are those of
+    x and y of a node over those of its origin, (2, nodes).
     """
 
     part: Discretisation
@@ -96,7 +96,7 @@ class Unfolding:
         return cls(part, Discretisation.of(full), origin, signs)
 
     def whole(self, model: Model, state: State) -> tuple[Model, State]:
-        """Model and state of the whole film; the model's nodes may have moved."""
+        """Unfold model and state to the whole film; the model's nodes may have moved."""
         mesh, full, flow = model.discretisation, self.full, model.flow
         positions = state.positions[self.origin]
         positions[:, :2] *= self.signs.T
@@ -110,9 +110,9 @@ class Unfolding:
 
 
 def whole(model: Model, state: State, unfolding: Unfolding | None = None) -> tuple[Model, State]:
-    """Model and state of the whole film when only a part of it was meshed.
+    """Unfold model and state to the whole film if only a part of it was meshed.
 
-    ``unfolding``: that of the model's mesh, where it is known.
+    ``unfolding`` is that of the model's mesh, if it is known.
     """
     mesh = model.discretisation
     if not mesh.planes:
@@ -123,10 +123,10 @@ def whole(model: Model, state: State, unfolding: Unfolding | None = None) -> tup
 def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: AnyArray,
               signs: AnyArray
               ) -> Flow:
-    """Memory of the whole film; its elements are the part's, then their images."""
+    """Unfold the memory to the whole film; its elements are the part's, then their images."""
     count = len(part.connectivity)
     part_nodes = np.tile(part.connectivity, (len(full.connectivity) // count, 1))
-    # Of every local node of the whole the local node of the part.
+    # The local node of the part for every local node of the whole.
     order = np.argsort(np.argsort(origin[full.connectivity], axis=1), axis=1)
     local = np.take_along_axis(np.argsort(part_nodes, axis=1), order, axis=1)
     elements = np.arange(len(local))[:, None] % count
@@ -136,7 +136,7 @@ def _unfolded(flow: Flow, part: Discretisation, full: Discretisation, origin: An
 
 
 def _flow_at(model: Model, cells: AnyArray, points: AnyArray) -> Flow | None:
-    """Memory of the film at reference points of elements, its polynomial there continued."""
+    """Continue the memory of the film to reference points of elements by its polynomial."""
     mesh, flow = model.discretisation, model.flow
     shapes = tabulated(mesh.mesh.order, points)[0]
     return None if flow is None else flow.at(
@@ -144,7 +144,7 @@ def _flow_at(model: Model, cells: AnyArray, points: AnyArray) -> Flow | None:
 
 
 def cell_fields(model: Model, states: Sequence[State], points: AnyArray) -> list[Fields]:
-    """Fields of each state at the same reference points, (2, k), of every element; element-major.
+    """Compute fields of each state at reference points, (2, k), of every element; element-major.
 
     States are computed together.
     """
@@ -156,12 +156,12 @@ def cell_fields(model: Model, states: Sequence[State], points: AnyArray) -> list
 
 def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
                 quadrature: bool = False) -> tuple[Fields, AnyArray]:
-    """Fields at some points of every edge of a boundary of the whole film; their weights [m].
+    """Compute fields along a boundary of the whole film, and the points' weights [m].
 
-    Edge-major; weights are quadrature weights times mounted arc length: at Gauss points for
-    integrals (``quadrature``), otherwise at equally spaced points with both ends, for pictures. On
-    the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a cut
-    across the line to the plate's centre.
+    The points lie on every edge of the boundary, edge-major. Weights are quadrature weights times
+    mounted arc length: at Gauss points for integrals (``quadrature``), otherwise at equally spaced
+    points with both ends, for pictures. On the edges of plate and frame ``plate_traction`` is that
+    on the edge itself; elsewhere that on a cut across the line to the plate's centre.
     """
     if quadrature:
         gauss, weight = np.polynomial.legendre.leggauss(points)
@@ -176,7 +176,7 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
     parts, weights = [], []
     for local, (start, along) in enumerate(np.array(_EDGES, float)):
         cells = np.flatnonzero(np.isin(mesh.t2f[local], boundaries[name]))
-        # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
+        # An inner edge belongs to two elements: the one that scikit-fem lists first counts.
         cells = cells[mesh.f2t[0][mesh.t2f[local][cells]] == cells]
         if len(cells):
             edge = start[:, None] + s * along[:, None]
@@ -193,7 +193,7 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
 
 @dataclass(frozen=True)
 class LostTension:
-    """Mounted area of the whole film that is tense in one direction only, and in none [m²]."""
+    """Mounted area of the whole film with tension in one direction only, and in none [m²]."""
 
     wrinkled: float
     slack: float
@@ -201,16 +201,16 @@ class LostTension:
 
 
 def node_fields(model: Model, states: Sequence[State]) -> list[Fields]:
-    """Fields of each state at the nodes of every element of the model's mesh."""
+    """Compute fields of each state at the nodes of every element of the model's mesh."""
     return cell_fields(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
 
 
 def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
                  at_nodes: Sequence[Fields] = ()) -> list[LostTension]:
-    """Parts of the film of each state that have lost tension.
+    """Measure the parts of the film that have lost tension in each state.
 
-    At the middles of ``parts``² triangles in every element that may have by its fields
-    ``at_nodes``, :func:`node_fields` unless given; states are computed together.
+    Points are the middles of ``parts``² triangles in every element that may have lost tension by
+    its fields ``at_nodes``, :func:`node_fields` unless given; states are computed together.
     """
     mesh, points = model.discretisation, middles(parts)
     at_nodes = at_nodes or node_fields(model, states)
@@ -233,12 +233,12 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
 
 
 def film_integrals(model: Model, states: Sequence[State]) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Reaction [N], capacitance [F] and energy [J] of the whole film, each of shape (states,).
+    """Integrate reaction [N], capacitance [F] and energy [J] of the whole film, each (states,).
 
-    As :meth:`Model.reaction`, :meth:`Model.capacitance` and :meth:`Model.energy`, of all states
-    together from one evaluation of the film's density, at U² with an imaginary step. The reaction
-    is the work of stresses, weight and gas when the plate's edge is lifted by one, nothing else
-    moving.
+    The results are those of :meth:`Model.reaction`, :meth:`Model.capacitance` and
+    :meth:`Model.energy`, of all states together from one evaluation of the film's density, at U²
+    with an imaginary step. The reaction is the work of stresses, weight and gas when the plate's
+    edge alone is lifted by one.
     """
     mesh = model.discretisation
     f = mesh.deformation(np.stack([state.positions for state in states]))
@@ -256,7 +256,7 @@ def film_integrals(model: Model, states: Sequence[State]) -> tuple[AnyArray, Any
 
 
 def _load_on_edge(model: Model, state: State) -> float:
-    """Weight and gas [N] of the film at the nodes of the plate's edge, along the load."""
+    """Sum weight and gas [N] of the film at the nodes of the plate's edge, along the load."""
     mesh = model.discretisation
     load = model.weight[mesh.plate_nodes, 2].sum()
     if state.pressure:
@@ -267,29 +267,31 @@ def _load_on_edge(model: Model, state: State) -> float:
 
 def _tension(model: Model, states: Sequence[State], gradients: AnyArray, points: AnyArray,
              cells: AnyArray) -> AnyArray:
-    """Tension states, shape (states, cells, points).
+    """Classify the tension at reference points, shape (states, cells, points).
 
-    ``gradients`` at reference points.
+    ``gradients`` are those at the reference points.
     """
     mesh = model.discretisation
     positions = np.stack([state.positions for state in states])
-    c = cauchy_green(deformation(gradients, positions[:, mesh.connectivity[cells]]))
+    nodes = mesh.connectivity[cells]
+    c = cauchy_green(deformation(gradients, positions[:, nodes]))
     squared = np.array([state.voltage_squared for state in states])[:, None, None]
-    there = tabulated(mesh.mesh.order, points)[0].T @ mesh.reference[mesh.connectivity[cells]]
-    place = there[..., 0], there[..., 1]
-    covered = mesh.covered[cells] * model.specimen.electrode.coverage(*place)
+    there = tabulated(mesh.mesh.order, points)[0].T @ mesh.reference[nodes]
+    x, y = there[..., 0], there[..., 1]
+    covered = mesh.covered[cells] * model.specimen.electrode.coverage(x, y)
     density = FilmDensity(model.specimen, squared, covered, model.wrinkles,
-                          _flow_at(model, cells, points), model.specimen.relative_thickness(*place))
-    # As the eigenvalues of S C.
-    s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
-    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
-    product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
+                          _flow_at(model, cells, points), model.specimen.relative_thickness(x, y))
+    # Principal stresses are the eigenvalues of S C.
+    s11, s22, s12 = np.moveaxis(density(c, tangent=False).stress, -1, 0)
+    c11, c22, c12 = c
+    mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
+    product = (s11 * s22 - s12**2) * (c11 * c22 - c12**2)
     radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
     return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
 
 
 def strength(film: Film, l1: AnyArray, l2: AnyArray, thickness: AnyArray) -> AnyArray:
-    """The field at which the film breaks down [V/m], infinite if it has no strength law."""
+    """Compute the field at which the film breaks down [V/m], infinite without a strength law."""
     if film.strength is None:
         return np.full(np.shape(thickness), np.inf)
     return film.strength.field(l1, l2, thickness)
@@ -297,7 +299,7 @@ def strength(film: Film, l1: AnyArray, l2: AnyArray, thickness: AnyArray) -> Any
 
 def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyArray,
             along: AnyArray | None = None) -> Fields:
-    """Fields in some elements, one state after the other; ``along`` is for one state.
+    """Compute fields in some elements, one state after another; ``along`` serves one state.
 
     ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
     """
@@ -343,30 +345,33 @@ def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyA
 
 
 def _inward(model: Model, places: AnyArray) -> AnyArray:
-    """Unit vectors towards the plate's centre, or the frame's; in the centre along −x."""
+    """Compute unit vectors towards the plate's centre, or the frame's; in the centre −x."""
     inward = model.centre[:2] - places
     distance = np.linalg.norm(inward, axis=1, keepdims=True)
     inward = np.where(distance > _CENTRE * model.size, inward, (-1.0, 0.0))
-    return np.asarray(inward / np.linalg.norm(inward, axis=1, keepdims=True))
+    unit: AnyArray = inward / np.linalg.norm(inward, axis=1, keepdims=True)
+    return unit
 
 
 def _cauchy(f: AnyArray, stress: AnyArray, radial: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """True stress (radial, circumferential, shear) within the film: σ = F S Fᵀ."""
+    """Compute true stress (radial, circumferential, shear) within the film: σ = F S Fᵀ."""
     first = np.einsum("nik,nk->ni", f, radial)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
     normal = np.cross(f[:, :, 0], f[:, :, 1])
-    second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
-    a, b = np.einsum("ni,nik->nk", first, f), np.einsum("ni,nik->nk", second, f)
-
-    def pair(u: AnyArray, v: AnyArray) -> AnyArray:
-        along = u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
-        return np.asarray(along + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
-
-    return pair(a, a), pair(b, b), pair(a, b)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    second = np.cross(normal, first)
+    a1, a2 = np.einsum("ni,nik->kn", first, f)
+    b1, b2 = np.einsum("ni,nik->kn", second, f)
+    s11, s22, s12 = stress[:, 0], stress[:, 1], stress[:, 2]
+    radial_stress = a1 * a1 * s11 + a2 * a2 * s22 + 2 * a1 * a2 * s12
+    around = b1 * b1 * s11 + b2 * b2 * s22 + 2 * b1 * b2 * s12
+    shear = a1 * b1 * s11 + a2 * b2 * s22 + (a1 * b2 + a2 * b1) * s12
+    return radial_stress, around, shear
 
 
 def _normal(along: AnyArray, towards: AnyArray) -> AnyArray:
-    """Unit normals of vectors in the plane, on the side of ``towards``."""
+    """Compute unit normals of vectors in the plane, on the side of ``towards``."""
     normal = np.column_stack([along[:, 1], -along[:, 0]])
-    normal = normal / np.linalg.norm(along, axis=1, keepdims=True)
-    return np.asarray(normal * np.sign((normal * towards).sum(axis=1, keepdims=True)))
+    normal /= np.linalg.norm(along, axis=1, keepdims=True)
+    normal *= np.sign((normal * towards).sum(axis=1, keepdims=True))
+    return normal

@@ -1,4 +1,4 @@
-"""Least stiffness of a film within its plane at a given voltage: where it is 0, it gives way."""
+"""Least stiffness of a film in its plane at a given voltage: the film is unstable where it is 0."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from tympan.fem.film.interface import Side, interface_margin
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
 
-#: Share of the film's mean firmness below which an element's own values at its nodes are not good
-#: enough, since they are off by some 1 % of the mean on a coarse mesh.
+#: Share of the film's mean firmness below which an element's own nodal values are not accurate
+#: enough: on a coarse mesh they are wrong by some 1 % of the mean.
 _NEAR = 0.3
 
 #: Strain of a film as the triple (C₁₁, C₂₂, C₁₂).
@@ -26,15 +26,15 @@ Strain = tuple[Any, Any, Any]
 
 
 def firmness(model: Model, state: State) -> AnyArray:
-    """Least stiffness of the film within its plane at the nodes of every element [Pa], (n,).
+    """Compute the least stiffness of the film in its plane at the elements' nodes [Pa], (n,).
 
-    Element-major, as of :func:`~tympan.fem.results.fields.node_fields`; that is
-    :meth:`FilmDensity.firmness`, where the film wrinkles its margin to thinning without bound, and
-    on an electrode's edge that of the line between covered and bare film
-    (:func:`~tympan.fem.film.interface.interface_margin`). Not positive where the film gives way in
-    itself. In elements near to that, strong ellipticity is that of the strain recovered at their
-    corners, and the nodes between have none (∞): an element's own strain at the plate's edge waves
-    about the true one. ∞ of a film with memory, whose branches hold for a while what gives way at
+    The order is element-major, as in :func:`~tympan.fem.results.fields.node_fields`. The value is
+    :meth:`FilmDensity.firmness`; where the film wrinkles it is its margin to unlimited thinning,
+    and on an electrode's edge that of the line between covered and bare film
+    (:func:`~tympan.fem.film.interface.interface_margin`). It is not positive where the film is
+    unstable. In elements near to that, strong ellipticity uses the strain recovered at their
+    corners, and the nodes between have ∞: an element's own strain at the plate's edge oscillates
+    about the true one. A film with memory has ∞: its branches hold for a while what is unstable at
     rest.
     """
     elliptic, thinning, _ = _margins(model, state)
@@ -43,7 +43,7 @@ def firmness(model: Model, state: State) -> AnyArray:
 
 
 def rough_firmness(model: Model, state: State) -> AnyArray:
-    """The same by each element's own strain; its jumps show the discretisation error."""
+    """Compute the firmness by each element's own strain; jumps show the discretisation error."""
     least = np.minimum(*_by_element(model, state))
     return np.asarray(np.minimum(least, edge_firmness(model, state, rough=True)).ravel())
 
@@ -52,7 +52,7 @@ def rough_firmness(model: Model, state: State) -> AnyArray:
 class Source:
     """Points whose strains, times weights, add up to one: ``elements``, (elements, points).
 
-    ``gradients``: ∂φ/∂X at the points, (elements, points, local, 2).
+    ``gradients`` are ∂φ/∂X at the points, (elements, points, local, 2).
     """
 
     elements: AnyArray
@@ -61,13 +61,13 @@ class Source:
 
     @classmethod
     def recovered(cls, mesh: Discretisation, element: int, corner: int) -> Source:
-        """Source by the strain recovered at a corner."""
+        """Use the strain recovered at a corner."""
         around, weights = mesh.recovery.at(element, corner)
         return cls(around, mesh.gradients[around], weights)
 
     @classmethod
     def averaged(cls, mesh: Discretisation, elements: AnyArray, locals_: AnyArray) -> Source:
-        """Source by the mean of elements' own strains at nodes of theirs."""
+        """Use the mean of elements' own strains at nodes of theirs."""
         count = len(elements)
         return cls(elements, mesh.nodal_gradients[elements, locals_][:, None],
                    np.full((count, 1), 1 / count))
@@ -77,7 +77,8 @@ class Source:
 class Spot:
     """A node of an element, where :func:`firmness` is a function of strains of the film.
 
-    ``thinning``: there it is the margin to that; ``recovered``: of the strain recovered.
+    With ``thinning`` it is the margin to thinning there; with ``recovered`` it uses recovered
+    strain.
     """
 
     element: int
@@ -86,13 +87,13 @@ class Spot:
     recovered: bool
 
     def sources(self, mesh: Discretisation) -> list[Source]:
-        """Arguments of the strains that the firmness here is a function of."""
+        """Find the sources of the strains that determine the firmness here."""
         if self.recovered:
             return [Source.recovered(mesh, self.element, self.local)]
         return [Source.averaged(mesh, np.array([self.element]), np.array([self.local]))]
 
     def value(self, model: Model, voltage_squared: Any, strains: Sequence[Strain]) -> Any:
-        """The firmness where the strain is C, a number or an array of one; it may be complex."""
+        """Compute the firmness where the strain is C, numbers or arrays of one, maybe complex."""
         places = np.array([[self.element, self.local]])
         there, seen = _density_at(model, voltage_squared, places), _arrays(strains[0])
         if not self.thinning:
@@ -103,18 +104,18 @@ class Spot:
 
 @dataclass(frozen=True)
 class EdgeSpot:
-    """A node on an electrode's edge, by its number there; of the strains on both sides."""
+    """A node on an electrode's edge, by its number there; it depends on strains of both sides."""
 
     number: int
 
     def sources(self, mesh: Discretisation) -> list[Source]:
-        """Arguments of the strains that the firmness here is a function of."""
+        """Find the sources of the strains that determine the firmness here."""
         edge = mesh.electrode_edge
         return [Source.averaged(mesh, *places[rows == self.number].T)
                 for places, rows in zip(edge.places, edge.rows, strict=True)]
 
     def value(self, model: Model, voltage_squared: Any, strains: Sequence[Strain]) -> Any:
-        """The firmness where the strains are C on each side; they may be complex."""
+        """Compute the firmness where the strains are C on each side; they may be complex."""
         edge = model.discretisation.electrode_edge
         sides = [_side(_density_at(model, voltage_squared, places[[self.number]]), _arrays(strain))
                  for places, strain in zip(edge.firsts, strains, strict=True)]
@@ -122,7 +123,7 @@ class EdgeSpot:
 
 
 def spot_at(model: Model, state: State, place: int) -> Spot | EdgeSpot:
-    """Spot at which :func:`firmness` has the value of a place, element-major."""
+    """Find the spot at which :func:`firmness` has the value of a place, element-major."""
     (elliptic, thinning, near), edge = _margins(model, state), edge_firmness(model, state)
     mesh = model.discretisation
     element, local = divmod(place, elliptic.shape[1])
@@ -134,9 +135,9 @@ def spot_at(model: Model, state: State, place: int) -> Spot | EdgeSpot:
 
 
 def _margins(model: Model, state: State) -> tuple[AnyArray, AnyArray, Mask]:
-    """Margins to the loss of strong ellipticity and to thinning, (elements, local).
+    """Compute margins to the loss of strong ellipticity and to thinning, (elements, local).
 
-    And in which elements the first is that of recovered strains.
+    The third result marks elements where the first margin is that of recovered strains.
     """
     elliptic, thinning = _by_element(model, state)
     near, finite = np.zeros(len(elliptic), dtype=bool), np.isfinite(elliptic)
@@ -148,7 +149,7 @@ def _margins(model: Model, state: State) -> tuple[AnyArray, AnyArray, Mask]:
 
 
 def _by_element(model: Model, state: State) -> tuple[AnyArray, AnyArray]:
-    """Margins to the loss of strong ellipticity and to thinning, shape (elements, local)."""
+    """Compute margins to the loss of strong ellipticity and to thinning, (elements, local)."""
     mesh = model.discretisation
     none = np.full(mesh.connectivity.shape, np.inf)
     if model.flow is not None:
@@ -163,7 +164,7 @@ def _by_element(model: Model, state: State) -> tuple[AnyArray, AnyArray]:
 
 
 def _recover(model: Model, state: State, elliptic: AnyArray, elements: AnyArray) -> None:
-    """Put margins by recovered strains at the corners of some elements, ∞ at their other nodes."""
+    """Replace margins by those of recovered strains at the corners, and by ∞ at other nodes."""
     places = np.stack(np.broadcast_arrays(elements[:, None], np.arange(CORNERS)), axis=-1)
     own = np.stack(model.cauchy_green(state.positions))
     strains = model.discretisation.recovery.recovered(own, elements)
@@ -173,11 +174,12 @@ def _recover(model: Model, state: State, elliptic: AnyArray, elements: AnyArray)
 
 
 def edge_firmness(model: Model, state: State, rough: bool = False) -> AnyArray:
-    """Firmness of electrodes' edges at the corners of elements there [Pa], (elements, local).
+    """Compute the firmness of electrodes' edges at the elements' corners, (elements, local).
 
-    By the mean strains of the elements on both sides, which beside a narrow band are nearer than
-    those recovered; or, ``rough``, by an element's own and the mean on the other side. ∞ elsewhere,
-    where either side gives way by itself or bears no tension, and of a film with memory.
+    In Pa. It uses the mean strains of the elements on both sides, which beside a narrow band are
+    more accurate than recovered ones; or, if ``rough``, an element's own strain and the mean on the
+    other side. It is ∞ elsewhere, where either side is unstable by itself or has no tension, and
+    for a film with memory.
     """
     mesh = model.discretisation
     edge, margins = mesh.electrode_edge, np.full(mesh.connectivity.shape, np.inf)
@@ -201,7 +203,7 @@ def edge_firmness(model: Model, state: State, rough: bool = False) -> AnyArray:
 
 def _held(model: Model, voltage_squared: Any, along: AnyArray, *sides: tuple[AnyArray, AnyArray]
           ) -> AnyArray:
-    """Margins of lines between films at places with strains (3, n); ∞ where one gives way."""
+    """Compute margins of lines between films with strains (3, n); ∞ if one is unstable."""
     firm = np.ones(len(along), dtype=bool)
     films = []
     for places, (c11, c22, c12) in sides:
@@ -215,7 +217,7 @@ def _held(model: Model, voltage_squared: Any, along: AnyArray, *sides: tuple[Any
 
 
 def _density_at(model: Model, voltage_squared: Any, places: AnyArray) -> FilmDensity:
-    """The film's density at nodes of elements, (…, 2)."""
+    """Make the film's density at nodes of elements, (…, 2)."""
     shape = model.discretisation.connectivity.shape
     density = model.density(voltage_squared, nodal=True)
     covered, thickness = (np.broadcast_to(values, shape)[places[..., 0], places[..., 1]]
@@ -224,7 +226,7 @@ def _density_at(model: Model, voltage_squared: Any, places: AnyArray) -> FilmDen
 
 
 def _side(density: FilmDensity, c: Strain) -> Side:
-    """A film beside a line, taut."""
+    """Make one side of a line, with the film taut."""
     taut = replace(density, wrinkles=False, flow=None)(c)
     return Side(c, taut.stress, taut.tangent)
 

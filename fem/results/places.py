@@ -1,4 +1,4 @@
-"""Places of points of the flat film in a mesh, and nodal fields there."""
+"""Points of the flat film located in a mesh, and nodal fields there."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 
-#: Elements whose nodes are the nearest to a point, that may hold it.
+#: Number of elements tried for a point: those whose nodes are the nearest to it.
 _NEAREST = 8
 
-#: Most steps of Newton's method within an element. Elements are hardly curved, so that a few do.
+#: Most steps of Newton's method within an element. Elements are hardly curved, so few are needed.
 _STEPS = 12
-#: How far beyond an element, in its own coordinates, steps are kept: its mapping may turn over
-#: further out.
+#: Largest distance beyond an element, in its own coordinates, that steps may reach: further out its
+#: mapping may fold.
 _BEYOND = 0.3
 
-#: A step shorter than this, in the element's coordinates, is the last.
+#: Length of a step, in the element's coordinates, below which it is the last.
 _SMALL = 1e-10
-#: A point so little outside an element is within it: on an edge rounding would leave it in none.
+#: Distance outside an element within which a point belongs to it: rounding moves points on edges.
 _INSIDE = 1e-9
 
 
@@ -31,9 +31,9 @@ _INSIDE = 1e-9
 class Places:
     """Points of the whole flat film in the part of it that is meshed.
 
-    ``nodes`` of the element of each, (points, local), ``shapes`` its shape functions there, and the
-    ``signs`` by which components of vectors turn in the mirror, (points, 3). Points a little beyond
-    the mesh's edges, which approximate the outlines', are its nearest element's continued.
+    ``nodes`` are those of the element of each point, (points, local), ``shapes`` its shape
+    functions there, and ``signs`` those of vector components in the mirror, (points, 3). Points a
+    little beyond the mesh's edges, which approximate the outlines, belong to their nearest element.
     """
 
     nodes: AnyArray
@@ -52,20 +52,23 @@ class Places:
         return cls(mesh.connectivity[cells], tabulated(mesh.mesh.order, local.T)[0].T, signs)
 
     def displacement(self, model: Model, state: State) -> AnyArray:
-        """Displacements of the points [m], shape (points, 3)."""
+        """Interpolate displacements of the points [m], shape (points, 3)."""
         moved = state.positions - model.discretisation.reference
-        return np.asarray(self.signs * np.einsum("nl,nli->ni", self.shapes, moved[self.nodes]))
+        local = np.einsum("nl,nli->ni", self.shapes, moved[self.nodes])
+        displacement: AnyArray = self.signs * local
+        return displacement
 
 
 def _located(mesh: Discretisation, points: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Elements of points and their reference coordinates, (points, 2)."""
-    from scipy.spatial import cKDTree  # heavy, and `solve` asks for no places
+    """Find elements of points and their reference coordinates, (points, 2)."""
+    from scipy.spatial import cKDTree  # slow to load, and `solve` needs no places
 
     nodes = mesh.reference[mesh.connectivity, :2]
     tree = cKDTree(nodes.reshape(-1, 2))
     local = nodes.shape[1]
     near = tree.query(points, min(_NEAREST * local, len(nodes) * local))[1] // local
-    best, at = np.zeros(len(points), dtype=np.int64), np.full((len(points), 2), 1 / 3)
+    best = np.zeros(len(points), dtype=np.int64)
+    at = np.full((len(points), 2), 1 / 3)
     excess = np.full(len(points), np.inf)
     for candidates in _distinct(near).T:
         sought = np.flatnonzero(excess > _INSIDE)
@@ -75,12 +78,14 @@ def _located(mesh: Discretisation, points: AnyArray) -> tuple[AnyArray, AnyArray
         outside = _outside(where)
         nearer = outside < excess[sought]
         some = sought[nearer]
-        best[some], at[some], excess[some] = candidates[some], where[nearer], outside[nearer]
+        best[some] = candidates[some]
+        at[some] = where[nearer]
+        excess[some] = outside[nearer]
     return best, at
 
 
 def _distinct(near: AnyArray) -> AnyArray:
-    """The first few different elements of each row, repeated where there are fewer."""
+    """List the first few different elements of each row, repeated where there are fewer."""
     rows = []
     for candidates in near.tolist():
         some = list(dict.fromkeys(candidates))[:_NEAREST]
@@ -89,7 +94,7 @@ def _distinct(near: AnyArray) -> AnyArray:
 
 
 def _within(mesh: Discretisation, nodes: AnyArray, points: AnyArray) -> AnyArray:
-    """Reference coordinates of points in elements with these nodes, by Newton's method."""
+    """Find reference coordinates of points in elements with these nodes, by Newton's method."""
     at = np.full((len(points), 2), 1 / 3)
     for _ in range(_STEPS):
         shapes, slopes = tabulated(mesh.mesh.order, at.T)
@@ -103,5 +108,7 @@ def _within(mesh: Discretisation, nodes: AnyArray, points: AnyArray) -> AnyArray
 
 
 def _outside(at: AnyArray) -> AnyArray:
-    """Distance of reference coordinates from the reference triangle, if they are outside."""
-    return np.asarray(np.maximum(np.maximum(-at.min(axis=1), at.sum(axis=1) - 1), 0.0))
+    """Measure how far reference coordinates lie outside the reference triangle; 0 within."""
+    beyond_sides = np.maximum(-at.min(axis=1), at.sum(axis=1) - 1)
+    outside: AnyArray = np.maximum(beyond_sides, 0.0)
+    return outside

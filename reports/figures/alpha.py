@@ -1,4 +1,4 @@
-"""Pictures of α: of every outline with its circles, and over aspect ratio and plate size."""
+"""Pictures of α: each outline with its circles, and maps over aspect ratio and plate size."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLUMNS = 4
 
 
 def draw_outlines(table: OutlineTable, folder: Path) -> list[Path]:
-    """Draw folder/outlines.png and .svg; answers the files."""
+    """Draw folder/outlines.png and .svg; return the files."""
     return style.save_figure(folder, "outlines", lambda: _compose_outlines(table))
 
 
@@ -33,7 +33,7 @@ def _compose_outlines(table: OutlineTable) -> Figure:
 
 
 def _frame(axes: Axes, row: OutlineRow, x: Array, y: Array) -> None:
-    """Points x, y are in mm."""
+    """Draw an outline with its circles; points x, y are in mm."""
     axes.fill(x, y, color="0.93", lw=0)
     axes.plot([*x, x[0]], [*y, y[0]], color="black", lw=1.2)
     axes.add_patch(Circle((0, 0), 10, color="0.55", lw=0))
@@ -52,7 +52,7 @@ def _frame(axes: Axes, row: OutlineRow, x: Array, y: Array) -> None:
 
 
 def draw_map(alpha_map: AlphaMap, folder: Path) -> list[Path]:
-    """Draw folder/alpha-map.png and .svg; answers the files."""
+    """Draw folder/alpha-map.png and .svg; return the files."""
     return style.save_figure(folder, "alpha-map", lambda: _compose_map(alpha_map))
 
 
@@ -89,7 +89,7 @@ def _errors(axes: Axes, alpha_map: AlphaMap) -> None:
              "outside": ("outside", style.PALETTE[1], "^")}
     for name, (label, colour, marker) in looks.items():
         readings = alpha_map.of(name)
-        # Rounded, so that the digits a file keeps draw the same.
+        # Errors are rounded, so that the digits kept in a file draw the same picture.
         errors = np.abs(readings["formula"] - readings["alpha_1"]).round(7).clip(1e-5)
         axes.semilogy(readings["aspect"], errors, marker, ms=2.5, color=colour, label=label)
     axes.axvspan(*alpha_map.formula.aspects, color="0.93", zorder=0)

@@ -1,6 +1,6 @@
 """A film in motion: pictures of the deformed film with its voltage and deflection in time.
 
-And frames of any such film as a GIF and an MP4.
+Frames of any such film are written as a GIF and an MP4.
 """
 
 from __future__ import annotations
@@ -28,35 +28,35 @@ from tympan.studies.trace import Response
 _WIDTH = 120.0
 #: Width of the film in it [mm].
 _FILM = 112.0
-#: Room below for the colour bar with its words [mm].
+#: Height below the film for the colour bar with its words [mm].
 _BAR = 16.0
 #: Height of the axis of the voltage [mm].
 _VOLTAGE = 14.0
 #: Height of the axis of the deflection [mm].
 _RESPONSE = 26.0
 
-#: Room above the film [mm].
+#: Height above the film [mm].
 _TOP = 4.0
-#: Room below an axis for its numbers and words [mm].
+#: Height below an axis for its numbers and words [mm].
 _AXIS = 11.0
-#: Room between two axes, one below the other [mm].
+#: Height between two axes [mm].
 _GAP = 4.0
 
 #: Resolution of a picture [pixels per inch]: sharp on a screen, and a small file.
 FRAME_DPI = 110
-#: How long all pictures take [s].
+#: Duration of all pictures together [s].
 _LENGTH = 5.0
 
 
 def animate(response: Response, films: Mapping[float, FilmSurface], file: Path) -> None:
     """Write a GIF with a picture for each film, by time [s].
 
-    An MP4 is beside it where FFmpeg is on the path.
+    An MP4 is written beside it where FFmpeg is installed.
 
     Raises
     ------
     InputError
-        When that makes no film of the pictures.
+        When FFmpeg fails.
     """
     times, surfaces = list(films), list(films.values())
     heaves = [1e3 * film.values["displacement"][:, 2] for film in surfaces]
@@ -75,9 +75,9 @@ def animate(response: Response, films: Mapping[float, FilmSurface], file: Path) 
 
 
 def write_frames(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
-    """Write pictures, shape (height, width, 3) each, as a GIF, and an MP4 where FFmpeg is.
+    """Write pictures, shape (height, width, 3) each, as a GIF, and as an MP4 if FFmpeg is there.
 
-    An :class:`InputError` when that makes no film of the pictures.
+    An :class:`InputError` when FFmpeg fails.
     """
     write_atomically(file, partial(_save, frames))
     ffmpeg = shutil.which("ffmpeg")
@@ -86,7 +86,7 @@ def write_frames(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
 
 
 def _save(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
-    # Rare colours count, such as a curve's.
+    # Rare colours must be kept, such as a curve's.
     first, *others = [Image.fromarray(frame).quantize(256, Image.Quantize.MAXCOVERAGE)
                       for frame in frames]
     first.save(file, format="GIF", save_all=True, append_images=others, loop=0,
@@ -94,8 +94,8 @@ def _save(frames: Sequence[NDArray[np.uint8]], file: Path) -> None:
 
 
 def _encode(ffmpeg: str, frames: NDArray[np.uint8], file: Path) -> None:
-    """Pictures of shape (frames, height, width, 3) as MPEG-4."""
-    # Colours at half the resolution, which all players know, want even sizes.
+    """Encode pictures of shape (frames, height, width, 3) as MPEG-4."""
+    # Colours at half the resolution, which all players can show, need even sizes.
     count, height, width = frames.shape[0], *(size // 2 * 2 for size in frames.shape[1:3])
     made = subprocess.run(
         [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
@@ -108,7 +108,7 @@ def _encode(ffmpeg: str, frames: NDArray[np.uint8], file: Path) -> None:
 
 
 def common_extent(pictures: Iterable[style.Picture]) -> tuple[float, float, float, float]:
-    """Extent that holds all pictures: west, east, bottom, top [mm]."""
+    """Compute the extent that holds all pictures: west, east, bottom, top [mm]."""
     west, east, bottom, top = zip(*(extent for _, extent in pictures), strict=True)
     return min(west), max(east), min(bottom), max(top)
 
@@ -129,7 +129,7 @@ def _compose(picture: style.Picture, response: Response, time: float, scale: Axi
 
 
 def _add_traces(figure: Figure, response: Response, time: float, top: float) -> None:
-    """Voltage and displacement so far in colour, what is to come in grey."""
+    """Draw voltage and displacement up to a time in colour, the rest in grey."""
     when, voltage, reading = response.samples[["t", "voltage", "displacement"]].to_numpy().T
     pair = style.place_pair(figure, style.LEFT, top, _WIDTH - style.LEFT - style.RIGHT,
                             (_VOLTAGE, _GAP, _RESPONSE))
@@ -145,7 +145,7 @@ def _add_traces(figure: Figure, response: Response, time: float, top: float) -> 
 
 
 def figure_pixels(figure: Figure) -> NDArray[np.uint8]:
-    """A figure as a frame, shape (height, width, 3)."""
+    """Render a figure as a frame, shape (height, width, 3)."""
     figure.set_dpi(FRAME_DPI)
     figure.canvas.draw()
     return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Closed loops: voltage and deflection in time, beside the same film without feedback."""
+"""Closed loops: voltage and deflection in time, compared with the same film without feedback."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DEFLECTION = 50.0
 
 
 def draw_control(result: ControlResult, folder: Path) -> list[Path]:
-    """Draw folder/control; answers the files."""
+    """Draw folder/control; return the files."""
     return style.save_figure(folder, "control", lambda: _compose(result))
 
 
@@ -35,14 +35,14 @@ def _compose(result: ControlResult) -> Figure:
 
 
 def draw_voltages(axes: Axes, film: ControlledFilm) -> None:
-    """Voltage with and without feedback."""
+    """Draw the voltage with and without feedback."""
     samples = film.samples
     axes.plot(samples["t"], 1e-3 * samples["open_voltage"], color=style.GREY, linewidth=0.8)
     axes.plot(samples["t"], 1e-3 * samples["voltage"], color=style.colour_of(0), linewidth=0.8)
 
 
 def draw_deflections(axes: Axes, film: ControlledFilm) -> None:
-    """Wanted deflection, that with and that without feedback."""
+    """Draw the wanted deflection, and those with and without feedback."""
     samples = film.samples
     for name, words, colour, line in (
             ("open_displacement", "without feedback", style.GREY, "-"),

@@ -1,6 +1,6 @@
-"""Coupon tests and the laws fitted to them: one panel per mode, the best law with its 95 % band.
+"""Coupon tests and the laws fitted to them: one panel a mode, the best law with its 95 % band.
 
-Of tests in time, above: every run against stretch and against time with the law and its branches.
+Tests in time are drawn above: every run against stretch and against time, with law and branches.
 """
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from tympan.reports import look as style
 from tympan.studies.data.coupon import MODES
 from tympan.studies.material.result import MaterialFitResult
 
-#: Room above an axis for its title [mm].
+#: Height above an axis for its title [mm].
 _TITLE = 7.0
 #: Height of an axis [mm].
 _PANEL = 52.0
-#: Room below an axis for its numbers and words [mm].
+#: Height below an axis for its numbers and words [mm].
 _AXIS = 11.0
-#: Room below for the legend [mm].
+#: Height below for the legend [mm].
 _LEGEND = 11.0
 
-#: Room on the right, for half of the last number [mm].
+#: Width on the right, for half of the last number [mm].
 _RIGHT = 3.0
-#: Room between two axes beside each other, for the second one's numbers [mm].
+#: Width between two axes, for the second one's numbers [mm].
 _GAP = 11.0
 
 #: Height of tests in time [mm].
 _HISTORY = 72.0
-#: Height of a line of their legend [mm].
+#: Height of a line in the legend of tests in time [mm].
 _LINE = 4.0
 
 #: Width of a legend's entry without its words [mm].
@@ -45,9 +45,9 @@ _STRESS = "nominal stress (kPa)"
 
 
 def draw_fit(result: MaterialFitResult, folder: Path, dpi: int = style.DPI) -> list[Path]:
-    """Draw readings and fits as folder/fit.png and .svg; answers the files.
+    """Draw readings and fits as folder/fit.png and .svg; return the files.
 
-    A panel for each mode; those without readings show what the fits foretell.
+    There is a panel for each mode; those without readings show the predictions of the fits.
     """
     return style.save_figure(folder, "fit", lambda: _compose(result), dpi=dpi)
 
@@ -71,7 +71,7 @@ def _compose(result: MaterialFitResult) -> Figure:
 
 
 def draw_laws(axes: Axes, result: MaterialFitResult) -> None:
-    """Readings and laws of the mode with most readings, on axes."""
+    """Draw readings and laws of the mode with most readings."""
     _panel(axes, result, max(MODES, key=lambda mode: result.numbers["readings"].get(mode, 0)),
            _STRESS)
     style.legend(axes)
@@ -100,7 +100,7 @@ def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
 
 def _curve(axes: Axes, result: MaterialFitResult, law: str, mode: str, colour: str,
            best: bool) -> float:
-    """Draw one law; answers its largest stress [kPa] where it is not nearly taut."""
+    """Draw one law; return its largest stress [kPa], without the steep end near locking."""
     rows = (result.curves["law"] == law) & (result.curves["mode"] == mode)
     stretch, stress, half = (factor * result.curves[name][rows] for name, factor in (
         ("stretch", 1.0), ("nominal_stress", 1e-3), ("half_band", 1e-3)))
@@ -132,7 +132,7 @@ def _row_height(runs: tuple[str, ...]) -> float:
 
 def _draw_histories(figure: Figure, histories: Mapping[str, Array],
                     runs: tuple[str, ...]) -> None:
-    """Every run against stretch and against time: readings as points, the fit as a line."""
+    """Draw every run against stretch and against time: readings as points, the fit as a line."""
     width = (style.WIDTH - style.LEFT - _RIGHT - _GAP) / 2
     names, panels = np.array(_run_names(histories)), []
     for number, (column, across, title) in enumerate((

@@ -1,4 +1,4 @@
-"""Deflection against voltage to where the film ends, with marks where they were asked for."""
+"""Deflection against voltage up to the film's end, with marks at the voltages wanted."""
 
 from __future__ import annotations
 
@@ -28,46 +28,46 @@ from tympan.studies.limits import CurveResult
 _WIDTH = 110.0
 #: Height of the axis [mm].
 _HEIGHT = 70.0
-#: Room above for the title [mm].
+#: Height above for the title [mm].
 _TOP = 8.0
 
-#: Room below a legend [mm]: letters are wider and higher on a screen of few pixels.
+#: Height below a legend [mm]: letters are wider and higher on a screen of few pixels.
 _FOOT = 3.0
 
-#: Where words are from their mark [points]: at its left, a little above.
+#: Offset of words from their mark [points]: to its left, a little above.
 _BESIDE = (-4.0, 2.0)
-#: How far above that they are still beside it [points].
+#: Largest shift upwards within which words still belong to their mark [points].
 _NEAR = 16.0
-#: Their colour where they are of several curves.
+#: Colour of words that belong to several curves.
 _OF_ALL = "#333333"
-#: How often the axis is made larger to give them room. A bound, since room may be missing in any
+#: Most enlargements of the axis to make room for words. A bound, since room may be missing in any
 #: case.
 _TRIES = 25
 
-#: Behind words, where they lie over a curve after all.
+#: Background of words that lie over a curve.
 _PAPER = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.5}
 
-#: What a curve is called beyond its first limit.
+#: Legend of a curve beyond its first limit.
 _BEYOND = "beyond its first limit"
-#: Opacity of a curve there, so that it is seen to be no film's for certain.
+#: Opacity of a curve there, so that it is seen to be uncertain.
 _FAINT = 0.65
 
-#: More entries of a legend than these are names alone: the rest stands at the curves and in tables.
+#: Most entries of a legend with more than names: beyond, the rest is at the curves and in tables.
 _TOLD = 8
-#: The same within axes, where it takes room from the curves.
+#: The same number within axes, where the legend takes room from the curves.
 _WITHIN = 3
 #: Width of a letter over the size of the font, on average.
 _LETTER = 0.52
-#: Width of a legend's line and room over the size of the font.
+#: Width of a legend's line and margin, over the size of the font.
 _HANDLE = 5.0
-#: Letters of that line and of the room between two columns.
+#: Width of that line and of the space between two columns, in letters.
 _GAP = 10
-#: Letters in a line of the legend, at least: axes may be narrow.
+#: Least number of letters in a line of the legend: axes may be narrow.
 _SHORTEST = 12
 
-#: Deflections [mm] that are one.
+#: Deflections [mm] closer than this are equal.
 _SAME = 1e-9
-#: Of the dotted rest of a curve, whose film thins without bound where it loses tension.
+#: Legend of the dotted rest of a curve, beyond where its film thins as it loses tension.
 _KEPT = "were it kept from wrinkling, to its pull-in"
 
 
@@ -75,8 +75,8 @@ _KEPT = "were it kept from wrinkling, to its pull-in"
 class VoltageCurve:
     """Deflection [mm] against voltage [kV] under one mass [g], up to the limits.
 
-    ``voltage`` and ``deflection`` follow the film; ``asked`` are voltages that were asked for, with
-    their ``status`` and deflection ``there``, NaN without equilibrium.
+    ``voltage`` and ``deflection`` follow the film. ``asked`` are the voltages wanted, with their
+    ``status`` and deflection ``there``, NaN without equilibrium.
     """
 
     mass: float
@@ -86,12 +86,12 @@ class VoltageCurve:
     asked: Array
     status: tuple[str, ...]
     there: Array
-    #: Voltages, and 5 and 95 % of films that scatter, (3, voltages).
+    #: Voltages, and 5 and 95 % quantiles of films that scatter, (3, voltages).
     band: Array = field(default_factory=lambda: np.empty((3, 0)))
 
     @property
     def end(self) -> str:
-        """Its first limit, and how it ends, in words with numbers."""
+        """First limit, and how the curve ends, in words with numbers."""
         limits = self.limits
         first, last = limits.limit, limits.end or limits.instability
         if first is None:
@@ -111,8 +111,8 @@ class VoltageCurve:
     def parts(self) -> tuple[Mask, Mask, Mask]:
         """Masks of the line's points before its first limit, beyond it, and beyond its end.
 
-        The last are those of a film that thins, were it kept from wrinkling. Each part begins where
-        the one before it ends.
+        The last part is that of a film that thins, calculated as if it could not wrinkle. Each part
+        begins where the one before it ends.
         """
         way = self.way
         y = way * self.line[1]
@@ -123,22 +123,22 @@ class VoltageCurve:
 
     @property
     def first(self) -> Limit | None:
-        """Its first limit; beyond a snap the plate is at rest as before it."""
+        """First limit; after a snap the plate is at rest as before it, so a snap does not count."""
         return next((limit for limit in self.limits.reached if limit.state.signs), None)
 
     def deflection_at(self, limit: Limit) -> float:
-        """Deflection on the curve at a limit: the curve has a point there."""
+        """Look up the deflection at a limit: the curve has a point there."""
         return float(self.deflection[np.argmin(np.abs(self.voltage - limit.voltage_V / 1e3))])
 
     @property
     def way(self) -> float:
-        """The way the voltage moves the film: 1 along the load, -1 where gas holds it up."""
+        """Direction in which voltage moves the film: 1 along the load, -1 where gas holds it up."""
         raised = len(self.deflection) > 1 and self.deflection[-1] < self.deflection[0]
         return -1.0 if raised else 1.0
 
     @cached_property
     def line(self) -> tuple[Array, Array]:
-        """Voltages and deflections close together, between which U² is smooth in the deflection."""
+        """Voltages and deflections close together; U² is interpolated smoothly over deflection."""
         y, squared = self.deflection, self.voltage**2
         # Gas may hold the film up: then a voltage moves it up, to ever more negative deflections.
         way = self.way
@@ -149,12 +149,12 @@ class VoltageCurve:
         return np.sqrt(np.maximum(PchipInterpolator(y, squared)(dense), 0.0)), way * dense
 
     def at(self, voltage: float) -> float:
-        """The deflection at a voltage on the way."""
+        """Interpolate the deflection at a voltage."""
         return float(np.interp(voltage, *self.line))
 
 
 def voltage_curves(result: CurveResult) -> Iterator[VoltageCurve]:
-    """The curves of a result in the units of pictures."""
+    """Convert the curves of a result to the units of pictures."""
     table = result.table
     for curve in result.curves:
         of_mass = np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
@@ -167,7 +167,7 @@ def voltage_curves(result: CurveResult) -> Iterator[VoltageCurve]:
 
 
 def draw_curves(result: CurveResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME-curve.png and .svg; answers the files."""
+    """Draw folder/NAME-curve.png and .svg; return the files."""
     return style.save_figure(folder, f"{result.specimen}-curve", lambda: _compose(result))
 
 
@@ -180,7 +180,7 @@ def _compose(result: CurveResult) -> Figure:
 
 
 def draw_voltage_curves(axes: Axes, result: CurveResult, below: bool = False) -> None:
-    """All curves of one specimen, with a legend of where they end, in or below the axes."""
+    """Draw all curves of a specimen, with a legend of their ends, in or below the axes."""
     curves = list(voltage_curves(result))
     for number, curve in enumerate(curves):
         draw_curve(axes, curve, number, f"{curve.mass:g} g: {curve.end}", len(curves))
@@ -208,10 +208,10 @@ def make_room(figure: Figure, rows: Sequence[Sequence[Axes]], title: float) -> N
 
 def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes, below: bool = False
                  ) -> None:
-    """Limits of axes that show curves whole: with no deflection, and with room for a legend.
+    """Set limits of axes that show curves whole, from zero deflection, with room for a legend.
 
-    ``others`` show curves of the same limits. Equal words beside each other are said once, others
-    moved apart. The legend is ``below`` the axes, or within; it is as wide as these.
+    ``others`` show curves with the same limits. Equal words beside each other are written once,
+    different ones moved apart. The legend is ``below`` the axes, or within; it is as wide as these.
     """
     panels = axes, *others
     right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
@@ -236,8 +236,8 @@ def frame_curves(axes: Axes, curves: list[VoltageCurve], *others: Axes, below: b
 
 
 def _legend(axes: Axes, below: bool) -> None:
-    """A legend as wide as the axes: long words in lines, of many curves their names alone."""
-    # What lines of every colour mean comes last.
+    """Add a legend as wide as the axes: long words in lines, with many curves names alone."""
+    # Entries that hold for lines of every colour come last.
     entries = sorted(zip(*axes.get_legend_handles_labels(), strict=True),
                      key=lambda entry: entry[1] in (_BEYOND, _KEPT))
     size = FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
@@ -260,7 +260,7 @@ def _legend(axes: Axes, below: bool) -> None:
 
 
 def _crowded(axes: Axes) -> bool:
-    """Whether the legend lies over words or curves."""
+    """Check whether the legend lies over words or curves."""
     legend = axes.get_legend()
     assert legend is not None
     covered = legend.get_window_extent()
@@ -269,7 +269,7 @@ def _crowded(axes: Axes) -> bool:
 
 
 def _say_once(axes: Axes) -> None:
-    """Keep the uppermost of equal words within a line of each other, in no curve's colour."""
+    """Keep the uppermost of equal words within a line of each other, in a neutral colour."""
     said: dict[str, list[tuple[Annotation, Bbox]]] = {}
     for text in reversed(_words(axes)):
         near, box = said.setdefault(text.get_text(), []), text.get_window_extent()
@@ -281,7 +281,7 @@ def _say_once(axes: Axes) -> None:
 
 
 def _move_apart(axes: Axes) -> None:
-    """Up from each other, the lowest first; from curves only if words stay near their mark."""
+    """Move words up from each other, lowest first; off curves only if they stay near their mark."""
     placed: list[Bbox] = []
     for text in _words(axes):
         if not _move_up(text, placed, _drawn(axes), _NEAR):
@@ -290,7 +290,7 @@ def _move_apart(axes: Axes) -> None:
 
 
 def _move_up(text: Annotation, placed: list[Bbox], drawn: list[Array], most: float) -> bool:
-    """Up until nothing is covered; False where that is not reached ``most`` points above."""
+    """Move words up until they cover nothing; False if ``most`` points are not enough."""
     across, start = _BESIDE
     up = start
     while up < start + most:
@@ -303,18 +303,18 @@ def _move_up(text: Annotation, placed: list[Bbox], drawn: list[Array], most: flo
 
 
 def _drawn(axes: Axes) -> list[Array]:
-    """Points of curves and marks [pixels]."""
+    """Compute points of curves and marks [pixels]."""
     return [axes.transData.transform(line.get_xydata()) for line in axes.get_lines()]
 
 
 def _words(axes: Axes) -> list[Annotation]:
-    """The words at limits, the lowest first."""
+    """List the words at limits, the lowest first."""
     texts = [text for text in axes.texts if isinstance(text, Annotation)]
     return sorted(texts, key=lambda text: text.get_window_extent().y0)
 
 
 def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str, count: int = 1) -> None:
-    """One curve in the colour of its number, of ``count``, with its limits and end in a word."""
+    """Draw one curve in the colour of its number, of ``count``, with its limits and end."""
     colour = style.colour_of(number, count)
     if not len(curve.voltage):
         axes.plot([], [], color=colour, label=label)
@@ -329,7 +329,7 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str, count: 
                                zorder=2)
             if words not in axes.get_legend_handles_labels()[1]:
                 faint.set_label(words)
-    if limits.tension is not None:  # wide and pale: part of the film has lost tension
+    if limits.tension is not None:  # a wide, pale line where part of the film has lost tension
         loose = curve.way * (y - curve.deflection_at(limits.tension)) >= -_SAME
         axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
                   solid_capstyle="butt")
@@ -337,7 +337,7 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str, count: 
     axes.plot(curve.asked[here], curve.there[here], style.marker_of(number), markersize=3.2,
               color=colour, zorder=3)
     for limit in limits.reached:
-        # The end of the dotted rest is in the legend, and a film that thins at once says so there.
+        # The legend names the end of the dotted rest, and the end of a film that thins at once.
         silent = limits.thins and (limit.kind == PULL_IN.kind or (
             limit.kind == INSTABILITY.kind and limits.tension is not None
             and limit.voltage_V == limits.tension.voltage_V))

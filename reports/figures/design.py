@@ -1,4 +1,4 @@
-"""Films for requirements: their outlines, and how much of each bound they use."""
+"""Films for requirements: their outlines, and their use of each bound."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _OUTLINES = 52.0
 _BOUNDS = 66.0
 #: Height of a film's axes [mm].
 _HEIGHT = 44.0
-#: Room for the names of bounds [mm].
+#: Width for the names of bounds [mm].
 _NAMES = 32.0
-#: Most films that are drawn.
+#: Most films drawn.
 _MOST = 4
-#: Largest value over its bound that has a bar of its length; of a larger one the number is told.
+#: Largest value over its bound that is drawn to length; a larger one is written as a number.
 _LONGEST = 3.0
 
 
 def draw_design(result: DesignResult, folder: Path) -> list[Path]:
-    """Draw folder/design.png and .svg; answers the files."""
+    """Draw folder/design.png and .svg; return the files."""
     return style.save_figure(folder, "design", lambda: _compose(result))
 
 
@@ -55,10 +55,12 @@ def _compose(result: DesignResult) -> Figure:
 
 
 def _draw_front(axes: Axes, result: DesignResult, front: DesignFront) -> None:
-    """Films between two quantities, and the best film."""
+    """Draw films between two quantities, and the best film."""
     scales = [BENCH.get(unit, (unit, 1.0)) for unit in (front.first_unit, front.second_unit)]
-    words = [f"{name.replace('_', ' ')}{f' ({unit})' if unit != '1' else ''}" for name, (unit, _)
-             in zip((front.first, front.second), scales, strict=True)]
+    words = []
+    for name, (unit, _) in zip((front.first, front.second), scales, strict=True):
+        in_unit = "" if unit == "1" else f" ({unit})"
+        words.append(name.replace("_", " ") + in_unit)
     (_, across), (_, up) = scales
     axes.plot([across * film.first for film in front.films],
               [up * film.second for film in front.films], "o-", color=style.PALETTE[0],
@@ -73,7 +75,7 @@ def _draw_front(axes: Axes, result: DesignResult, front: DesignFront) -> None:
 
 
 def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
-    """Frame and plate."""
+    """Draw frame and plate."""
     specimen = result.specimens[film.specimen_file]
     outlines = [(specimen.frame.points(360), (0.0, 0.0))]
     if (plate := specimen.plate) is not None:
@@ -87,7 +89,7 @@ def _draw_outlines(axes: Axes, result: DesignResult, film: DesignedFilm) -> None
 
 
 def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
-    """Values over their bounds: of the film without scatter, of most films, of the given one."""
+    """Draw values over their bounds: without scatter, of most films, of the given film."""
     bounded = [each for each in film.quantities if each.bound is not None][::-1]
     for number, each in enumerate(bounded):
         colour = style.PALETTE[1] if each.binding else style.PALETTE[0]
@@ -112,12 +114,12 @@ def draw_bounds(axes: Axes, result: DesignResult, film: DesignedFilm) -> None:
     title = "orange: binds"
     title += "; diamond: now" * any(each.given is not None for each in bounded)
     title += "" if film.reached is None else f"; line: {100 * result.share:g} % of films"
-    # What copies fail of that bear their voltage not at all has no bar.
+    # Failures of films that do not bear their voltage at all have no bar.
     fails = ", ".join(f"{each.label} {100 * each.share.probability:.3g} %" for each in film.fails)
     below = f"\nfilms that fail before: {fails}" if fails else ""
     style.describe(axes, f"value over bound{below}", "", title)
 
 
 def _share(each: DesignedQuantity, value: float | None) -> float | None:
-    """A value over its bound."""
+    """Divide a value by its bound."""
     return None if value is None or each.bound is None else value / each.bound

@@ -15,23 +15,23 @@ from tympan.studies.case import CaseResult
 
 #: Width of the picture [mm].
 _WIDTH = 110.0
-#: Room at the edges of the picture [mm].
+#: Margin at the edges of the picture [mm].
 _MARGIN = 4.0
-#: Room above the film for the title [mm].
+#: Height above the film for the title [mm].
 _TITLE = 11.0
-#: Room below for the colour bar with its words [mm].
+#: Height below for the colour bar with its words [mm].
 _BAR = 14.0
 
 
 def draw_film(result: CaseResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME.png and .svg; answers the files, none where there is no film."""
+    """Draw folder/NAME.png and .svg; return the files, none where there is no film."""
     film = result.film
     if film is None:
         return []
     spans = 1e3 * np.ptp(film.mounted[:, :2], axis=0)
     wide = float(spans.max())
     stress = film.values["stress_1"] / 1e3
-    dots = 2 * style.DPI  # twice the print's: the average of four makes smooth edges
+    dots = 2 * style.DPI  # twice those of print: averages of four make smooth edges
     view = View(dots * style.MM * (_WIDTH - 2 * _MARGIN) / wide, dots * 0.7 / 72,
                 round_scale(float(stress.min()), float(stress.max())), bar_length(wide) / 2)
     picture = film_picture(film, stress, view, bool(spans[1] > spans[0]))

@@ -1,4 +1,4 @@
-"""Force on the plate against its displacement, as of a tensile test, with load lines over it."""
+"""Force on the plate against its displacement, as in a tensile test, with load lines."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from tympan.studies.force.result import ForceCurve, ForceLimit, ForceResult, Loa
 _WIDTH = 100.0
 #: Height of the axis [mm].
 _HEIGHT = 70.0
-#: Room above for the title [mm].
+#: Height above for the title [mm].
 _TOP = 8.0
 
-#: Forces from which on the axis is in newtons [N].
+#: Forces from this on are drawn in newtons [N].
 _NEWTONS = 1.0
-#: Styles of load lines, in turns; their colour is none of a curve's.
+#: Styles of load lines, in turns; no curve has their colour.
 _LINES = ("-", "-.", ":")
 _LOAD = "#303030"
 
-#: What is said of a part of a curve, once.
+#: Words for a part of a curve, written once in the legend.
 _LOOSE = "part of the film without tension"
 _UNSTABLE = "unstable under a constant force"
 
 
 def draw_force(result: ForceResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME-force.png and .svg; answers the files."""
+    """Draw folder/NAME-force.png and .svg; return the files."""
     return style.save_figure(folder, f"{result.specimen}-force", lambda: _compose(result))
 
 
@@ -45,7 +45,7 @@ def _compose(result: ForceResult) -> Figure:
 
 
 def draw_force_curves(axes: Axes, result: ForceResult) -> None:
-    """Curves at each voltage, marks where they pass a limit, load lines and their equilibria."""
+    """Draw curves at each voltage, their limits, load lines and their equilibria."""
     most = max((abs(force) for curve in result.curves for force in curve.force_N), default=0.0)
     unit, factor = ("N", 1.0) if most >= _NEWTONS else ("mN", 1e3)
     style.describe(axes, "displacement (mm)", f"force ({unit})", result.specimen, bold=True)
@@ -91,7 +91,7 @@ def _curve(axes: Axes, curve: ForceCurve, factor: float, colour: str) -> Line2D:
 
 
 def _blocked(axes: Axes, result: ForceResult, factor: float, unit: str) -> None:
-    """The blocked force, between the curves of the lowest and the highest voltage."""
+    """Draw the blocked force, between the curves of the lowest and the highest voltage."""
     place, force = result.blocked_displacement_m, result.blocked_force_N
     if place is None or force is None:
         return
@@ -103,7 +103,7 @@ def _blocked(axes: Axes, result: ForceResult, factor: float, unit: str) -> None:
 
 def _part(axes: Axes, x: Array, y: Array,
           where: Mask, **look: Any) -> None:
-    """A part of a curve once more, each stretch on to the point before it and the next."""
+    """Draw parts of a curve again, each extended to the points before and after it."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     for start, end in edges.reshape(-1, 2):
         piece = slice(max(start - 1, 0), min(end + 1, len(x)))
@@ -111,7 +111,7 @@ def _part(axes: Axes, x: Array, y: Array,
 
 
 def _say(axes: Axes, words: str, **look: Any) -> None:
-    """An entry of the legend, once."""
+    """Add an entry to the legend, once."""
     if words not in axes.get_legend_handles_labels()[1]:
         axes.plot([], [], label=words, **look)
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.response import ResponseResult
 
-#: Room on the left of an axis for its numbers and words [mm].
+#: Width on the left of an axis for its numbers and words [mm].
 _LEFT = 16.0
 
 #: Height of the axis of the amplitude [mm].
@@ -19,7 +19,7 @@ _PHASE = 30.0
 
 
 def draw_response(result: ResponseResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME-response.png and .svg; answers the files, if any."""
+    """Draw folder/NAME-response.png and .svg; return the files, if any."""
     if not result.frequency_Hz:
         return []
     return style.save_figure(folder, f"{result.specimen}-response", lambda: _bode(result))

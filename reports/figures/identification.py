@@ -1,4 +1,4 @@
-"""Constants of a model as readings determine them: profiles of the likelihood, correlations."""
+"""Constants of a model determined from readings: profiles of the likelihood, correlations."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tympan.reports import look as style
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.result import Fitted, IdentifyResult
 
-#: Room above a profile, and above the correlations, for a title [mm].
+#: Height above a profile, and above the correlations, for a title [mm].
 _TOP = 8.0
-#: Room below a profile for its numbers and words [mm].
+#: Height below a profile for its numbers and words [mm].
 _BOTTOM = 13.0
 
 #: Height of the axis of residuals below static readings [mm].
@@ -28,7 +28,7 @@ _RESPONSE = 60.0
 _WHOLE = 45.0
 #: Height of the axis of residuals below it [mm].
 _LEFTOVER = 18.0
-#: Most points of a line: more cannot be seen, and make a large file.
+#: Most points of a line: more are not visible, and make a large file.
 _POINTS = 5000
 
 _BEGINNING = 30.0  # radians of the fast oscillation that are shown on their own
@@ -38,13 +38,13 @@ _SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β
 
 #: Height of a profile [mm].
 _PANEL = 38.0
-#: Side of a correlation's square [mm], for its number.
+#: Side of a correlation's square [mm], large enough for its number.
 _CELL = 11.0
-#: Room on the right for the colour bar [mm].
+#: Width on the right for the colour bar [mm].
 _BAR = 20.0
-#: Room for the names of the constants, before their letters [mm].
+#: Width for the names of the constants, without their letters [mm].
 _SHORTEST = 6.0
-#: And for each of their letters [mm].
+#: Width of each letter of these names [mm].
 _LETTER = 1.3
 #: Narrowest figure of correlations, for its title [mm].
 _NARROWEST = 75.0
@@ -54,7 +54,7 @@ _UP = "displacement (mm)", "fit − read (µm)"
 
 
 def draw_identified(result: IdentifyResult, folder: Path) -> list[Path]:
-    """Draw the fits, profiles and correlations of an identification; answers the files."""
+    """Draw the fits, profiles and correlations of an identification; return the files."""
     files = []
     for name, compose, suffix in (("static", _static, ""), ("dynamic", _dynamic, "-dynamic")):
         if name in result.fits:
@@ -66,28 +66,28 @@ def draw_identified(result: IdentifyResult, folder: Path) -> list[Path]:
 
 
 def draw_profiles(judgement: Identifiability, folder: Path, name: str = "profiles") -> list[Path]:
-    """Draw folder/name: of each constant that has one, √Δχ² over its value, with the 95 % limits.
+    """Draw folder/name: √Δχ² over each constant that has a profile, with the 95 % limits.
 
-    A straight V is a linear problem; a branch that never meets the dotted line leaves its side
-    open.
+    A straight V means a linear problem; if a branch never meets the dotted line, that side has no
+    limit.
     """
     return style.save_figure(folder, name, lambda: _profiles(judgement))
 
 
 def draw_correlations(judgement: Identifiability, folder: Path,
                       name: str = "correlations") -> list[Path]:
-    """Draw folder/name: the linearised correlations of the constants; grey: not determined."""
+    """Draw folder/name: linearised correlations; constants that are not determined in grey."""
     return style.save_figure(folder, name, lambda: _correlations(judgement))
 
 
 def _symbol(name: str) -> str:
-    """A constant as the paper writes it; of an α with the shape it belongs to."""
+    """Write a constant with the paper's symbol, an α with its shape."""
     plain, _, shape = name.partition("[")
     return _SYMBOLS.get(plain, plain) + (f" ({shape[:-1]})" if shape else "")
 
 
 def _static(fit: Fitted) -> Figure:
-    """A column for each mass: readings and fit above, residuals below."""
+    """Draw a column for each mass: readings and fit above, residuals below."""
     masses = sorted(fit.readings["mass"].unique())
     names = fit.readings["specimen"].unique().tolist()
     figure, pairs = style.pairs(len(masses), _RESPONSE, _VOLTAGE)
@@ -109,7 +109,7 @@ def _static(fit: Fitted) -> Figure:
 
 
 def _dynamic(fit: Fitted) -> Figure:
-    """A row for each mass: readings, fit and residuals, and on the right their beginning."""
+    """Draw a row for each mass: readings, fit and residuals, and on the right their beginning."""
     masses = sorted(fit.readings["mass"].unique())
     names = fit.readings["specimen"].unique().tolist()
     height = style.TITLE + _WHOLE + style.GAP + _LEFTOVER + style.AXIS
@@ -120,10 +120,12 @@ def _dynamic(fit: Fitted) -> Figure:
             above, below = style.place_pair(
                 figure, style.LEFT + column * style.WIDTH / 2, style.TITLE + row * height, width,
                 (_WHOLE, style.GAP, _LEFTOVER))
-            for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
-                _response(above, below, part, end, style.colour_of(
-                    names.index(part["specimen"].iloc[0])))
-            title, (up, error) = (f"{1e3 * mass:g} g", _UP) if column == 0 else ("", ("", ""))
+            for part in fit.runs:
+                name, loaded = part[["specimen", "mass"]].iloc[0]
+                if loaded == mass:
+                    _response(above, below, part, end, style.colour_of(names.index(name)))
+            up, error = _UP if column == 0 else ("", "")
+            title = f"{1e3 * mass:g} g" if column == 0 else ""
             style.describe(above, "", up, title, bold=True)
             style.describe(below, "time since the voltage changed (s)", error)
         above.plot([], [], color="black", linewidth=0.5, label="fit")
@@ -132,7 +134,7 @@ def _dynamic(fit: Fitted) -> Figure:
 
 
 def _response(above: Axes, below: Axes, part: pd.DataFrame, end: float, colour: str) -> None:
-    """One run up to a time since its voltage changed: dots read, a line fitted, residuals below."""
+    """Draw a run up to a time since its voltage changed: readings, fit, residuals below."""
     since, read, fitted = part[["since", "displacement", "fitted"]].to_numpy().T
     inside = np.flatnonzero((since <= end) & (since >= -end / 5))
     thin = np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int)
@@ -160,7 +162,7 @@ def _profiles(judgement: Identifiability) -> Figure:
         for limit in (profile.low, profile.high):
             if limit is not None:
                 axes.axvline(limit / factor, color=colour, linewidth=0.6, linestyle="--")
-        # A little more than the limits; than all that was tried where one is open.
+        # The axis shows a little more than the limits; all trials where one limit is open.
         inside = values[np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max()]
         low, high = float(inside.min()), float(inside.max())
         edge = 0.08 * (high - low or abs(low) or 1.0)
@@ -175,7 +177,7 @@ def _profiles(judgement: Identifiability) -> Figure:
 
 
 def _prefix(largest: float, unit: str) -> tuple[float, str]:
-    """A factor and the letter for it that leave numbers below a thousand."""
+    """Choose a prefix and its factor that leave numbers below a thousand."""
     if unit != "1" and largest >= 1e6:
         return 1e6, "M"
     return (1e3, "k") if unit != "1" and largest >= 1e3 else (1.0, "")

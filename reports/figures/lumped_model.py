@@ -1,4 +1,4 @@
-"""The lumped model beside its field model: deflection against voltage, and the difference."""
+"""The lumped model compared with its field model: deflection against voltage, and difference."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.lumped.build import BuildResult
 
-#: Room on the left of an axis for its numbers and words [mm].
+#: Width on the left of an axis for its numbers and words [mm].
 _LEFT = 16.0
 
 #: Height of the axis of deflections [mm].
@@ -23,7 +23,7 @@ _SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α
 
 
 def draw_built(result: BuildResult, folder: Path) -> list[Path]:
-    """Draw folder/build.png and .svg: a column for each mass, all models above, errors below."""
+    """Draw folder/build.png and .svg: a column a mass, all models above, errors below."""
     return style.save_figure(folder, "build", lambda: _compose(result.statics))
 
 
@@ -41,7 +41,8 @@ def _compose(statics: pd.DataFrame) -> Figure:
             above.legend(loc="upper left", ncols=2)
     _key(columns[-1][len(columns) == 1])
     for row in zip(*columns, strict=True):
-        low, high = min(axes.get_ylim()[0] for axes in row), max(axes.get_ylim()[1] for axes in row)
+        lows, highs = zip(*(axes.get_ylim() for axes in row), strict=True)
+        low, high = min(lows), max(highs)
         for axes in row:
             axes.set_ylim((0, 1.3 * high) if row[0] is columns[0][0] else (low, high))
     return figure
@@ -59,7 +60,7 @@ def _draw(loads: pd.DataFrame, name: str, colour: str, above: Axes, below: Axes)
 
 
 def _key(axes: Axes) -> None:
-    """Legend of the lines, in black, below and above alike."""
+    """Add a legend of the lines, in black, that holds above and below."""
     lines = [axes.plot([], [], line, color="black", linewidth=0.9, label=words)[0]
              for line, words in _SHOWN.values()]
     dots = [axes.plot([], [], "o", color="black", markersize=3, markerfacecolor=face,

@@ -1,4 +1,4 @@
-"""Shapes of small vibrations as small multiples: the deformed film swung out along each mode."""
+"""Shapes of small vibrations as small pictures: the film displaced along each mode."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from tympan.reports.scene import View, film_picture
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.modes import ModesResult
 
-_SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
-_TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one swells it
+_SWING = 0.22  #: largest displacement drawn, over the frame's smaller half extent
+_TURN = 0.4  #: largest rotation of the plate drawn [rad]: straight arrows swell it beyond
 
-#: Room at the edges of the picture [mm].
+#: Margin at the edges of the picture [mm].
 _MARGIN = 3.0
-#: Room between two modes beside each other [mm].
+#: Width between two modes [mm].
 _GAP = 4.0
-#: Room above a mode for its name and frequency [mm].
+#: Height above a mode for its name and frequency [mm].
 _TITLE = 9.0
-#: Room below for the colour bar with its words [mm].
+#: Height below for the colour bar with its words [mm].
 _BAR = 15.0
 
 _MOST = 12  #: modes drawn
-_FRAMES = 24  #: of a swing there and back
+_FRAMES = 24  #: number of pictures of one period
 
-#: Colours of what swings up, down and not.
+#: Colour map of motion up and down.
 _COLOURS = "RdBu_r"
 #: Colour of the net on the film.
 _INK = "#303030"
@@ -45,24 +45,24 @@ _AXES = "#808080"
 
 
 def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
-    """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if any."""
+    """Draw the first modes as folder/NAME-modes.png and .svg; return the files, if any."""
     if not result.modes:
         return []
-    # More dots than the print's: their average makes smooth edges.
+    # More dots than in print: their average makes smooth edges.
     pictures = _pictures(result, 1.0, _view(result, 1.4 * style.DPI))
     return style.save_figure(folder, f"{result.specimen}-modes",
                              lambda: _compose(pictures, result, common_extent(pictures)))
 
 
 def animate_modes(result: ModesResult, file: Path) -> None:
-    """Write the first modes, each swinging once, as a GIF, and an MP4 beside it where FFmpeg is.
+    """Write the first modes, one period each, as a GIF, and as an MP4 where FFmpeg is installed.
 
-    All swing at one pace: a frequency is written, not seen.
+    All modes move at the same pace: the frequency is written beside them.
 
     Raises
     ------
     InputError
-        When there are no modes, or FFmpeg makes no film of the pictures.
+        When there are no modes, or FFmpeg fails.
     """
     if not result.modes:
         raise InputError(f"there is nothing to draw: {'; '.join(result.warnings)}")
@@ -72,12 +72,12 @@ def animate_modes(result: ModesResult, file: Path) -> None:
     extent = common_extent(picture for pictures in there for picture in pictures)
     with style.figure_style():
         frames = [figure_pixels(_compose(pictures, result, extent)) for pictures in there]
-    # Back as it came; the first and the last picture are met once.
+    # The way back repeats the frames in reverse, without the first and the last one.
     write_frames([*frames, *frames[-2:0:-1]], file)
 
 
 def _view(result: ModesResult, dots: float, line: float = 0.5) -> View:
-    """View of films, with dots per inch of the figure and lines [pt]."""
+    """Make the view of films, with dots per inch of the figure and lines [pt]."""
     wide = 2e3 * max(result.semi_axes_m)
     return View(dots * style.MM * _width() / wide, dots * line / 72,
                 AxisScale(-1, 1, (-1, 0, 1)), bar_length(wide) / 2, _COLOURS, _AXES, _AXES,
@@ -85,7 +85,7 @@ def _view(result: ModesResult, dots: float, line: float = 0.5) -> View:
 
 
 def _width() -> float:
-    """Width of one picture [mm]."""
+    """Compute the width of one picture [mm]."""
     return (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
 
 
@@ -96,10 +96,10 @@ def _pictures(result: ModesResult, share: float, view: View) -> list[style.Pictu
 
 
 def swung_films(result: ModesResult, share: float = 1.0) -> list[FilmSurface]:
-    """The film swung out along each mode, with ``along``: the motion along the load at its points.
+    """Displace the film along each mode, with ``along``: the motion along the load at its points.
 
-    It is relative to the mode's largest motion. Of the two directions a mode swings, the one in
-    which it goes furthest along the load. A ``share``, -1 to 1, is of the way to there.
+    ``along`` is relative to the mode's largest motion. The sign of a mode is that of its largest
+    motion along the load. ``share``, -1 to 1, scales the displacement.
     """
     film = result.film
     assert film is not None

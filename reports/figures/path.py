@@ -1,4 +1,4 @@
-"""A branch of equilibria as curves: deflection against what grows, and charge against voltage."""
+"""A branch of equilibria as curves: deflection against the load, and charge against voltage."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from tympan.studies.path import Along, PathResult, Station
 _WIDTH = 72.0
 #: Height of an axis [mm].
 _HEIGHT = 62.0
-#: Room above for a title [mm].
+#: Height above for a title [mm].
 _TOP = 8.0
-#: Room between two axes beside each other, for the second one's numbers [mm].
+#: Width between two axes, for the second one's numbers [mm].
 _GAP = 20.0
 
 Scaled = tuple[str, str, float]  #: a quantity's words, its name in a station, and 1 / its unit
@@ -29,7 +29,7 @@ _NAMES: dict[Along, Scaled] = {
 
 
 def draw_path(result: PathResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME-path.png and .svg; answers the files."""
+    """Draw folder/NAME-path.png and .svg; return the files."""
     return style.save_figure(folder, f"{result.specimen}-path", lambda: _compose(result))
 
 
@@ -47,7 +47,7 @@ def _compose(result: PathResult) -> Figure:
 
 
 def draw_stations(axes: Axes, result: PathResult) -> None:
-    """Deflection against what grows: stable or not, where tension is lost, and the events."""
+    """Draw deflection against the load: stable or not, where tension is lost, and the events."""
     _panel(axes, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3),
            f"{result.specimen}, from {result.mass_kg * 1e3:g} g and {result.voltage_V / 1e3:g} kV")
 
@@ -64,7 +64,7 @@ def _panel(axes: Axes, result: PathResult, across: Scaled, up: Scaled, title: st
               zorder=1, label="part of the film without tension")
     for kind, colour, line, label in ((stable, style.PALETTE[0], "-", "stable"),
                                       (~stable, style.PALETTE[1], "--", "unstable")):
-        # Each stretch of the curve that is of a kind is drawn on to the next point.
+        # Each part of the curve of one kind is drawn on to the next point.
         edges = np.flatnonzero(np.diff(np.concatenate([[0], kind.astype(int), [0]])))
         for number, (start, end) in enumerate(edges.reshape(-1, 2)):
             piece = slice(start, min(end + 1, len(x)))

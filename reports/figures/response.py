@@ -16,17 +16,17 @@ _VOLTAGE = 22.0
 #: Height of the axis of the deflection, and of a loop [mm].
 _RESPONSE = 60.0
 
-#: Most points of a line: more cannot be seen, and make a large file.
+#: Most points of a line: more are not visible, and make a large file.
 _POINTS = 20_000
-#: Loops beside each other, and columns of a legend.
+#: Number of loops beside each other, and of columns of a legend.
 _COLUMNS = 3
 
-_BEFORE = 0.03  # of the time shown: how much is seen before a signal
-_ARROWS = (0.125, 0.625)  # where along a loop its direction is shown
+_BEFORE = 0.03  #: time drawn before a signal, as a share of the time shown
+_ARROWS = (0.125, 0.625)  #: places of the arrows along a loop that show its direction
 
 
 def draw_simulated(result: Responses, folder: Path) -> list[Path]:
-    """Draw folder/response and, for periodic signals, folder/hysteresis; answers the files."""
+    """Draw folder/response and, for periodic signals, folder/hysteresis; return the files."""
     responses = result.responses
     files = style.save_figure(folder, "response", lambda: _responses(responses))
     if any(response.loop is not None for response in responses):
@@ -46,8 +46,8 @@ def _responses(responses: Sequence[Response]) -> Figure:
                    label=_label(item))
         if number == 0:
             first = item.first_voltage_V
-            above.plot([-end, time[0], *time], 1e-3 * np.array([first, first, *voltage]),
-                       color="black", linewidth=0.8)
+            steps = 1e-3 * np.array([first, first, *voltage])
+            above.plot([-end, time[0], *time], steps, color="black", linewidth=0.8)
     above.legend(*below.get_legend_handles_labels(), loc="lower right", bbox_to_anchor=(1, 1),
                  ncols=_COLUMNS)
     style.describe(above, "", "voltage (kV)")
@@ -58,7 +58,7 @@ def _responses(responses: Sequence[Response]) -> Figure:
 
 
 def _loops(responses: Sequence[Response]) -> Figure:
-    """The last period of each, every one to its own scale."""
+    """Draw the last period of each response, every one to its own scale."""
     loops = [(item, item.loop) for item in responses if item.loop is not None]
     columns = min(len(loops), _COLUMNS)
     figure, panels = style.panels(len(loops), columns, _RESPONSE)

@@ -1,4 +1,4 @@
-"""Capacitance against deflection at several voltages, and what moves the deflection sensed."""
+"""Capacitance against deflection at several voltages, and causes that shift the deflection."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from tympan.studies.sense.result import SenseResult
 _WIDTH = 62.0
 #: Height of an axis [mm].
 _HEIGHT = 58.0
-#: Room between two axes, for the second one's numbers and words [mm].
+#: Width between two axes, for the second one's numbers and words [mm].
 _GAP = 22.0
-#: Room above for the title [mm].
+#: Height above for the title [mm].
 _TOP = 8.0
 
 #: Width of the line of the highest voltage [pt].
 _THIN = 0.9
-#: How much wider the line of each lower one is: where all are one line, all are seen [pt].
+#: Additional width of the line of each lower voltage: coinciding lines are all visible [pt].
 _WIDER = 1.2
-#: What moves the sensed deflection, with a line each.
+#: Causes that shift the sensed deflection, with the line of each.
 _MOVERS = (("1 pF", "-"), ("1 % prestretch", "--"), ("1 % permittivity", ":"))
 
 
 def draw_sense(result: SenseResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME-sense.png and .svg; answers the files."""
+    """Draw folder/NAME-sense.png and .svg; return the files."""
     return style.save_figure(folder, f"{result.specimen}-sense", lambda: _compose(result))
 
 
@@ -44,7 +44,7 @@ def _compose(result: SenseResult) -> Figure:
 
 
 def draw_capacitance(axes: Axes, result: SenseResult) -> None:
-    """Capacitance at each voltage, with the equilibria under the loads."""
+    """Draw the capacitance at each voltage, with the equilibria under the loads."""
     style.describe(axes, "deflection (mm)", "capacitance (pF)", result.specimen, bold=True)
     for number, curve in enumerate(result.curves):
         axes.plot(1e3 * np.array(curve.displacement_m), 1e12 * np.array(curve.capacitance_F),
@@ -61,7 +61,7 @@ def draw_capacitance(axes: Axes, result: SenseResult) -> None:
 
 
 def _draw_movers(axes: Axes, result: SenseResult) -> None:
-    """Draw what moves the sensed deflection at the lowest and the highest voltage."""
+    """Draw the shifts of the sensed deflection at the lowest and the highest voltage."""
     style.describe(axes, "deflection (mm)", "sensed deflection moves by (mm)")
     numbers = dict.fromkeys((0, len(result.curves) - 1))
     for number in numbers:

@@ -1,4 +1,4 @@
-"""A specimen as it was read: outlines, electrode and sizes, before anything is solved."""
+"""A specimen before it is solved: outlines, electrode and sizes."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tympan.reports import look as style
 
 #: Width of the picture [mm].
 _WIDTH = 110.0
-#: Room on the right [mm].
+#: Margin on the right [mm].
 _MARGIN = 6.0
-#: Room above for the name and two lines on the film [mm].
+#: Height above for the name and two lines on the film [mm].
 _TITLE = 15.0
-#: Room on the left and below for the numbers and words of the axes [mm].
+#: Margin on the left and below for the numbers and words of the axes [mm].
 _ROOM = 14.0
 
-#: Points of an outline: a smooth line.
+#: Number of points of an outline, enough for a smooth line.
 _POINTS = 721
-#: Points along either side by which the covered part is found: no edge is seen to have steps.
+#: Number of points along either side that show the covered part: no steps are visible.
 _GRID = 240
 
 #: Colour of the film.
@@ -36,7 +36,7 @@ _PLATE = "#4d5763"
 
 
 def draw_specimen(specimen: Specimen, folder: Path) -> list[Path]:
-    """Draw folder/NAME-specimen.png and .svg; answers the files."""
+    """Draw folder/NAME-specimen.png and .svg; return the files."""
     return style.save_figure(folder, f"{specimen.name}-specimen", lambda: _compose(specimen))
 
 
@@ -69,7 +69,7 @@ def _film(specimen: Specimen) -> str:
 
 
 def draw_to_scale(specimen: Specimen, axes: Axes) -> None:
-    """Film, electrode and plate to scale on axes [mm], with their sizes."""
+    """Draw film, electrode and plate to scale on axes [mm], with their sizes."""
     frame, plate = specimen.frame, specimen.plate
     a, b = (1e3 * length for length in frame.semi_axes)
     axes.add_patch(Polygon(1e3 * frame.points(_POINTS).T, closed=True, facecolor=_FILM,
@@ -86,7 +86,7 @@ def draw_to_scale(specimen: Specimen, axes: Axes) -> None:
 
 
 def _cover(specimen: Specimen, axes: Axes) -> None:
-    """Shade what conducts."""
+    """Shade the part under the electrode."""
     electrode, frame = specimen.electrode, specimen.frame
     a, b = frame.semi_axes
     x, y = np.meshgrid(np.linspace(-a, a, _GRID), np.linspace(-b, b, _GRID))
@@ -102,26 +102,30 @@ def _cover(specimen: Specimen, axes: Axes) -> None:
 
 
 def _dimensions(specimen: Specimen, axes: Axes) -> None:
-    """Sizes from edge to edge: the frame's outside the drawing, the plate's on it."""
+    """Draw sizes from edge to edge: the frame's outside the drawing, the plate's on it."""
     a, b = (1e3 * length for length in specimen.frame.semi_axes)
-    away = 0.09 * max(a, b)
-    _arrow(axes, (-a, -b - away), (a, -b - away), f"frame {2 * a:.4g} mm", across=True)
-    _arrow(axes, (a + away, -b), (a + away, b), f"{2 * b:.4g} mm", across=False)
+    size = max(a, b)
+    away = 0.09 * size
+    below, beside = -b - away, a + away
+    _arrow(axes, (-a, below), (a, below), f"frame {2 * a:.4g} mm", across=True)
+    _arrow(axes, (beside, -b), (beside, b), f"{2 * b:.4g} mm", across=False)
     axes.plot([0], [0], "+", color="white", markersize=5, markeredgewidth=0.8, zorder=4)
     if specimen.plate is None:
         return
     c, d = (1e3 * length for length in specimen.plate.outline.semi_axes)
     x, y = (1e3 * length for length in specimen.plate.offset)
-    words = f"plate {2 * c:.4g} mm" if abs(c - d) < 1e-6 else f"plate {2 * c:.4g} × {2 * d:.4g} mm"
+    other = "" if abs(c - d) < 1e-6 else f" × {2 * d:.4g}"
+    words = f"plate {2 * c:.4g}{other} mm"
     if x or y:
         words += f"\nat {x:.4g}, {y:.4g} mm"
-    axes.annotate(words, (x, y + d), (x, y + d + 0.06 * max(a, b)), ha="center", va="bottom",
+    edge = y + d
+    axes.annotate(words, (x, edge), (x, edge + 0.06 * size), ha="center", va="bottom",
                   fontsize=7.5, zorder=4)
 
 
 def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], words: str,
            across: bool) -> None:
-    """A line with two heads, its length beside it."""
+    """Draw a line with two heads, its length beside it."""
     axes.annotate("", start, end, annotation_clip=False,
                   arrowprops={"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0})
     middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2

@@ -1,4 +1,4 @@
-"""Histograms of films that scatter, and what makes their variance."""
+"""Histograms of films that scatter, and the causes of their variance."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _WIDTH = 56.0
 _HEIGHT = 30.0
 #: Height of a row of shares of films [mm].
 _ROW = 5.0
-#: Room for the names of these rows [mm].
+#: Width for the names of these rows [mm].
 _NAMES = 58.0
-#: Room between histogram and shares, for the names of these [mm].
+#: Width between histogram and shares, for the names of these [mm].
 _GAP = 32.0
-#: Ends of the axis of films that are all alike, over their value.
+#: Ends of the axis, over the value, if all films are the same.
 _ALIKE = (0.9, 1.1)
-#: Least share that has a bar.
+#: Smallest share that has a bar.
 _LEAST = 0.01
-#: Most bars.
+#: Most bars drawn.
 _MOST = 5
 
 
 def draw_tolerance(result: ToleranceResult, folder: Path) -> list[Path]:
-    """Draw folder/NAME-tolerance.png and .svg; answers the files, none without distributions."""
+    """Draw folder/NAME-tolerance.png and .svg; return the files, none without distributions."""
     if not result.quantities:
         return []
     return style.save_figure(folder, f"{result.specimen}-tolerance", lambda: _compose(result))
@@ -52,7 +52,7 @@ def _compose(result: ToleranceResult) -> Figure:
 
 
 def _film_rows(result: ToleranceResult) -> list[tuple[str, Chance, str]]:
-    """Shares of films with their names and colours: what they bear, meet and keep."""
+    """List shares of films, with names and colours: voltage reached, failures, bounds kept."""
     rows = [(f"reach {result.voltage_V / 1e3:.4g} kV", result.reached, style.PALETTE[0])]
     rows += [(f"meet {failure.label} before", failure.share, style.PALETTE[1])
              for failure in result.fails]
@@ -62,7 +62,7 @@ def _film_rows(result: ToleranceResult) -> list[tuple[str, Chance, str]]:
 
 
 def draw_films(axes: Axes, result: ToleranceResult) -> None:
-    """Shares of films that bear their voltage, fail before it, and keep wanted bounds."""
+    """Draw shares of films that reach their voltage, fail before it, and keep wanted bounds."""
     rows = _film_rows(result)[::-1]
     for number, (_, chance, colour) in enumerate(rows):
         axes.barh(number, 100 * chance.probability, 0.6, color=colour)
@@ -75,7 +75,7 @@ def draw_films(axes: Axes, result: ToleranceResult) -> None:
 
 
 def draw_histogram(axes: Axes, name: str, spread: Spread) -> None:
-    """Films by a quantity, with median, 5 and 95 %, and the film without scatter."""
+    """Draw films by a quantity, with median, 5 and 95 %, and the film without scatter."""
     words, unit, factor = QUANTITIES[name]
     style.describe(axes, f"{words} ({unit})", "films")
     axes.stairs(spread.counts, factor * np.array(spread.bins), fill=True, color=style.PALETTE[4])
@@ -84,13 +84,13 @@ def draw_histogram(axes: Axes, name: str, spread: Spread) -> None:
     if spread.nominal is not None:
         axes.plot(factor * spread.nominal, 0, "^", color=style.PALETTE[1], markersize=5.0,
                   clip_on=False, zorder=4)
-    if spread.deviation == 0:  # a bar as wide as rounding has no scale
+    if spread.deviation == 0:  # a bar that is as narrow as rounding has no scale
         axes.set_xlim(*(factor * spread.median * np.array(_ALIKE)))
     axes.set_title("median, 5 and 95 %; triangle: without scatter", loc="left")
 
 
 def _draw_shares(axes: Axes, spread: Spread) -> None:
-    """Shares of the variance with their limits."""
+    """Draw shares of the variance with their limits."""
     style.describe(axes, "share of the variance (%)")
     shown = [share for share in spread.shares if share.alone >= _LEAST][:_MOST][::-1]
     for number, share in enumerate(shown):

@@ -13,26 +13,26 @@ from tympan.reports.figures.curve import draw_curve, frame_curves, make_room
 from tympan.reports.scales import rows_of
 from tympan.reports.study.view import StudyView
 
-#: Room above an axis for its title [mm].
+#: Height above an axis for its title [mm].
 _TITLE = 7.0
 #: Height of an axis [mm].
 _PANEL = 60.0
 
-#: Room on the left of an axis for its numbers and words [mm].
+#: Width on the left of an axis for its numbers and words [mm].
 _LEFT = 13.0
-#: Room on the right, for half of the last number [mm].
+#: Width on the right, for half of the last number [mm].
 _RIGHT = 3.0
-#: Room between two panels beside each other [mm].
+#: Width between two panels [mm].
 _GAP = 6.0
 
 
 def draw_study_curves(run: StudyView, folder: Path) -> list[Path]:
-    """Draw folder/curves.png and .svg; answers the files."""
+    """Draw folder/curves.png and .svg; return the files."""
     return style.save_figure(folder, "curves", lambda: compose_curves(run))
 
 
 def compose_curves(run: StudyView) -> Figure:
-    """One panel per mass, all with the same limits."""
+    """Draw one panel per mass, all with the same limits."""
     curves = [(index, specimen.name, curve) for index, specimen in enumerate(run.specimens)
               for curve in specimen.curves]
     masses = sorted({curve.mass for *_, curve in curves})

@@ -11,23 +11,23 @@ from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.scales import rows_of
 from tympan.studies.force.result import ForceResult
 
-#: Room above an axis for its title [mm].
+#: Height above an axis for its title [mm].
 _TITLE = 7.0
 #: Height of an axis [mm].
 _PANEL = 60.0
-#: Room between two panels beside each other, with the numbers of the right one [mm].
+#: Width between two panels, with the numbers of the right one [mm].
 _GAP = 16.0
-#: Width of a panel that stands alone [mm].
+#: Width of a single panel [mm].
 _ALONE = 110.0
 
 
 def draw_study_forces(results: list[ForceResult], folder: Path) -> list[Path]:
-    """Draw folder/forces.png and .svg; answers the files."""
+    """Draw folder/forces.png and .svg; return the files."""
     return style.save_figure(folder, "forces", lambda: compose_forces(results))
 
 
 def compose_forces(results: list[ForceResult]) -> Figure:
-    """One panel for each specimen: films of other sizes have scales of their own."""
+    """Draw one panel for each specimen: films of other sizes have scales of their own."""
     rows = rows_of(len(results), most=2)
     width = ((style.WIDTH - style.LEFT - style.RIGHT - _GAP) / 2 if len(rows[0]) > 1 else _ALONE)
     lefts = style.centred([width] * len(rows[0]), _GAP, style.LEFT, style.RIGHT)

@@ -33,7 +33,7 @@ _UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
 
 
 def build_study_page(stored: StudyResult, folder: Path) -> list[Path]:
-    """Draw the figures of a study and write folder/report.html; answers that file.
+    """Draw the figures of a study and write folder/report.html; return that file.
 
     A :class:`~tympan.base.system.MissingLibrary` says that this computer cannot draw in three
     dimensions.
@@ -55,7 +55,7 @@ def build_study_page(stored: StudyResult, folder: Path) -> list[Path]:
 
 def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", forces_: str = ""
                  ) -> str:
-    """The page as text; the figures as data URIs, and what lets the films be turned as HTML."""
+    """Write the page as text; figures are data URIs, the viewer of the films is HTML."""
     return template("reports/study/report.html").render(
         run=run, summary=study_summary(run), warnings=study_warnings(run),
         stress=stress, curves=curves_, viewer=viewer, forces=forces_,
@@ -73,7 +73,7 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
 
 
 def settings(stored: StudyResult) -> Iterator[tuple[str, str, str]]:
-    """Settings of the study, flat: where a setting belongs, its name, and value and unit."""
+    """List the settings of the study: where each belongs, its name, its value with unit."""
     loads = {item.specimen: to_json(item.loads) for item in stored.alphas}
     for record in loads.values():
         record["chosen by what the film bears"] = record.pop("from_film")
@@ -103,7 +103,7 @@ def _shown(value: Any) -> str:
 
 
 def study_summary(run: StudyView) -> str:
-    """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
+    """Write one paragraph on deflections, stress at the plate, effects of voltage, and α."""
     first = reference(run.specimens)
     sentences = (
         _say("deflections", run, first, [item for item in run.specimens if item is not first]),
@@ -112,18 +112,18 @@ def study_summary(run: StudyView) -> str:
         _say("breakdown", [item for item in run.specimens
                            if item.result.breakdown_margin is not None]),
         strokes(run), _mixtures(run.stored.alphas))
-    # Numbers and their units stay on one line.
+    # A number and its unit stay on one line.
     return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}",
                   " ".join(filter(None, sentences)))
 
 
 def reference(specimens: Sequence[SpecimenView]) -> SpecimenView:
-    """Film that the others are compared with: the first round one, or else the first."""
+    """Choose the film that the others are compared with: the first round one, else the first."""
     return next((item for item in specimens if item.round), specimens[0])
 
 
 def stress_at_plate(specimens: Sequence[SpecimenView], least: float) -> str:
-    """Axis on which the stress at the plate is larger, and by how much.
+    """Say on which axis the stress at the plate is larger, and by how much.
 
     ``least`` is the smallest stress of all films [kPa].
     """
@@ -142,7 +142,7 @@ def _larger_axis(specimen: SpecimenView) -> str:
 
 
 def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]:
-    """Differences as shares of what the load adds, where the film is stressed without it."""
+    """Compute differences as shares of the load's part, where the film is stressed without it."""
     low = min(end["low"] for end in ends)
     if least < max(end["high"] for end in ends) / 2 or low <= least:
         return []
@@ -150,9 +150,9 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
 
 
 def strokes(run: StudyView) -> str:
-    """Stroke of each plate by the voltage, under the picture's mass or the curves' lightest.
+    """Say the stroke of each plate by the voltage, under the picture's mass or the lightest one.
 
-    Over the voltages that were asked for, or to each film's first limit.
+    It is taken over the voltages wanted, or up to each film's first limit.
     """
     masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
     if not masses:
@@ -167,7 +167,7 @@ def strokes(run: StudyView) -> str:
 
 
 def stroke(name: str, curve: VoltageCurve, low: float, high: float) -> dict[str, Any]:
-    """Travel of one plate [mm] between two voltages [kV], or to the film's first limit."""
+    """Compute the stroke of a plate [mm] between two voltages [kV], or to the first limit."""
     end = float(curve.voltage[-1]) if len(curve.voltage) else -1.0
     if end < low:
         trouble = "pull-in at once" if len(curve.voltage) else "no equilibrium"
@@ -183,7 +183,7 @@ def stroke(name: str, curve: VoltageCurve, low: float, high: float) -> dict[str,
 
 
 def _mixtures(alphas: Sequence[AlphaResult]) -> str:
-    """Mixture of circles that each elongated shape behaves as."""
+    """Say the mixture of circles that is equivalent to each elongated shape."""
     elongated = [(item, item.by_basis["membrane"]) for item in alphas if len(item.circles) > 1]
     worst = max((weights.fit_error for _, weights in elongated), default=0.0)
     return _say("mixtures", [
@@ -192,7 +192,7 @@ def _mixtures(alphas: Sequence[AlphaResult]) -> str:
 
 
 def study_warnings(run: StudyView) -> list[str]:
-    """Every warning stored, and every point of the curves without a result, with its specimen."""
+    """List every warning stored, and every point of the curves without a result, by specimen."""
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
             *(text for item in run.specimens for curve in item.curves
               for text in curve_warnings(item.name, curve)),
@@ -201,9 +201,9 @@ def study_warnings(run: StudyView) -> list[str]:
 
 
 def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
-    """Loads without result, limits that the mesh hardly resolves, a curve without an end.
+    """List loads without result, limits that the mesh hardly resolves, a curve without an end.
 
-    Limits themselves stand in the table.
+    Limits themselves are in the table.
     """
     unsolved = [voltage for voltage, status in zip(curve.asked, curve.status, strict=True)
                 if status == "not_converged"]

@@ -24,29 +24,29 @@ from tympan.reports.scene import View, film_picture
 from tympan.reports.study.view import SpecimenView, StudyView
 from tympan.reports.template import digits
 
-#: Room on the left of the page for the numbers and words of an axis [mm].
+#: Width on the left of the page for the numbers and words of an axis [mm].
 _LEFT = 13.0
-#: Room on the right of the page [mm].
+#: Width on the right of the page [mm].
 _RIGHT = 2.0
-#: Room between columns [mm].
+#: Width between columns [mm].
 _GAP = 5.0
 
-#: Room above a film for its name [mm].
+#: Height above a film for its name [mm].
 _TITLE = 9.5
-#: Room below the first row for the colour bar, the scale and the lines' meaning [mm].
+#: Height below the first row for colour bar, scale bar and the meaning of the lines [mm].
 _BAR = 19.0
-#: Room between rows [mm].
+#: Height between rows [mm].
 _SPACE = 4.0
 #: Height of the curves below a film [mm].
 _PANEL = 38.0
-#: Room below an axis for its numbers and words [mm].
+#: Height below an axis for its numbers and words [mm].
 _AXIS = 11.0
 
-#: Narrowest column [mm], for the numbers of its axis.
+#: Narrowest column [mm], wide enough for the numbers of its axis.
 _LEAST = 36.0
-#: Widest film [mm]: half of the page, so that a film by itself does not fill it.
+#: Widest film [mm]: half of the page, so that a single film does not fill it.
 _MOST = 85.0
-#: Room for a film's outline, over its width.
+#: Space for a film's outline, over its width.
 _ROOM = 1.02
 
 
@@ -66,7 +66,7 @@ class Layout:
 
 
 def draw_stress(run: StudyView, folder: Path) -> list[Path]:
-    """Draw folder/stress.png, .pdf and .svg; answers the files."""
+    """Draw folder/stress.png, .pdf and .svg; return the files."""
     design = lay_out(run.specimens, run.stress_range)
     pictures = [specimen_picture(specimen, design.view) for specimen in run.specimens]
     return style.save_figure(folder, "stress", lambda: compose_stress(run, design, pictures),
@@ -74,7 +74,7 @@ def draw_stress(run: StudyView, folder: Path) -> list[Path]:
 
 
 def specimen_picture(specimen: SpecimenView, view: View) -> style.Picture:
-    """The film in colours of its largest true stress, the long axis across."""
+    """Draw the film in colours of its largest true stress, the long axis across."""
     return film_picture(specimen.film, specimen.stress, view,
                         specimen.semi_axes[1] > specimen.semi_axes[0])
 
@@ -90,7 +90,7 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
     reach = max(float(side.distance[-1]) / width
                 for item, width in zip(specimens, flat, strict=True)
                 for line in (item.along_x, item.along_y) for side in line.sides)
-    # The print's pixels, each the average of four, which makes smooth edges.
+    # Pixels are those of the print, each the average of four, which makes smooth edges.
     view = View(style.DPI * style.MM * paper, style.DPI * 0.7 / 72, round_scale(*stress),
                 bar_length(max(widths)) / 2, samples=2)
     return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
@@ -136,7 +136,7 @@ def compose_stress(run: StudyView, design: Layout, pictures: Sequence[style.Pict
 
 
 def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, float, str]]:
-    """Labels at the plate: text, stress [kPa] and colour; one entry for like axes."""
+    """Label the plate's edge: text, stress [kPa] and colour; one entry if both axes agree."""
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
     if specimen.alike or texts[0] == texts[1]:
@@ -148,7 +148,7 @@ def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, floa
 
 
 def _spread(positions: Sequence[float], least: float) -> list[float]:
-    """Positions moved apart, in order and around their middle, to be ``least`` apart.
+    """Move positions apart, in order and about their middle, to be at least ``least`` apart.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def _spread(positions: Sequence[float], least: float) -> list[float]:
 
 
 def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None:
-    """The row between pictures and curves: scale bar, colour bar, load and what the lines are."""
+    """Draw the row below the pictures: scale bar, colour bar, load and meaning of the lines."""
     view, length = design.view, 2 * design.view.net
     bar = style.place_axes(figure, _LEFT, top + 3.5, length * design.paper, 1.0)
     bar.set_axis_off()
@@ -192,13 +192,13 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
 
 
 def stress_label(scale: AxisScale) -> str:
-    """Words on what the colours and the curves show, and where they start."""
+    """Say what colours and curves show, and where the scale starts."""
     start = "" if scale.from_zero else f"; scales start at {scale.start}, not 0"
     return f"largest principal true stress (kPa{start})"
 
 
 def _panel(axes: Axes, specimen: SpecimenView, design: Layout, reach: float) -> None:
-    """Stress along both axes up to a distance ``reach`` [mm], with the values at the plate."""
+    """Draw stress along both axes up to a distance ``reach`` [mm], and label the plate's edge."""
     limits = design.view.scale
     for line, colour, dashes in ((specimen.short, style.SHORT, "-"),
                                  (specimen.long, style.LONG, (0, (3.2, 1.6)))):
@@ -216,7 +216,7 @@ def _panel(axes: Axes, specimen: SpecimenView, design: Layout, reach: float) -> 
 
 
 def _write(figure: Figure, left_edge: float, top: float, text: str, **how: Any) -> None:
-    """Text at a place measured from the page's top left corner [mm]."""
+    """Write text at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / style.MM
     figure.text(left_edge / across, 1 - top / down, text,
                 **{"va": "top", "linespacing": 1.35, **how})

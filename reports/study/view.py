@@ -24,7 +24,7 @@ class AxisLine:
     stress: Array
 
     def side(self, sign: int) -> AxisLine:
-        """The half at positive or negative distance, as distance from the plate's edge outwards."""
+        """Take the half at positive or negative distance, measured from the plate outwards."""
         outward = self.distance * sign
         order = np.flatnonzero(outward > 0)[np.argsort(outward[outward > 0], kind="stable")]
         return AxisLine(outward[order] - outward[order].min(initial=np.inf), self.stress[order])
@@ -35,7 +35,7 @@ class AxisLine:
         right, other = self.side(1), self.side(-1)
         same = (len(right.stress) == len(other.stress)
                 and np.allclose(right.distance, other.distance, atol=1e-6))
-        # A hundredth of the curve's own height is less than the width of the line that draws it.
+        # A hundredth of the curve's own height is less than the width of its line.
         least = 0.01 * np.ptp(self.stress)
         if same and np.allclose(right.stress, other.stress, rtol=0, atol=least):
             return (right,)
@@ -43,13 +43,13 @@ class AxisLine:
 
     @property
     def jump(self) -> float:
-        """Largest jump of the stress where two elements meet [kPa]: the discretisation's error."""
+        """Largest jump of the stress where two elements meet [kPa]: the discretisation error."""
         meets = np.diff(self.distance) == 0
         return float(np.abs(np.diff(self.stress))[meets].max(initial=0.0))
 
     @property
     def at_plate(self) -> float:
-        """The larger of the stresses at the two points of the plate's edge [kPa]."""
+        """Larger stress of the two points at the plate's edge [kPa]."""
         return max(float(side.stress[0]) for side in self.sides)
 
 
@@ -91,7 +91,7 @@ class SpecimenView:
 
     @property
     def alike(self) -> bool:
-        """Whether the stresses at the plate on the two axes differ by the discretisation alone."""
+        """Whether the stresses at the plate on the two axes differ only by discretisation."""
         noise = max(self.along_x.jump, self.along_y.jump, 1e-6 * abs(self.long.at_plate))
         return abs(self.short.at_plate - self.long.at_plate) <= noise
 
@@ -124,7 +124,7 @@ class StudyView:
 
 
 def view_study(stored: StudyResult, folder: Path) -> StudyView:
-    """A stored study in the units of the pictures; ``folder`` is what messages name."""
+    """Convert a stored study to the units of the pictures; messages name ``folder``."""
     return StudyView(stored, stored.mass_kg * 1e3, stored.voltage_V / 1e3,
                      tuple(_specimen(specimen, folder) for specimen in stored.specimens))
 

@@ -19,21 +19,22 @@ if TYPE_CHECKING:
 
 
 def draw_over(view: SweepView, axes: Axes, of: str, over: tuple[str, str]) -> None:
-    """Draw a result, by its name or label, over two keys; where more vary, its mean over these.
+    """Draw a result, by its name or label, over two keys; its mean where more keys vary.
 
     Raises
     ------
     InputError
-        When the sweep has no such result or key, or nothing was found.
+        When the sweep has no such result or key, or no values of it.
     """
     column = _named(view.columns, of, "of")
     across, up = (_named(view.keys, key, "over") for key in over)
     drawn, scale = map_of(view, column, across, up)
     for mark in drawn.marks:
         if drawn.cells:
-            axes.add_patch(Rectangle((mark.x - mark.width / 2, HEIGHT - mark.y - mark.height / 2),
-                                     mark.width, mark.height, facecolor=mark.colour or "white",
-                                     hatch="////" * mark.hatched + r"\\" * mark.beyond,
+            corner = mark.x - mark.width / 2, HEIGHT - mark.y - mark.height / 2
+            hatch = "////" * mark.hatched + r"\\" * mark.beyond
+            axes.add_patch(Rectangle(corner, mark.width, mark.height, hatch=hatch,
+                                     facecolor=mark.colour or "white",
                                      edgecolor="white" if mark.colour else "#b8bfca"))
         else:
             axes.plot(mark.x, HEIGHT - mark.y, "o", color=mark.colour or "white",

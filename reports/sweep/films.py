@@ -1,4 +1,4 @@
-"""The films of a sweep side by side: all on one scale of size and one of colours."""
+"""The films of a sweep side by side, all on one scale of size and one of colours."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from tympan.studies.files import replaced
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.sweep.run import SweepResult, fields_file
 
-#: Films beside each other on a sheet.
+#: Number of films in a row of a sheet.
 _COLUMNS = 6
-#: Rows of films on a sheet, of about the height of a page.
+#: Rows of films on a sheet, about the height of a page.
 _ROWS = 8
 
-#: Room between films beside each other [mm].
+#: Width between films [mm].
 _GAP = 3.0
-#: Room above for the colour bar [mm].
+#: Height above for the colour bar [mm].
 _BAR = 14.0
-#: Room at the edges of the picture [mm].
+#: Margin at the edges of the picture [mm].
 _MARGIN = 2.0
 #: Height of a line of words [mm].
 _LINE = 2.5
 
-_LETTERS = 22  #: of a line as wide as a column
+_LETTERS = 22  #: letters in a line as wide as a column
 _DPI = 220
 
-#: What a specimen differs in from the others in lines, its deflection [m] and film.
+#: Lines of keys in which a specimen differs from the others, its deflection [m] and film.
 Film = tuple[list[str], float, FilmSurface]
 
 
 def draw_films(result: SweepResult, folder: Path) -> list[Path]:
-    """Draw the first case of every specimen that has one on sheets folder/films-N.png."""
+    """Draw the first case of every specimen with an equilibrium, on sheets folder/films-N.png."""
     with replaced(folder, [file.name for file in folder.glob("films-*.png")]):
         return _sheets(_films(result, folder), folder)
 
@@ -53,7 +53,7 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
     stresses = [film.values["stress_1"] / 1e3 for *_, film in films]
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
     paper = room / (1.02 * max(widths))
-    # Small as they are, a line of the net is narrower than a pixel: each is the average of four.
+    # A line of the net is narrower than a pixel: each pixel is the average of four.
     view = View(_DPI * style.MM * paper, 0.7 * _DPI / 72,
                 round_scale(min(map(np.min, stresses)), max(map(np.max, stresses))),
                 bar_length(max(widths)) / 2, samples=2)
@@ -66,7 +66,7 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
 
 
 def _films(result: SweepResult, folder: Path) -> list[Film]:
-    """Films of all specimens with an equilibrium under the first mass and voltage."""
+    """List the films of all specimens with an equilibrium under the first mass and voltage."""
     first = result.table.isel({load: 0 for load in ("mass", "voltage") if load in
                                result.table.dims})
     grid = [Measure.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]
@@ -84,25 +84,22 @@ def _sheet(films: list[Film], view: View, paper: float) -> Figure:
     for *_, film in films:
         x, y, _ = np.ptp(film.mounted, axis=0)
         pictures.append(film_picture(film, film.values["stress_1"] / 1e3, view, bool(y > x)))
-    heights = [max(extent[3] - extent[2] for _, extent in pictures[start:start + _COLUMNS]) * paper
-               for start in range(0, len(films), _COLUMNS)]
+    sizes = [(upper - bottom) * paper for _, (_, _, bottom, upper) in pictures]
+    heights = [max(sizes[start:start + _COLUMNS]) for start in range(0, len(films), _COLUMNS)]
     room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
     caption = _LINE * (1.5 + max(len(lines) for lines, *_ in films))
     figure = style.new_figure(_BAR + sum(heights) + len(heights) * caption)
     style.colour_bar(figure, (style.WIDTH - 70) / 2, 2.0, (70, 2.6), view.scale, view.colours,
                      stress_label(view.scale))
-    top = _BAR
-    for row, height in enumerate(heights):
-        for column, number in enumerate(range(row * _COLUMNS,
-                                              min((row + 1) * _COLUMNS, len(films)))):
-            lines, deflection, _ = films[number]
-            low_x, high_x, bottom, upper = pictures[number][1]
-            width = (high_x - low_x) * paper
-            axes = style.place_axes(figure, _MARGIN + column * (room + _GAP) + (room - width) / 2,
-                                    top + caption, width, (upper - bottom) * paper)
-            above = [*lines, f"{digits(1e3 * deflection)} mm"][::-1]
-            style.show_picture(axes, pictures[number], *(
-                (line, 0.5 + _LINE * place, "bold" if place else "normal", 5.5)
-                for place, line in enumerate(above)), interpolation="none")
-        top += height + caption
+    for number, ((lines, deflection, _), picture) in enumerate(zip(films, pictures, strict=True)):
+        row, column = divmod(number, _COLUMNS)
+        low_x, high_x, bottom, upper = picture[1]
+        width = (high_x - low_x) * paper
+        left = _MARGIN + column * (room + _GAP) + (room - width) / 2
+        top = _BAR + sum(heights[:row]) + (row + 1) * caption
+        axes = style.place_axes(figure, left, top, width, (upper - bottom) * paper)
+        above = [*lines, f"{digits(1e3 * deflection)} mm"][::-1]
+        captions = [(line, 0.5 + _LINE * place, "bold" if place else "normal", 5.5)
+                    for place, line in enumerate(above)]
+        style.show_picture(axes, picture, *captions, interpolation="none")
     return figure

@@ -1,4 +1,4 @@
-"""Maps over any two of the keys a sweep varies, as numbers for the page's own SVG."""
+"""Maps of results over two keys of a sweep, as numbers for the page's own SVG."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from tympan.reports.sweep.view import Measure, SweepView
 from tympan.reports.template import digits
 from tympan.studies.sweep.plan import MOST
 
-#: Most values of a key that get a row or column each.
+#: Most values of a key with a row or column each.
 _FEW = 12
 
-#: Most maps, so that a browser can show the page: of the first keys, then.
+#: Most maps, of the first keys, so that a browser can show the page.
 _MOST_PAIRS = 28
 
-#: Most marks of a page's map without cells: with so many in each of 45 maps it has 9 MB.
+#: Most marks of a page's map without cells: with that many in each of 45 maps it has 9 MB.
 _MOST_MARKS = 2000
 
-#: Ticks of a map [px]: where, and what is written there.
+#: Ticks of a map: place [px] and text.
 Ticks = list[tuple[float, str]]
 
 #: Width of a letter [px].
 _LETTER = 5.4
-#: Width of one of the broad letters, of "mwMW" [px].
+#: Width of one of the broad letters "mwMW" [px].
 _BROAD = 8.8
 
 #: Width of a map without its labels [px].
@@ -43,10 +43,10 @@ HEIGHT = 150.0
 
 @dataclass(frozen=True)
 class Mark:
-    """A value: where [px], how large [px], of what colour, and what is said of it.
+    """A value: its place [px], size [px], colour, and text.
 
-    ``hatched``: some case has no result there, or none has; then there is no colour. ``beyond``:
-    some case is beyond a limit.
+    ``hatched``: some case has no result there; if none has, there is no colour. ``beyond``: some
+    case is beyond a limit.
     """
 
     x: float
@@ -61,9 +61,9 @@ class Mark:
 
 @dataclass(frozen=True)
 class Map:
-    """One result over two keys; ``where``: the loads it is at; ``bar``: ticks of its colours.
+    """One result over two keys; ``where`` says its loads, ``bar`` are the ticks of its colours.
 
-    ``shown``: how many of the cases, where these are too many for a page.
+    ``shown`` says how many of the cases are drawn if these are too many for a page.
     """
 
     title: str
@@ -77,14 +77,14 @@ class Map:
 
     @property
     def margins(self) -> tuple[float, float]:
-        """Room for what is written on the left and on the right [px]."""
+        """Widths for the words on the left and on the right [px]."""
         first, second = (_widest(ticks) for ticks in (self.up, self.bar))
         slanted = 1.2 * self.slanted - self.across[0][0] if self.slanted else 0.0
         return max(12 + first, slanted), 26 + second
 
     @property
     def slanted(self) -> float:
-        """Room for what is written below, slanted, where it would run into itself, or 0 [px]."""
+        """Height for slanted words below, where level ones would overlap, or 0 [px]."""
         places = [place for place, _ in self.across]
         nearest = min((after - before for before, after in pairwise(places)), default=WIDTH)
         return 0.64 * _widest(self.across) if _widest(self.across) > nearest - _LETTER else 0.0
@@ -109,7 +109,7 @@ class Maps:
 
 
 def sweep_maps(view: SweepView) -> list[Maps]:
-    """Maps of every pair of keys over which something varies."""
+    """Make the maps of every pair of keys over which something varies."""
     pairs = list(combinations(view.keys, 2))[:_MOST_PAIRS]
     over_pairs = (Maps(across, up, [drawn for drawn, _ in _maps(view, across, up, view.columns,
                                                                 _MOST_MARKS)])
@@ -119,12 +119,12 @@ def sweep_maps(view: SweepView) -> list[Maps]:
 
 def map_of(view: SweepView, column: Measure, across: Measure, up: Measure
            ) -> tuple[Map, AxisScale]:
-    """The map of one result over two keys, and the scale of its colours.
+    """Make the map of one result over two keys, and the scale of its colours.
 
     Raises
     ------
     InputError
-        When it does not depend on them, or was found nowhere.
+        When the result does not depend on the keys, or has no values.
     """
     for drawn, scale in _maps(view, across, up, [column]):
         return drawn, scale
@@ -133,12 +133,12 @@ def map_of(view: SweepView, column: Measure, across: Measure, up: Measure
 
 
 def colours() -> list[str]:
-    """Those of a scale, from its low end to its high one."""
+    """List the colours of a scale, from its low end to its high one."""
     return _hex(np.linspace(0, 1, 12))
 
 
 def _hex(shares: np.ndarray) -> list[str]:
-    """Colours at shares of a scale."""
+    """Write the colours at shares of a scale in hexadecimal."""
     levels = np.round(255 * colormaps[COLOURS](shares)[:, :3]).astype(int)
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in levels.tolist()]
 
@@ -181,23 +181,26 @@ def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.Da
             means["name"], means["beyond"], means["word"], strict=True):
         colour = shade if np.isfinite(value) else ""
         text = digits(value) if colour else "no result"
-        text = (f"{text}, mean of {count}" if count > 1 else text if cases > 1
-                else f"{name}: {text}")
+        if count > 1:
+            text += f", mean of {count}"
+        elif cases == 1:
+            text = f"{name}: {text}"
         if 0 < count < cases:
             text += f"; {cases - count} of {cases} without a result"
         if beyond:
-            text += (f"; {beyond} of {cases}" if cases > 1 else ",") + f" beyond {word}"
+            of_cases = f"; {beyond} of {cases}" if cases > 1 else ","
+            text += f"{of_cases} beyond {word}"
         marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text, count < cases,
                           bool(beyond)))
-    bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
-           for tick in scale.ticks]
+    span = scale.high - scale.low
+    bar = [(HEIGHT * (1 - (tick - scale.low) / span), scale.text(tick)) for tick in scale.ticks]
     y_ticks = [(HEIGHT - at, text) for at, text in y_ticks]
     return Map(column.heading, where, x_ticks, y_ticks, marks, bar, cells, shown), scale
 
 
 def _placed(key: Measure, values: pd.Series[Any], length: float
             ) -> tuple[np.ndarray, Ticks, float]:
-    """Places of values along an axis of a length, its ticks, and the size of a cell or 0 [px]."""
+    """Place values along an axis of a length, with its ticks and the size of a cell, or 0 [px]."""
     distinct, numbers = pd.unique(values), pd.api.types.is_numeric_dtype(values)
     if not numbers or len(distinct) <= _FEW:
         order = sorted(distinct) if numbers else list(distinct)

@@ -1,4 +1,4 @@
-"""The page of a sweep, finished or on its way: one self-contained HTML file."""
+"""The page of a sweep, finished or in progress: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,24 +22,24 @@ from tympan.studies.sweep.asked import QUANTITIES
 from tympan.studies.sweep.run import SweepResult, Watch
 from tympan.studies.sweep.task import WAITING
 
-#: Rows of the page's table; more would make browsers slow, and are in sweep.csv.
+#: Most rows of the page's table; more make browsers slow, and are in sweep.csv.
 _MOST_ROWS = 2000
 
-#: While a sweep runs its page is written at most so often [s]: nobody looks more often.
+#: Least time between two pages of a running sweep [s]: nobody looks more often.
 _EVERY = 10.0
-#: And in at most this share of the time, so that the sweep does not wait for it.
+#: Largest share of the time spent on the page, so that the sweep does not wait for it.
 _SHARE = 0.02
 
-#: What the page calls a case's status.
+#: Words on the page for a case's status.
 STATUSES = {"equilibrium": "equilibria", "no_equilibrium": "beyond pull-in",
             "not_converged": "not converged", WAITING: "not solved yet"}
 
-_NAMED = 6  #: specimens named of those with one reason
+_NAMED = 6  #: most specimens named for one reason
 
 
 @dataclass(frozen=True)
 class FailedCases:
-    """Failures of one reason: "case" or what was asked, how often, and some of the specimens."""
+    """Failures of one reason: "case" or a quantity, their number, and some of the specimens."""
 
     what: str
     reason: str
@@ -47,12 +48,12 @@ class FailedCases:
 
 
 def build_sweep_page(result: SweepResult, folder: Path) -> list[Path]:
-    """Draw the films of a finished sweep and write folder/sweep.html; answers that file."""
+    """Draw the films of a finished sweep and write folder/sweep.html; return that file."""
     return [_write(result, folder, draw_films(result, folder) if result.figures else [])]
 
 
 def keep_page(folder: Path) -> Watch:
-    """Writer of the page of a sweep while it runs; where it cannot be written it waits."""
+    """Make the writer of the page of a running sweep; if it cannot write, it tries again later."""
     due = 0.0
 
     def watch(so_far: Callable[[], SweepResult]) -> None:
@@ -75,7 +76,7 @@ def _write(result: SweepResult, folder: Path, films: list[Path]) -> Path:
 
 
 def render_sweep(result: SweepResult, films: list[str]) -> str:
-    """The page as text; ``films`` are pictures as data URIs."""
+    """Write the page as text; ``films`` are pictures as data URIs."""
     view = SweepView(result)
     headings, rows = _rows(view)
     return template("reports/sweep/sweep.html", px=lambda at: f"{at:.1f}").render(
@@ -86,38 +87,43 @@ def render_sweep(result: SweepResult, films: list[str]) -> str:
         waiting=result.statuses.get(WAITING, 0), when=time.strftime("%Y-%m-%d %H:%M:%S"))
 
 
-#: What is shown in a cell and what it is sorted by.
+#: Text of a cell, and the value it is sorted by.
 Cell = tuple[str, float | str]
 
 
 def _rows(view: SweepView) -> tuple[list[str], list[list[Cell]]]:
-    """Headings and rows of the page's table: a specimen under a mass, at the voltage shown.
+    """Make headings and rows of the page's table: a specimen under a mass, at the voltage shown.
 
-    Those beyond a limit come last.
+    Rows beyond a limit come last.
     """
     keys = [key for key in view.keys if key.name != "voltage" or "voltage" not in view.loads]
     columns = [*keys, *view.columns]
     first = view.at_shown("voltage")
     reached = (view.table["status"] == "equilibrium").reset_coords(drop=True)
-    many = "voltage" in view.loads and view.table.sizes["voltage"] > 1
+    voltages = view.table.sizes["voltage"] if "voltage" in view.loads else 1
+    many = voltages > 1
     headings = ["specimen", *(column.heading for column in columns), *(["voltages reached"] * many),
                 "beyond"]
-    counts = (reached.sum("voltage").values.ravel().tolist() if many else [0] * len(first))
+    counts = reached.sum("voltage").values.ravel().tolist() if many else [0] * len(first)
     rows = []
     for (_, row), count in zip(first.iterrows(), counts, strict=True):
-        cells: list[Cell] = [(row["specimen"], row["specimen"])]
-        for column in columns:
-            value = row[column.name]
-            cells.append((f"{value / column.size:.4g}" if isinstance(value, float)
-                          and np.isfinite(value) else "" if isinstance(value, float) else value,
-                          value if not isinstance(value, float) or np.isfinite(value) else ""))
-        rows.append([*cells, *([(f"{count} of {view.table.sizes['voltage']}", count)] * many),
-                     (row["beyond"], row["beyond"])])
+        cells = [_cell(row["specimen"])]
+        cells += [_cell(row[column.name], column.size) for column in columns]
+        if many:
+            cells.append((f"{count} of {voltages}", count))
+        rows.append([*cells, _cell(row["beyond"])])
     return headings, sorted(rows, key=lambda row: row[-1][0] != "")
 
 
+def _cell(value: Any, size: float = 1.0) -> Cell:
+    """Write a word, or a number in units of this size [SI]; a number that is missing is empty."""
+    if not isinstance(value, float):
+        return value, value
+    return (f"{value / size:.4g}", value) if np.isfinite(value) else ("", "")
+
+
 def _failures(view: SweepView) -> Iterator[FailedCases]:
-    """Cases without result, and why; beyond pull-in there is none for good reason."""
+    """Collect cases without result, with reasons; cases beyond pull-in are no failures."""
     rows = view.rows
     yield from _alike("case", rows[rows["status"].isin(["failed", "not_converged"])], "warnings")
     for name, quantity in QUANTITIES.items():

@@ -1,4 +1,4 @@
-"""A sweep's table as its page needs it: what varies, what was found, in the units people write."""
+"""A sweep's table for its page: keys that vary, results, and units that people write."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tympan.studies.sweep.table import LOADS, beyond_limits
 
 @dataclass(frozen=True)
 class Measure:
-    """A column of the table: its name there, its label, and its unit with SI units in one of it."""
+    """A column of the table: its name there, its label, its unit, and the SI value of the unit."""
 
     name: str
     label: str
@@ -28,7 +28,7 @@ class Measure:
 
     @classmethod
     def of(cls, array: xr.DataArray) -> Measure:
-        """A coordinate, or a result, whose name ends with its unit."""
+        """Describe a coordinate, or a result, whose name ends with its unit."""
         name, si = str(array.name), array.attrs.get("units")
         for key, dimension in DIMENSIONS.items():
             if dimension.si == si:
@@ -47,14 +47,14 @@ class Measure:
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
     def text(self, value: object) -> str:
-        """A value with its unit."""
+        """Write a value with its unit."""
         return (f"{value / self.size:.4g} {self.unit}".strip()
                 if isinstance(value, float) else str(value))
 
 
 @dataclass(frozen=True, eq=False)
 class SweepView:
-    """A sweep's result, whole or so far, at one voltage: ``at``, else the result's own choice."""
+    """A sweep's result, finished or not, at one voltage: ``at``, else the result's own choice."""
 
     result: SweepResult
     at: float | str | None = None
@@ -65,7 +65,7 @@ class SweepView:
 
     @cached_property
     def shown(self) -> dict[str, float]:
-        """The mass and voltage that results are shown at: the first mass, the chosen voltage."""
+        """Mass and voltage of the results shown: the first mass, the chosen voltage."""
         values = {load: float(self.table[load][0]) for load in self.loads}
         if "voltage" in values:
             chosen = self.result.at_V if self.at is None else self.at
@@ -73,7 +73,7 @@ class SweepView:
         return values
 
     def shown_words(self, *loads: str) -> str:
-        """These of the loads that results are shown at, as words."""
+        """Write these of the loads of the results shown."""
         return ", ".join(Measure.of(self.table[load]).text(self.shown[load]) for load in loads)
 
     @property
@@ -92,12 +92,12 @@ class SweepView:
 
     @cached_property
     def loads(self) -> tuple[str, ...]:
-        """Mass and voltage where they are the same for all specimens."""
+        """Mass and voltage, if they are the same for all specimens."""
         return tuple(load for load in LOADS if load in self.table.dims)
 
     @cached_property
     def columns(self) -> tuple[Measure, ...]:
-        """Results that are worth a map."""
+        """Results that have values to map."""
         names = ["deflection_m", "stroke_m", "breakdown_margin", *(
             name for quantity in QUANTITIES.values() for name in quantity.shown)]
         return tuple(Measure.of(self.table[name]) for name in names
@@ -105,7 +105,7 @@ class SweepView:
 
     @cached_property
     def explained(self) -> list[tuple[str, list[tuple[str, str]]]]:
-        """Meanings of what was asked for, each with headings and meanings of its columns."""
+        """Meanings of the quantities wanted, each with headings and meanings of its columns."""
         headings = {column.name: column.heading for column in self.columns}
         found = [(quantity.meaning.replace("`", ""),
                   [(headings[name], quantity.meaning_of(name)) for name in quantity.shown
@@ -114,13 +114,13 @@ class SweepView:
 
     @cached_property
     def beyond(self) -> dict[str, list[bool]]:
-        """Label of each limit that some case is beyond, at its voltage or before, and which are."""
+        """Cases beyond each limit, by its label, at their voltage or before."""
         return {LIMIT_STATES[limit].label: cases.values.ravel().tolist()
                 for limit, cases in beyond_limits(self.table).items()}
 
     @cached_property
     def rows(self) -> pd.DataFrame:
-        """A row per case, as in the table; ``label`` is what its specimen is called."""
+        """Rows of the table, one per case; ``label`` names its specimen."""
         axes = [str(axis) for axis in self.table["status"].dims]
         rows = self.table.to_dataframe(dim_order=axes).reset_index()
         grid = [Measure.of(self.table[axis]) for axis in axes if axis not in ("specimen", *LOADS)]
@@ -132,7 +132,7 @@ class SweepView:
             for number in range(len(rows))])
 
     def at_shown(self, *loads: str) -> pd.DataFrame:
-        """The rows under these of the loads that results are shown at."""
+        """Select the rows under these of the loads shown."""
         rows = self.rows
         for load in set(loads) & set(self.loads):
             rows = rows[rows[load] == self.shown[load]]

@@ -1,4 +1,4 @@
-"""Circular actuators that stand for a shape: where they are compared, their radii and forces."""
+"""Circular actuators equivalent to a shape: loads of the comparison, radii and forces."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from tympan.studies.limits.loads import LoadGrid
 
 Radii = tuple[float, ...]
 
-#: Deflection of a plate that has not moved, over the mesh's size: its force tells nothing.
+#: Deflection of a plate that has not moved, over the mesh's size: its force carries no information.
 STILL_PLATE = 1e-6
 
-#: Directions around the plate that are told apart.
+#: Number of directions around the plate.
 _DIRECTIONS = 7200
 
-#: Pressure of a gas that bulges nothing, over the film's force on the area of the plate.
+#: Gas pressure that deforms nothing, over the film's force on the area of the plate.
 _LITTLE = 1e-3
 
-#: Radii at which forces are solved for the fit, a cubic spline between them. Set by trial.
+#: Number of radii at which forces are solved for the fit, a cubic spline between. Set by trial.
 _GRID = 9
-#: How far these go beyond the frame's nearest and farthest distance, as a factor, so that the best
+#: Factor by which these radii go beyond the frame's nearest and farthest distance, so that the best
 #: radius lies inside.
 _BEYOND = 1.1
 
@@ -46,8 +46,8 @@ _BEYOND = 1.1
 class Samples:
     """Equilibria: force on the film [N], deflection [m], film voltage [V], shares (n, parts).
 
-    Force and shares are those of the film without gas, held where the plate is above the gas;
-    ``lift`` [N] is what the gas below film and plate adds.
+    Force and shares are those of the film without gas, at the deflection that it has with gas;
+    ``lift`` [N] is the force added by the gas below film and plate.
     """
 
     force: Array
@@ -60,13 +60,13 @@ class Samples:
         return len(self.force)
 
 
-#: Force [N] of circles of some radii at each sample's deflection and voltage, (samples, circles).
+#: Force [N] of circles of given radii at each sample's deflection and voltage, (samples, circles).
 Forces = Callable[[Radii, Samples], Array]
 
 
 def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int,
                warnings: list[str]) -> Samples:
-    """Equilibria of a model under every load that has one; ``warnings`` gets the others."""
+    """Solve a model under every load that has an equilibrium; ``warnings`` names the others."""
     part_of = parts_of(model.specimen, parts)
     rows: list[tuple[float, float, float, float]] = []
     shares: list[Array] = []
@@ -93,9 +93,9 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
 
 
 def gas_area(model: Model, samples: Samples, rig: Rig, settings: Settings) -> float:
-    """Area [m²] on which a gas below film and plate lifts the plate, of a model's samples.
+    """Compute the area [m²] on which a gas below film and plate lifts the plate.
 
-    On a rig without gas that of the first sample, above so little gas that it bulges nothing.
+    On a rig without gas it is that of the first sample, with so little gas that it deforms nothing.
     """
     if rig.gas_pressure:
         return float(samples.lift.mean() / rig.gas_pressure)
@@ -108,7 +108,7 @@ def gas_area(model: Model, samples: Samples, rig: Rig, settings: Settings) -> fl
 
 def _held(model: Model, deflection: float, voltage: float, settings: Settings,
           start: Solution | None, gas_pressure: float = 0.0) -> Solution:
-    """A film with its plate held at a deflection [m] under a film voltage [V], above a gas or none.
+    """Solve a film with its plate at a deflection [m] under a film voltage [V].
 
     Raises
     ------
@@ -123,7 +123,7 @@ def _held(model: Model, deflection: float, voltage: float, settings: Settings,
 
 
 def frame_distances(specimen: Specimen) -> Array:
-    """Distance from the plate's centre to the frame [m] in equally spaced directions."""
+    """Measure the distance from the plate's centre to the frame [m] in equal directions."""
     x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.centre)[:, None]
     angle = np.arctan2(y, x) % (2 * np.pi)
     order = np.argsort(angle)
@@ -133,24 +133,24 @@ def frame_distances(specimen: Specimen) -> Array:
 
 
 def parts_of(specimen: Specimen, count: int) -> Numbers:
-    """The part of ``count`` of equal angle each direction belongs to, 0 where the frame is nearest.
+    """Assign each direction to one of ``count`` parts of equal angle, 0 nearest to the frame.
 
     An ellipse's two parts are the sectors within 45° of its short and of its long axis.
     """
-    # Rounded, so that mirror images of a direction, alike but for the last bit, stay together.
+    # Rounding keeps mirror images of a direction, equal but for the last bit, together.
     distance = frame_distances(specimen).round(12)
     rank = np.argsort(np.argsort(distance, kind="stable"), kind="stable")
     return np.asarray(rank * count // len(rank), dtype=np.int64)
 
 
 def concentric(specimen: Specimen) -> bool:
-    """Whether the frame is equally far from the plate's centre in all directions."""
+    """Check whether the frame is equally far from the plate's centre in all directions."""
     distance = frame_distances(specimen)
     return bool(np.ptp(distance) < 1e-6 * distance.max())
 
 
 def part_shares(model: Model, state: State, part_of: Numbers) -> Array:
-    """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`.
+    """Compute shares of the plate's vertical edge force in the parts of :func:`parts_of`.
 
     The force is the integral of the first Piola traction along the mounted edge; angles are those
     of the mounted edge around the plate's centre.
@@ -163,19 +163,20 @@ def part_shares(model: Model, state: State, part_of: Numbers) -> Array:
     angle = np.arctan2(arm[:, 1], arm[:, 0]) % (2 * np.pi)
     order = np.argsort(angle)
     force = (fields.plate_traction[:, 2] * weights)[order]
-    # Midpoint rule of the cumulative force, so that a part may end between two points of an edge.
+    # The midpoint rule on the cumulative force lets a part end between two points of an edge.
     cumulative, total = np.cumsum(force) - force / 2, force.sum()
-    angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])
-    ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
-                     np.concatenate([cumulative - total, cumulative, cumulative + total]))
+    around, turn = angle[order], 2 * np.pi
+    angles = np.concatenate([around - turn, around, around + turn])
+    sums = np.concatenate([cumulative - total, cumulative, cumulative + total])
+    ends = np.interp(turn * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles, sums)
     return np.asarray(np.bincount(part_of, np.diff(ends), parts) / total)
 
 
 def membrane_forces(specimen: Specimen, settings: Settings, rig: Rig, radii: Radii,
                     samples: Samples) -> Array:
-    """Force [N] of centred membrane circles with film, electrode and plate of the specimen.
+    """Compute the force [N] of centred membrane circles with the specimen's film and plate.
 
-    Without gas. Shape (samples, circles).
+    The electrode is the specimen's, too; there is no gas. Shape (samples, circles).
     """
     columns = []
     for radius in radii:
@@ -189,14 +190,14 @@ def membrane_forces(specimen: Specimen, settings: Settings, rig: Rig, radii: Rad
         model, column, start = build_model(circle, settings, rig.loading), [], None
         for deflection, voltage in zip(samples.deflection, samples.voltage, strict=True):
             start = _held(model, deflection, voltage, settings, start)
-            # The film's alone, as the samples have it: no spring.
+            # The force is the film's alone, as in the samples, without a spring.
             column.append(model.reaction(start.state))
         columns.append(column)
     return np.array(columns).reshape(len(radii), -1).T
 
 
 def cone_forces(specimen: Specimen, radii: Radii, samples: Samples) -> Array:
-    """Force [N] of straight cones (Eq. 5), shape (samples, circles)."""
+    """Compute the force [N] of straight cones (Eq. 5), shape (samples, circles)."""
     cones = ConeCircle(specimen, np.array(radii))
     pairs = zip(samples.deflection, samples.voltage, strict=True)
     return np.array([cones.force(y, u) for y, u in pairs]).reshape(-1, len(radii))
@@ -237,8 +238,8 @@ def _fit(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Ra
     return tuple(float(radius) for radius in np.sort(np.exp(best.x)))
 
 
-#: Ways to choose the circles' radii, shortest first: the frame's half extents along x and y and a
-#: geometric series between them; parts of the directions around the plate, by the distance of the
+#: Rules for the circles' radii, shortest first. They are: the frame's half extents along x and y
+#: with a geometric series between; parts of the directions around the plate, by the distance of the
 #: frame, each with the geometric mean of its distances (a film's force goes with 1/ln(R/r)); or
 #: those with which the forces fit best.
 RADII: dict[str, Callable[[Specimen, int, Forces, Samples], Radii]] = {

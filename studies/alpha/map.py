@@ -1,4 +1,4 @@
-"""α and stroke of ellipses with circular plates: readings, a formula fitted to some, its tests."""
+"""α and stroke of ellipses with circular plates: readings, a fitted formula, and its tests."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from tympan.studies.files import from_json, read_json, remove, write_json
 from tympan.studies.paper.actuators import paper_film
 from tympan.studies.parallel import mapped
 
-#: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the
+#: Short semi-axis of all shapes of a map [m]. Only ratios matter to α; the size affects only the
 #: loads.
 SHORT = 45e-3
 
-#: Places of a map: on its grid, at random within its range, and beyond it.
+#: Sets of places of a map: on its grid, at random within its range, and beyond it.
 SETS = ("grid", "inside", "outside")
 
 #: The columns of alpha-map.csv: a reading, its set, and α₁ by the formula.
@@ -45,8 +45,8 @@ COLUMNS: tuple[Column, ...] = (
     Column.labels("trouble", required=False),
 )
 
-#: Radius of the circle whose film is as stiff as that of an endless strip with a small plate in its
-#: middle, over the strip's half width: its conformal radius.
+#: Radius of the circle whose film is as stiff as that of an infinite strip with a small plate in
+#: its middle, over the strip's half width: its conformal radius.
 _STRIP = 4 / np.pi
 
 
@@ -71,7 +71,7 @@ class Formula:
     ratios: tuple[float, float]
 
     def __call__(self, aspect: Array, ratio: Array) -> Array:
-        """α₁, whether or not the formula holds there."""
+        """Compute α₁, whether or not the formula holds there."""
         logarithm = np.log(aspect)
         power = np.stack([np.ones_like(logarithm), logarithm, logarithm**2, ratio**3 * logarithm],
                          -1) @ self.constants
@@ -80,7 +80,7 @@ class Formula:
         return np.asarray((same - long) / (short - long))
 
     def words(self) -> str:
-        """The formula with its numbers, to be copied."""
+        """Write the formula with its numbers, to be copied."""
         first, *others = self.constants
         c1, c2, c3 = (f"{constant:+.4f}" for constant in others)
         return (f"p = {first:.4f} {c1} ln A {c2} ln² A {c3} q³ ln A;  s = 1 + (4/π − 1)(1 − "
@@ -90,11 +90,11 @@ class Formula:
 
 @dataclass(frozen=True)
 class Reading:
-    """A place on the map, and what is read there; as the columns of alpha-map.csv.
+    """A place on the map with its values, the columns of alpha-map.csv.
 
-    ``aspect`` and ``plate_over_short``: long semi-axis and plate radius over the short semi-axis.
-    ``alpha_1`` is of two membrane circles with the semi-axes, ``force_error`` what it leaves,
-    relative; nan where ``trouble`` says what went wrong.
+    ``aspect`` and ``plate_over_short`` are long semi-axis and plate radius over the short
+    semi-axis. ``alpha_1`` is that of two membrane circles with the semi-axes, ``force_error`` the
+    relative error of the force that remains; both are nan if ``trouble`` gives a reason.
     """
 
     aspect: float
@@ -117,9 +117,9 @@ class Reading:
 class MapSettings:
     """Settings of a map: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
 
-    The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
-    materials of the library, of those without a range of stretches, ``outside`` ones have aspects
-    up to ``far[0]`` and ratios up to ``far[1]``.
+    The grid spans ``aspects`` and ``ratios``. The ``inside`` random places in its range have random
+    materials of the library, among those without a range of stretches. The ``outside`` ones have
+    aspects up to ``far[0]`` and ratios up to ``far[1]``.
     """
 
     loads: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 2e3, 4e3)))
@@ -133,9 +133,9 @@ class MapSettings:
     seed: int = 2026
 
     def places(self) -> dict[str, list[Reading]]:
-        """The places of each of SETS: the formula is found from the grid and tested on the others.
+        """Choose the places of each set: the formula is fitted on the grid, tested on the others.
 
-        Those outside are longer, have a larger plate, or both.
+        Places outside are longer, have a larger plate, or both.
         """
         grid = [Reading(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
         rng = np.random.default_rng(self.seed)
@@ -157,7 +157,7 @@ class MapSettings:
 class AlphaMap:
     """Readings by the name of a column of :data:`COLUMNS`, in SI, and the formula."""
 
-    #: Files that are drawn of it.
+    #: Names of its pictures.
     pictures: ClassVar[tuple[str, ...]] = ("alpha-map.png", "alpha-map.svg")
 
     settings: MapSettings
@@ -165,12 +165,12 @@ class AlphaMap:
     readings: Mapping[str, Array]
 
     def of(self, name: str) -> dict[str, Array]:
-        """The readings of one of SETS."""
+        """Select the readings of one of SETS."""
         return {column: values[self.readings["where"] == name]
                 for column, values in self.readings.items()}
 
     def json(self) -> dict[str, Any]:
-        """Map as a JSON object, without the readings."""
+        """Write the map as a JSON object, without the readings."""
         errors = {name: _errors(self.of(name)) for name in SETS}
         return {"formula": self.formula.words(), "constants": list(self.formula.constants),
                 "aspects": list(self.formula.aspects), "ratios": list(self.formula.ratios),
@@ -198,7 +198,7 @@ class AlphaMap:
 
 def alpha_map(settings: MapSettings, workers: int = 1,
               progress: Callable[[str], None] = lambda _: None) -> AlphaMap:
-    """Make a map: read all places, fit the formula to the grid."""
+    """Make a map: compute all places and fit the formula to the grid."""
     rows = [{"where": name, **asdict(reading)} for name, places in settings.places().items()
             for reading in map_readings(places, settings, workers, progress)]
     readings = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -210,7 +210,7 @@ def alpha_map(settings: MapSettings, workers: int = 1,
 
 def map_readings(places: Sequence[Reading], map_settings: MapSettings, workers: int = 1,
                  progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
-    """Readings at every place, in their order; where nothing is in equilibrium, the reason."""
+    """Compute every place, in order; a place without equilibrium gets the reason."""
     readings = []
     with closing(mapped(partial(_read, map_settings), places, workers)) as made:
         for reading in made:
@@ -236,9 +236,9 @@ def _read(map_settings: MapSettings, place: Reading) -> Reading:
 
 
 def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
-    """The formula nearest to α₁ in the mean square, its constants rounded to the places it prints.
+    """Fit the formula to α₁ by least squares; round its constants to the places it prints.
 
-    ``aspect``, ``ratio`` and α₁, ``weight``, have shape (readings,).
+    ``aspect``, ``ratio`` and ``weight``, which is α₁, have shape (readings,).
     """
     aspects, ratios = ((float(item.min()), float(item.max())) for item in (aspect, ratio))
     fit = least_squares(
@@ -248,6 +248,6 @@ def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
 
 
 def _errors(readings: Mapping[str, Array]) -> Array:
-    """Formula less reading, where there is one."""
+    """Subtract readings from the formula, where there are readings."""
     error = readings["formula"] - readings["alpha_1"]
     return np.asarray(error[np.isfinite(error)])

@@ -1,4 +1,4 @@
-"""Least squares over the simplex α ≥ 0, Σ α = 1, and what it leaves open."""
+"""Least squares over the simplex α ≥ 0, Σ α = 1, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from tympan.base.arrays import Array
 
 
 def simplex_fit(forces: Array, target: Array) -> Array:
-    """The α ≥ 0, Σ α = 1 that minimises |forces · α − target|, exactly.
+    """Minimise |forces · α − target| over α ≥ 0, Σ α = 1, exactly.
 
-    On the simplex the residual is a point in the hull of the circles' own residuals; the hull's
-    point nearest to 0 is a problem of non-negative weights, of which any sum is taken (Lawson &
+    On the simplex the residual is a point in the hull of the circles' own residuals. The hull's
+    point nearest to 0 is a problem of non-negative weights, whose sum is then scaled to 1 (Lawson &
     Hanson, *Solving Least Squares Problems*, 1974). ``forces`` has shape (samples, circles).
 
     Examples
@@ -30,15 +30,14 @@ def simplex_fit(forces: Array, target: Array) -> Array:
 
 
 def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[float, float], ...]:
-    """Smallest and largest weight of each circle among mixtures off by no more than ``error``.
+    """Find smallest and largest weight of each circle among mixtures with at most this error.
 
-    The error is relative to the target, sample by sample; so each end is a linear programme's.
-    Where no mixture comes so near, ``error`` must be chosen larger: the ranges are empty, (nan,
-    nan).
+    The error is relative to the target, sample by sample; so each end is a linear programme's. If
+    no mixture is that accurate, the ranges are empty, (nan, nan), and ``error`` must be larger.
 
     Examples
     --------
-    Of three circles whose forces are proportional to each other only one number is known.
+    Three circles with proportional forces leave all but one number undetermined.
 
     >>> forces = np.outer([1.0, 2.0], [3.0, 2.0, 1.0])
     >>> ranges = weight_ranges(forces, forces @ [0.25, 0.5, 0.25], 1e-9)
@@ -46,19 +45,22 @@ def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[flo
     [(0.0, 0.5), (0.0, 1.0), (0.0, 0.5)]
     """
     relative = forces / target[:, None]
-    rows, limits = np.vstack([relative, -relative]), np.repeat([1 + error, error - 1], len(target))
-    ends = [[linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1))
-             for sign in (1, -1)]
-            for unit in np.eye(forces.shape[1])]
-    return tuple((float(low.fun), float(-high.fun)) if low.success and high.success
-                 else (np.nan, np.nan)
-                 for low, high in ends)
+    rows = np.vstack([relative, -relative])
+    limits = np.repeat([1 + error, error - 1], len(target))
+    ranges = []
+    for unit in np.eye(forces.shape[1]):
+        # The weights are from 0 to 1, and their sum is 1.
+        low, high = (linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1))
+                     for sign in (1, -1))
+        found = low.success and high.success
+        ranges.append((float(low.fun), float(-high.fun)) if found else (np.nan, np.nan))
+    return tuple(ranges)
 
 
 def condition(forces: Array) -> float:
-    """Largest over smallest singular value of the circles' relative differences in force.
+    """Divide largest by smallest singular value of the circles' relative differences in force.
 
-    1 for one circle or two.
+    It is 1 for one circle or two.
     """
     differences = forces[:, 1:] / forces[:, :1] - 1
     if differences.shape[1] < 2:

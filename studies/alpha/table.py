@@ -22,7 +22,7 @@ from tympan.studies.limits.loads import LoadGrid
 from tympan.studies.paper.actuators import paper_film
 from tympan.studies.paper.published import MASSES
 
-#: The columns of outlines-frames.csv: points of each frame's outline.
+#: Columns of outlines-frames.csv: points of each frame's outline.
 FRAMES: tuple[Column, ...] = (
     Column.labels("shape"), Column("x", "mm"), Column("y", "mm"))
 
@@ -62,7 +62,7 @@ class OutlineTable:
     frames: Mapping[str, Array]
 
     def json(self) -> dict[str, Any]:
-        """Table as a JSON object, without the outlines' points."""
+        """Write the table as a JSON object, without the outlines' points."""
         return {"outlines": to_json(self.rows)}
 
     def save(self, folder: Path) -> None:
@@ -74,7 +74,7 @@ class OutlineTable:
 
     @classmethod
     def load(cls, folder: Path) -> OutlineTable:
-        """Load a saved table; refused where it is of a version that did not keep the outlines."""
+        """Load a saved table; refuse one of a version that did not keep the outlines."""
         file, points = folder / "outlines.json", folder / "outlines-frames.csv"
         frames = read_own_sheet(points, FRAMES)
         rows = from_json(tuple[OutlineRow, ...], read_json(file), file)
@@ -85,7 +85,7 @@ class OutlineTable:
         return cls(rows, frames)
 
 
-#: The paper's loads, and others to test at.
+#: Loads of the paper, and others for the test.
 _PAPER_LOADS = AlphaSettings(
     LoadGrid(MASSES, (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)),
     LoadGrid((12e-3, 20e-3, 25e-3), (2.5e3, 4.5e3, 5.5e3)))
@@ -93,7 +93,7 @@ _PAPER_LOADS = AlphaSettings(
 
 def outline_table(settings: Settings, progress: Callable[[str], None] = lambda _: None
                   ) -> OutlineTable:
-    """A row for every registered outline that has an example: the paper's film and plate in it."""
+    """Compute a row for every registered outline that has an example, with the paper's film."""
     rows, points = [], []
     for outline in examples().values():
         progress(outline.shape)

@@ -1,4 +1,4 @@
-"""Weights α of a shape, by membrane circles, cones and its fields; how far they are certain."""
+"""Weights α of a shape, by membrane circles, cones and its fields, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -36,40 +36,39 @@ Progress = Callable[[str], None]
 #: Smallest and largest of each weight.
 Ranges = tuple[tuple[float, float], ...]
 
-#: Circles beyond which nobody can tell them apart.
+#: Most circles: more cannot be distinguished.
 MOST_CIRCLES = 6
 
-#: Where a mixture of circles leaves more force than this, relative, it does not represent the
-#: shape.
+#: Relative force error of a mixture of circles above which it does not represent the shape.
 REPRESENTED = 0.01
 
-#: Masses of the fit over the usual one, some as far apart as the source paper's two.
+#: Masses of the fit over the typical one, about as far apart as the source paper's two.
 _FIT = (1.0, 1.25)
-#: Masses of the test over the usual one: below, between and above those of the fit.
+#: Masses of the test over the typical one: below, between and above those of the fit.
 _HELD_OUT = (0.7, 1.1, 1.4)
 
-#: Voltages of the fit over the usual one, evenly from none.
+#: Voltages of the fit over the typical one, equally spaced from zero.
 _FIT_VOLTAGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-#: Voltages of the test over the usual one: between those of the fit, and one beyond.
+#: Voltages of the test over the typical one: between those of the fit, and one beyond.
 _HELD_OUT_VOLTAGES = (0.5, 0.9, 1.1)
 
-#: The source paper's circles, which have no mixture for most shapes.
+#: Bases with the source paper's circles, which have no mixture for most shapes.
 _CONES: dict[Basis, str] = {"cone": "cones as in Eq. (5)",
                             "cone_scaled": "cones scaled to the membrane"}
-#: Force error of such a mixture at its bound, relative, from which it is told.
+#: Relative force error of such a mixture at its bound above which a remark names it.
 _UNFITTED = 0.02
 
-#: By how much the elements are finer that show what the mesh does to α.
+#: Factor by which elements are finer in the test of the mesh's effect on α.
 _FINER = 1.5
 
 
 @dataclass(frozen=True)
 class AlphaSettings:
-    """Loads the weights are fitted and tested on, and what circles they belong to.
+    """Loads on which the weights are fitted and tested, and their circles.
 
-    Loads left out follow from the film, as :meth:`loads` says. ``radii`` is a key of
-    :data:`tympan.studies.alpha.circles.RADII`. ``tolerance``: force error, relative, at which two
-    mixtures count as equally good.
+    Loads left out follow from the film, see :meth:`loads`. ``radii`` is a key of
+    :data:`tympan.studies.alpha.circles.RADII`. ``tolerance`` is the relative force error within
+    which two mixtures count as equally good.
     """
 
     fit: LoadGrid | None = None
@@ -79,7 +78,7 @@ class AlphaSettings:
     tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
-        """Refuse what is no choice of circles."""
+        """Refuse an invalid choice of circles."""
         if not 1 <= self.circles <= MOST_CIRCLES:
             raise InputError(f"must be from 1 to {MOST_CIRCLES}", key="circles", given=self.circles)
         if self.radii not in RADII:
@@ -88,10 +87,10 @@ class AlphaSettings:
             raise InputError("must be between 0 and 1", key="tolerance", given=self.tolerance)
 
     def loads(self, specimen: Specimen, settings: Settings, rig: Rig) -> AlphaLoads:
-        """The loads of a specimen.
+        """Choose the loads of a specimen.
 
-        Where none are given: fitted under two usual masses up to a usual voltage of the film;
-        tested under others, from lighter to heavier, and at voltages from between to beyond.
+        If none are given, the fit has two typical masses up to a typical voltage of the film; the
+        test has others, from lighter to heavier, and voltages from between to beyond.
         """
         if self.fit is not None and self.held_out is not None:
             return AlphaLoads(self.fit, self.held_out)
@@ -106,24 +105,24 @@ class AlphaSettings:
 
 @dataclass(frozen=True)
 class AlphaLoads:
-    """Loads that weights were fitted and tested on; whether the film itself chose some of them."""
+    """Loads of fit and test of the weights; whether the film itself chose some of them."""
 
     fit: LoadGrid
     held_out: LoadGrid
     from_film: bool = False
 
     def greatest(self, specimen: Specimen, rig: Rig) -> Case:
-        """The case of the largest mass and the highest voltage."""
+        """Make the case of the largest mass and the highest voltage."""
         return Case.greatest(specimen, self.fit.masses + self.held_out.masses,
                              self.fit.voltages + self.held_out.voltages, rig)
 
 
 @dataclass(frozen=True)
 class Weights:
-    """α of one way of finding it, with the relative root-mean-square error of the force it leaves.
+    """α by one method, with the relative root-mean-square error of the force.
 
-    ``fit_error`` is on the loads used for fitting, ``held_out_error`` on the others (None where
-    none is in reach).
+    ``fit_error`` is that on the loads of the fit, ``held_out_error`` that on the others (None if no
+    other load is in reach).
     """
 
     alpha: tuple[float, ...]
@@ -137,10 +136,10 @@ class AlphaResult:
 
     ``by_basis`` holds the fits against membrane circles, against cones as the paper writes them,
     and against cones whose force is multiplied by ``cone_scale``, the ratio of membrane to cone on
-    the first circle. ``radii`` says how the circles were chosen. Of all mixtures of membrane
-    circles as good as the best, to the settings' tolerance of force, each weight lies in its pair
-    of ``ranges``; ``condition`` is that of the circles' relative differences. ``loads`` are those
-    it was fitted and tested on. ``uncertainty``: of :func:`uncertainty`, where asked for.
+    the first circle. ``radii`` is the rule that chose the circles. ``ranges`` are those of each
+    weight over all mixtures of membrane circles that are as good as the best, within the settings'
+    tolerance of force; ``condition`` is that of the circles' relative differences. ``loads`` are
+    those of fit and test. ``uncertainty`` is that of :func:`uncertainty`, if requested.
     """
 
     specimen: str
@@ -157,7 +156,7 @@ class AlphaResult:
     uncertainty: dict[str, Ranges | None] | None = None
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
-        """The object of ``alpha --json`` for one basis."""
+        """Write the object of ``alpha --json`` for one basis."""
         plain = to_json(self)
         weights = plain["by_basis"][basis]
         return {
@@ -170,7 +169,7 @@ class AlphaResult:
             **({} if self.uncertainty is None else {"uncertainty": plain["uncertainty"]})}
 
     def _doubts_of(self, basis: Basis) -> list[str]:
-        """Warnings of one basis alone: no mixture of its circles has the force."""
+        """Warn that no mixture of one basis' circles has the force."""
         weights = self.by_basis[basis]
         if (basis not in _CONES or len(self.circles) == 1 or min(weights.alpha) > 0
                 or weights.fit_error <= _UNFITTED):
@@ -179,19 +178,19 @@ class AlphaResult:
                 f"of {100 * weights.fit_error:.0f} %"]
 
     def record(self) -> dict[str, Any]:
-        """All bases, as stored."""
+        """Write all bases, as stored."""
         return self.json() | {"bases": to_json(self.by_basis)}
 
     @classmethod
     def of_record(cls, record: Any, file: Path | str | None = None, key: str = "") -> AlphaResult:
-        """Weights of a record that :meth:`record` made."""
+        """Read the weights of a record that :meth:`record` made."""
         stored = from_json(dict[str, Any], record, file, key)
         ranges = from_json(dict[str, Any], stored.get("from_fields"), file,
                            f"{key}.from_fields").get("range")
         bases = from_json(dict[Basis, Weights], stored.get("bases"), file, f"{key}.bases")
         result = from_json(cls, {**stored, "by_basis": to_json(bases), "field_range": ranges},
                            file, key)
-        # Earlier versions stored the remarks of every basis.
+        # Earlier versions stored the remarks on every basis.
         result = replace(result, warnings=tuple(
             text for text in result.warnings if not text.startswith(tuple(_CONES.values()))))
         for weights in (*result.by_basis.values(), result.from_fields):
@@ -206,7 +205,7 @@ class AlphaResult:
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> AlphaResult:
-        """Load saved weights, of the specimen of a ``name`` or of the only one."""
+        """Load saved weights, by the specimen's ``name``, or the only ones."""
         file = stored_file(folder, "*-alpha.json", name, "tympan alpha")
         return cls.of_record(read_json(file), file)
 
@@ -215,18 +214,18 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
           rig: Rig = Rig(), progress: Progress = lambda _: None,
           radii: tuple[float, ...] | None = None
           ) -> AlphaResult:
-    """Weights of the circles that stand for a shape.
+    """Find the weights of the circles that are equivalent to a shape.
 
-    Three fits of Σ α_j F_j(y, U) to the specimen's own force at its equilibria, all with α ≥ 0 and
-    Σ α = 1: F_j of membrane circles by the same finite elements, of straight cones (Eq. 5), and of
-    cones scaled to the membrane on the first circle. Independently, from the fields: the share of
-    the plate's vertical edge force carried where the frame is nearest, next nearest, …, in as many
-    parts of the full angle as there are circles, averaged over the fit's loads (of two, the sectors
-    within 45° of an ellipse's short and of its long axis).
+    Three fits of Σ α_j F_j(y, U) to the specimen's own force at its equilibria are made, all with α
+    ≥ 0 and Σ α = 1: with F_j of membrane circles by the same finite elements, of straight cones
+    (Eq. 5), and of cones scaled to the membrane on the first circle. Independently, the fields give
+    the share of the plate's vertical edge force carried where the frame is nearest, next nearest,
+    …, in as many parts of the full angle as there are circles, averaged over the fit's loads (for
+    two, the sectors within 45° of an ellipse's short and of its long axis).
 
     A circle with its plate in the middle is one circle, α = (1). A frame with equal semi-axes that
-    is no circle gets circles by sectors where semi-axes are asked for. ``radii`` [m] are those of
-    the circles, the shortest first, where they are known already.
+    is no circle gets circles by sectors where semi-axes are wanted. ``radii`` [m] are those of the
+    circles, the shortest first, if they are known already.
 
     Raises
     ------
@@ -253,15 +252,17 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     radii = RADII[how](specimen, count, forces, fit) if radii is None else radii
     membrane = [forces(radii, samples) for samples in (fit, test)]
     cone = [cone_forces(specimen, radii, samples) for samples in (fit, test)]
-    scale = float(membrane[0][:, 0] @ cone[0][:, 0] / (cone[0][:, 0] @ cone[0][:, 0]))
+    first_film, first_cone = membrane[0][:, 0], cone[0][:, 0]
+    scale = float(first_film @ first_cone / (first_cone @ first_cone))
     bases: dict[Basis, list[Array]] = {
         "membrane": membrane, "cone": cone, "cone_scaled": [scale * part for part in cone]}
     by_basis = {name: _weigh(simplex_fit(parts[0], fit.force), parts, fit, test)
                 for name, parts in bases.items()}
     shares = fit.shares.mean(axis=0)
-    spread = tuple((float(low), float(high))
-                   for low, high in zip(fit.shares.min(0), fit.shares.max(0), strict=True))
-    best = np.abs(membrane[0] @ by_basis["membrane"].alpha / fit.force - 1).max()
+    lows, highs = fit.shares.min(0).tolist(), fit.shares.max(0).tolist()
+    spread = tuple(zip(lows, highs, strict=True))
+    fitted_force = membrane[0] @ by_basis["membrane"].alpha
+    best = np.abs(fitted_force / fit.force - 1).max()
     ranges = weight_ranges(membrane[0], fit.force, best + alpha_settings.tolerance)
     result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
                          spread, tuple(warnings), how, ranges, condition(membrane[0]), loads)
@@ -272,12 +273,12 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
 def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,
                 nominal: AlphaResult, progress: Progress = lambda _: None
                 ) -> dict[str, Ranges | None]:
-    """Smallest and largest of each weight of ``nominal``'s membrane circles, by what was changed.
+    """Find the range of each weight of ``nominal``'s membrane circles under changes, by their kind.
 
-    ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place,
-    but for those whose range does not hold its prestretch.
-    ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
-    nothing could be changed; a change without an equilibrium to fit is left out.
+    ``mesh``: elements finer by 1.5. ``material``: each material of the library in place of the
+    film's, except those whose range does not include its prestretch. ``loads``: each mass of the
+    fit alone, and the lower and upper half of its voltages. A kind is None if nothing could be
+    changed; a change without an equilibrium to fit is left out.
     """
     film, loads = specimen.membrane, nominal.loads or alpha_settings.loads(specimen, settings, rig)
     fit = loads.fit
@@ -314,7 +315,7 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
 
 
 def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:
-    """Number of circles, and how their radii are chosen."""
+    """Choose the number of circles, and the rule for their radii."""
     if concentric(specimen):
         return 1, "semi_axes"
     if chosen.radii != "semi_axes" or len(radii_of(specimen.frame)) > 1:
@@ -331,7 +332,7 @@ def _weigh(weights: Array, forces: Iterable[Array], fit: Samples, test: Samples)
 
 
 def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> list[str]:
-    """Doubts to know before these weights are used."""
+    """List doubts that a user of these weights must know."""
     membrane, radii = result.by_basis["membrane"], result.circles
     round_plate = isinstance(specimen.needed_plate().outline, Circle)
     if len(radii) == 1 and round_plate and concentric(specimen):

@@ -266,12 +266,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     are only ``planned`` static.csv and range.csv may leave out what was read. An
     :class:`InputError` names file and key, or line and column, of what cannot be used.
     """
-    folder = Path(folder)
-    if folder.name == "dataset.toml" and folder.is_file():
-        folder = folder.parent
-    if not folder.is_dir():
-        raise InputError("must be a folder with dataset.toml and at least one CSV file of readings"
-                         + near_name(folder) * (not folder.exists()), file=folder)
+    folder = _dataset_folder(Path(folder))
     about = folder / "dataset.toml"
     dataset = read(Dataset, Table.read(about, "dataset"), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig,
@@ -279,52 +274,19 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     files = {name: hashlib.sha256(file_bytes(folder / name)).hexdigest()
              for name in (about.name, *_specimen_files(about))}
     there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in suffixes())
-    stems = {Path(name).stem: name for name in FILES}
-    said = {layout.file for layout in dataset.layouts.values()}
-    others = [folder / name for name in there if Path(name).stem not in stems and name not in said]
-    published = {file: kind for file in others if (kind := _published(file)) is not None}
-    remarks = [f"{file.name} is not read: {did_you_mean(file.stem.lower(), stems)}known are "
-               f"{', '.join(FILES)}, and {_publications()}"
-               for file in others if file not in published]
-    remarks += [f"read as {kind.explanation}: " + ", ".join(
-        file.name for file, other in published.items() if other is kind)
-        for kind in dict.fromkeys(published.values())]
-    remarks[:0] = _guesses(about)
-    later: tuple[str, ...] = ("displacement", "range", "frequency") if planned else ()
-    # Nothing hangs on a film without plate.
-    alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
-    later += ("mass",) if alone else ()
-    first = dataset.specimens[0].name
+    published, others = _other_files(folder, there, dataset)
+    remarks = [*_guesses(about), *others]
     sheets: dict[str, Sheet] = {}
-    for name, columns in FILES.items():
-        stem = Path(name).stem
-        layout = dataset.layouts.get(stem, Layout())
-        file = folder / layout.file if layout.file else _file_of(folder, name)
+    for name in FILES:
+        file = _sheet_file(folder, name, dataset)
         if file is None:
-            if stem in dataset.layouts:
-                raise InputError(f"there is no {name}: write its name, file = \"…\"", file=about,
-                                 key=f"columns.{stem}")
             continue
-        sheet = sheets[name] = read_sheet(
-            file, [replace(column, required=column.required and column.name not in later,
-                           example=first if column is SPECIMEN else column.example)
-                   for column in columns], layout=layout, table=stem, usual=_usual(dataset, file))
-        files[file.name] = sheet.sha256
-        remarks += sheet.remarks
-        if SPECIMEN in columns:
-            _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
-            if alone and "mass" in sheet.values:
-                sheet = sheets[name] = _unloaded(sheet, alone)
-            remarks += _identical(sheet)
+        sheets[name], more = _checked_sheet(file, name, dataset, planned)
+        files[file.name] = sheets[name].sha256
+        remarks += more
     static, ranges, transients, coupons, frequencies, fields, forces = map(sheets.get, FILES)
     if ranges is not None:
-        for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
-            raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
-        # Gas from below or a mechanism may lift a film, the more so the higher the voltage.
-        lifts = dataset.rig.gas_pressure > 0 or dataset.rig.biases
-        for row in () if lifts else np.flatnonzero(ranges.range < 0):
-            raise ranges.error(int(row), "range", "must not be negative: a load pulls the film "
-                                                  "further down as the voltage rises")
+        _check_ranges(ranges, dataset.rig)
     if transients is not None:
         _check_times(transients)
     if fields is not None:
@@ -341,6 +303,84 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                    coupons=Coupons.joined(tests) if tests else None,
                    frequencies=frequencies, fields=fields, forces=forces,
                    remarks=tuple(remarks))
+
+
+def _dataset_folder(path: Path) -> Path:
+    """Find the folder of a dataset by its own path, or by that of its dataset.toml."""
+    folder = path.parent if path.name == "dataset.toml" and path.is_file() else path
+    if not folder.is_dir():
+        hint = "" if folder.exists() else near_name(folder)
+        raise InputError("must be a folder with dataset.toml and at least one CSV file of readings"
+                         + hint, file=folder)
+    return folder
+
+
+def _other_files(folder: Path, there: Sequence[str], dataset: Dataset
+                 ) -> tuple[dict[Path, Format], list[str]]:
+    """Find published files of coupons, each with its format; remark on every file not in FILES."""
+    stems = {Path(name).stem: name for name in FILES}
+    named = {layout.file for layout in dataset.layouts.values()}
+    others = [folder / name for name in there
+              if Path(name).stem not in stems and name not in named]
+    published = {file: kind for file in others if (kind := _published(file)) is not None}
+    known = f"known are {', '.join(FILES)}, and {_publications()}"
+    remarks = [f"{file.name} is not read: {did_you_mean(file.stem.lower(), stems)}{known}"
+               for file in others if file not in published]
+    for kind in dict.fromkeys(published.values()):
+        same = [file.name for file, other in published.items() if other is kind]
+        remarks.append(f"read as {kind.explanation}: {', '.join(same)}")
+    return published, remarks
+
+
+def _sheet_file(folder: Path, name: str, dataset: Dataset) -> Path | None:
+    """Find one of FILES, in any format, by the name in its layout or by its own; None: absent."""
+    stem = Path(name).stem
+    layout = dataset.layouts.get(stem)
+    if layout is not None and layout.file:
+        return folder / layout.file
+    files = [file for suffix in suffixes() if (file := folder / f"{stem}{suffix}").exists()]
+    if len(files) > 1:
+        names = " and ".join(file.name for file in files)
+        raise InputError(f"must stand there once, in one format: there are {names}", file=folder,
+                         key=stem)
+    if not files and layout is not None:
+        raise InputError(f"there is no {name}: write its name, file = \"…\"",
+                         file=folder / "dataset.toml", key=f"columns.{stem}")
+    return files[0] if files else None
+
+
+def _checked_sheet(file: Path, name: str, dataset: Dataset, planned: bool
+                   ) -> tuple[Sheet, list[str]]:
+    """Read one of FILES, check its specimens, masses and copies, and list remarks on it."""
+    later: tuple[str, ...] = ("displacement", "range", "frequency") if planned else ()
+    names = [specimen.name for specimen in dataset.specimens]
+    # Nothing hangs on a film without plate.
+    alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
+    later += ("mass",) if alone else ()
+    columns = [replace(column, required=column.required and column.name not in later,
+                       example=names[0] if column is SPECIMEN else column.example)
+               for column in FILES[name]]
+    stem = Path(name).stem
+    sheet = read_sheet(file, columns, layout=dataset.layouts.get(stem, Layout()), table=stem,
+                       usual=_usual(dataset, file))
+    if SPECIMEN not in FILES[name]:
+        return sheet, list(sheet.remarks)
+    _check_specimens(sheet, names)
+    if alone and "mass" in sheet.values:
+        sheet = _unloaded(sheet, alone)
+    return sheet, [*sheet.remarks, *_identical(sheet)]
+
+
+def _check_ranges(ranges: Sheet, rig: Rig) -> None:
+    """Refuse ranges between voltages that do not ascend, and negative ones of a mere load."""
+    for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
+        raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
+    if rig.gas_pressure > 0 or rig.biases:
+        # Gas from below or a mechanism may lift a film, the more so the higher the voltage.
+        return
+    for row in np.flatnonzero(ranges.range < 0):
+        raise ranges.error(int(row), "range", "must not be negative: a load pulls the film "
+                                              "further down as the voltage rises")
 
 
 def _unloaded(sheet: Sheet, alone: Sequence[str]) -> Sheet:
@@ -385,17 +425,6 @@ def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
     if len(dataset.specimens) == 1:
         usual["specimen"] = dataset.specimens[0].name
     return usual | coupon.named_mode(file)
-
-
-def _file_of(folder: Path, name: str) -> Path | None:
-    """The file of readings of that name, whatever its format."""
-    stem = Path(name).stem
-    files = [file for suffix in suffixes() if (file := folder / f"{stem}{suffix}").exists()]
-    if len(files) > 1:
-        names = " and ".join(file.name for file in files)
-        raise InputError(f"must stand there once, in one format: there are {names}", file=folder,
-                         key=stem)
-    return files[0] if files else None
 
 
 def _published(file: Path) -> Format | None:

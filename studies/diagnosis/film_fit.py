@@ -1,9 +1,9 @@
-"""A film fitted to what its actuators showed: stiffness, permittivity, in time viscous branches.
+"""A film fitted to readings of its actuators: stiffness, permittivity, branches in time.
 
-The law keeps the form that is stated. All evidence is judged by the nominal fit of a diagnosis:
+The law keeps its stated form. All evidence is judged by the nominal fit of a diagnosis:
 deflections, forces that hold plates, frequencies, scans, runs in time, with coupons beside them.
-Branches are those of the effect ``creep``, by the same reduced films and the same search as a
-diagnosis has, with no other effect beside them.
+Branches are those of the effect ``creep``, found by the reduced films and the search of a
+diagnosis, with no other effect.
 """
 
 from __future__ import annotations
@@ -46,26 +46,25 @@ from tympan.studies.files import remove, to_json, words_beside, write_json, writ
 #: Sentences, by key.
 WORDS = words_beside(__file__)
 
-#: Deviations of 95 % limits.
+#: Half width of 95 % limits, in standard deviations.
 TWO_SIDED = 1.96
 
-#: Most branches.
+#: Most branches fitted.
 MOST = 2
 
-#: Probability by noise alone below which what the fit leaves is more than noise.
+#: p-value of a fit's residuals below which they are more than noise.
 _ADEQUATE = 0.01
-#: Correlation from which two constants are told together only.
+#: Correlation from which on only a combination of two constants is determined.
 _TOGETHER = 0.95
-#: Upper over lower limit from which a branch's time is hardly told.
+#: Upper over lower limit from which on a branch's time is hardly determined.
 _WIDE = 30.0
-#: Width of a factor's limits over those that are known beforehand, from which readings tell hardly
-#: more.
+#: Width of a factor's limits over the limits before any reading, from which on readings add little.
 _BEFOREHAND = 0.5
 
 
 @dataclass(frozen=True)
 class FittedConstant:
-    """A constant with its 95 % limits, widened where the fit leaves more than noise."""
+    """A constant with its 95 % limits, widened where the residuals are more than noise."""
 
     value: Annotated[float, Key("the most probable one")]
     low: Annotated[float | None, Key("lower 95 % limit")]
@@ -73,7 +72,7 @@ class FittedConstant:
 
     @classmethod
     def of(cls, size: FoundSize) -> FittedConstant:
-        """Constant that is a parameter of an effect."""
+        """Take the constant that is a parameter of an effect."""
         return cls(size.value, *(limit if np.isfinite(limit) else None
                                  for limit in (size.low, size.high)))
 
@@ -88,7 +87,7 @@ class FittedBranch:
 
 @dataclass(frozen=True)
 class LawConstant(FittedConstant):
-    """A constant of the law; ``value`` has the factor on stiffness in it."""
+    """A constant of the law; ``value`` includes the factor on stiffness."""
 
     name: Annotated[str, Key("key of the law, numbered where it is a list")]
     unit: Annotated[str, Key("of the value: Pa, or none")]
@@ -134,12 +133,12 @@ class FilmFit:
                 ("permittivity factor", "", self.permittivity_factor), *branches, *law]
 
     def json(self) -> Json:
-        """Fit as a JSON object."""
+        """Write the fit as a JSON object."""
         record: Json = to_json(self)
         return record
 
     def save(self, folder: Path) -> None:
-        """Write film_fit.json and every specimen with its film as fitted."""
+        """Write film_fit.json and every specimen with its fitted film."""
         remove(folder, "film_fit.json")
         for name, text in self.files.items():
             write_text(folder / name, text)
@@ -150,11 +149,12 @@ def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0,
              constants: Sequence[str] = ()) -> FilmFit:
     """Fit one factor on stiffness, one on permittivity and viscous branches to all readings.
 
-    ``branches``: how many; None: as many as are more probable than fewer, at most :data:`MOST`, and
-    none without runs in time. Noise that nothing states is what the fit's scatter tells. ``seed``
-    is that of the draws with which coupons are judged. ``constants``: keys of the law, such as
-    ``mu``, or "all", whose constants are fitted each by itself, to readings at rest alone. An
-    :class:`InputError` where readings tell no such branch, or are of coupons alone.
+    ``branches`` is their number. None takes as many as are more probable than fewer, at most
+    :data:`MOST`, and none without runs in time. Noise that is not stated is estimated from the
+    fit's scatter. ``seed`` is that of the random draws by which coupons are judged. ``constants``
+    are keys of the law, such as ``mu``, or "all", whose constants are fitted each by itself, to
+    readings at rest alone. An :class:`InputError` where readings do not determine such a branch, or
+    are of coupons alone.
     """
     if of_coupons_alone(dataset):
         raise InputError("must have readings of an actuator; of coupons alone give the file "
@@ -195,7 +195,7 @@ def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0,
 
 
 def _law_may_be_fitted(dataset: Dataset) -> None:
-    """Refuse datasets whose films have several laws, and readings that tell of more than a law."""
+    """Refuse datasets of films with several laws, and readings that depend on more than a law."""
     if len({specimen.membrane.material for specimen in dataset.specimens}) > 1:
         raise InputError("must not be given: the specimens have different laws", key="--constants")
     for there, name, what in ((dataset.coupons, "coupon.csv", "laws are fitted to that file by "
@@ -207,7 +207,7 @@ def _law_may_be_fitted(dataset: Dataset) -> None:
 
 def _with_law(result: FilmFit, dataset: Dataset, table: ReadingTable, kinds: Sequence[str]
               ) -> FilmFit:
-    """The result with the constants of the law, and the films that they make."""
+    """Add the fitted constants of the law to a result, and the films made with them."""
     first = dataset.specimens[0].membrane
 
     def calibrated(law: Material) -> Calibration:
@@ -261,7 +261,7 @@ def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, .
 
 
 def _not_told(fit: Fit, sizes: list[dict[str, FoundSize]], in_time: bool) -> Iterator[str]:
-    """Constants of a fit that the readings, some of them ``in_time``, do not tell."""
+    """Name the constants that the readings, some of them ``in_time``, do not determine."""
     names = ["stiffness", "permittivity"]
     for cause in fit.hypothesis:
         number = 1 + [size["mu"].value for size in sizes].index(found_sizes(fit, cause)["mu"].value)

@@ -1,7 +1,8 @@
-"""Constants of a film's law fitted to readings of its actuators, beside the two factors.
+"""Constants of a film's law fitted to readings of its actuators, with the two factors.
 
-Each step solves the films anew with other constants. The factors on stiffness and permittivity are
-fitted within, so that the largest stress of the law, which the factor moves, is no unknown.
+Each step solves the films again with other constants. The factors on stiffness and permittivity are
+fitted within each step. The stiffness factor scales the largest stress of the law, so that this
+stress is no unknown.
 """
 
 from __future__ import annotations
@@ -22,22 +23,22 @@ from tympan.studies.diagnosis.fits.fit import Fit
 
 #: Step of a constant for derivatives, as a share of the stress of the mounted film.
 _STEP = 0.02
-#: Largest change of a constant at once, as such a share.
+#: Largest change of a constant in one step, as such a share.
 _STRIDE = 0.5
 #: Standard deviation of a constant before any reading, as such a share: a constant that alone
 #: changes the mounted stress threefold is not unlikely.
 BEFOREHAND = 3.0
 #: Most steps of a search.
 _STEPS = 8
-#: How often a step is halved where no film can be made of the law, or none that fits better.
+#: Most halvings of a step where no film can be made of the law, or none that fits better.
 _HALVINGS = 6
-#: Fall of χ² below which the search has arrived.
+#: Fall of χ² below which the search has converged.
 _SETTLED = 0.01
 
 
 @dataclass(frozen=True)
 class LawConstants:
-    """The constants of a law in a row: names, keys of the law, values, which are stresses."""
+    """The constants of a law in a row: names, keys of the law, values, and which are stresses."""
 
     law: Material
     names: tuple[str, ...]
@@ -47,7 +48,7 @@ class LawConstants:
 
     @classmethod
     def of(cls, law: Material) -> LawConstants:
-        """Constants of a law that is a declared dataclass."""
+        """List the constants of a law that is a declared dataclass."""
         names, keys, values, stress = list[str](), list[str](), list[float](), list[bool]()
         for field in fields_of(type(law)):
             given = getattr(law, field.name)
@@ -65,7 +66,7 @@ class LawConstants:
         return tuple(dict.fromkeys(self.of_key))
 
     def made(self, values: Array) -> Material:
-        """The same law with other constants, refused where no film can be made of it."""
+        """Make the same law with other constants; refuse one that no film can have."""
         given: dict[str, Any] = {}
         left = values.tolist()
         for field in fields_of(type(self.law)):
@@ -76,14 +77,14 @@ class LawConstants:
         return checked(law)
 
     def units(self, prestretch: tuple[float, float]) -> Array:
-        """Changes of each constant that would, in line, double the stress of the mounted film."""
+        """Compute changes of each constant that would, linearly, double the mounted stress."""
         def stress(values: Array) -> float:
             return float(self.made(values).derivatives(*np.array(prestretch))[1])
 
         whole, units = stress(self.values), []
         for number, value in enumerate(self.values):
-            step = 1e-4 * max(abs(value), 1e-3 * np.abs(self.values[self.stress]).max()
-                              if self.stress[number] else 1e-3)
+            least = 1e-3 * np.abs(self.values[self.stress]).max() if self.stress[number] else 1e-3
+            step = 1e-4 * max(abs(value), least)
             moved = self.values.copy()
             moved[number] += step
             units.append(whole * step / (stress(moved) - whole))
@@ -92,10 +93,11 @@ class LawConstants:
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """Constants as fitted, the factor on stiffness in them, and their standard deviations.
+    """Fitted constants, multiplied by the factor on stiffness, and their standard deviations.
 
-    ``told``: deviations over those before any reading; near 1 the readings say nothing. ``law`` is
-    without the factor, which ``fit`` has. Constants that were kept have no deviation but by it.
+    ``told`` is the deviation over that before any reading; near 1 the readings add nothing. ``law``
+    is without the factor, which ``fit`` has. Constants that were kept have only the factor's
+    deviation.
     """
 
     constants: LawConstants
@@ -108,12 +110,12 @@ class FittedLaw:
 
 def fit_law(law: Material, prestretch: tuple[float, float], kinds: Sequence[str],
             fitted: Callable[[Material], Fit]) -> FittedLaw:
-    """The constants with least cost; ``fitted`` fits the factors for a law of the same readings.
+    """Find the constants with least cost; ``fitted`` fits the factors for a law of the readings.
 
     ``kinds`` are the law's keys that are fitted, such as ``mu``; "all" is every one.
 
-    Gauss–Newton by differences: residuals with the factors fitted are those of variable projection
-    (Golub, Pereyra, 1973).
+    The method is Gauss–Newton by differences: residuals with the factors fitted are those of
+    variable projection (Golub, Pereyra, 1973).
     """
     constants = LawConstants.of(law)
     for kind in kinds:
@@ -149,7 +151,7 @@ def fit_law(law: Material, prestretch: tuple[float, float], kinds: Sequence[str]
 
 def _slopes(constants: LawConstants, values: Array, units: Array, free: Array, at: Fit,
             fitted: Callable[[Material], Fit]) -> tuple[Array, Array]:
-    """Derivatives of residuals, and of the logarithm of the factor, by the free constants."""
+    """Differentiate residuals, and the logarithm of the factor, by the free constants."""
     residuals, factors = [], []
     for number in free:
         for sign in (1.0, -1.0):
@@ -170,7 +172,7 @@ def _slopes(constants: LawConstants, values: Array, units: Array, free: Array, a
 
 def _shorter(constants: LawConstants, values: Array, units: Array, free: Array, step: Array,
              at: Fit, fitted: Callable[[Material], Fit]) -> tuple[Array, Fit] | None:
-    """The step, halved until a film can be made of it that fits better; None if none does."""
+    """Halve the step until a film can be made of it that fits better; None if none does."""
     for halving in range(_HALVINGS):
         moved = values.copy()
         moved[free] += step * units[free] / 2**halving
@@ -185,7 +187,7 @@ def _shorter(constants: LawConstants, values: Array, units: Array, free: Array, 
 
 def _result(constants: LawConstants, values: Array, units: Array, free: Array, drift: Array,
             covariance: Array, best: Fit) -> FittedLaw:
-    """Constants times the factor, with the deviations of their product."""
+    """Multiply constants by the factor, with the deviations of their product."""
     factor, alone = float(np.exp(best.unknowns[0])), best.louder(best.misfit).deviations[0]
     scale = np.where(constants.stress, factor, 1.0)
     slopes = np.zeros((len(values), len(free)))

@@ -1,4 +1,4 @@
-"""An effect: a named edit of specimens or rig that the nominal model leaves out."""
+"""An effect: a named change of specimens or rig that the nominal model leaves out."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from tympan.studies.effects.prior import HeavyTail
 
 
 class Quantity(Enum):
-    """Quantity that some effects show in alone, by the column of a file that tells it.
+    """Quantity without which some effects cannot be seen, by the column of a file that holds it.
 
-    ``TIME``: how readings go on, by a transient's times or by how long states were held.
+    ``TIME`` is the course of readings, by a transient's times or by the time states were held.
     """
 
     ELAPSED = "elapsed_s"
@@ -37,13 +37,13 @@ class Quantity(Enum):
 
 @dataclass(frozen=True)
 class Setup:
-    """All an effect may edit: the specimens of a dataset, and the rig they were on."""
+    """Everything an effect may change: the specimens of a dataset, and their rig."""
 
     specimens: tuple[Specimen, ...]
     rig: Rig
 
     def specimen(self, name: str) -> Specimen:
-        """The specimen of that name; an :class:`InputError` where there is none."""
+        """Find a specimen by its name; an :class:`InputError` if there is none."""
         for specimen in self.specimens:
             if specimen.name == name:
                 return specimen
@@ -68,18 +68,18 @@ class Setup:
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A number of an effect, in SI inside, with what is known of it before any data.
+    """A number of an effect, in SI inside, with prior knowledge of it.
 
-    ``power`` makes a value its size, in which no effect is 0 and the readings are smooth.
-    ``width``, ``low`` and ``high`` are values: ``width`` is usual, for a ``reason``, and beyond
-    ``low`` and ``high`` physics or geometry let nothing be; the prior of the size has a heavy tail
-    between them (:class:`~tympan.studies.effects.prior.HeavyTail`).
-    ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
-    ``least`` cannot be built. ``even``: the sign changes no reading of a specimen that is its own
-    mirror image. ``spread``: of a number that is no effect by itself but says how another one acts,
-    such as a time: its size is the logarithm of the value over ``width``, usually so large.
-    Sentences give ``tell(value)`` in ``told_in``, the unit to show if it is left out,
-    or "%" of plain numbers. ``name`` is that of the argument it annotates.
+    ``power`` turns a value into its size, in which no effect is 0 and the readings are smooth.
+    ``width``, ``low`` and ``high`` are values: ``width`` is typical, for a ``reason``; physics or
+    geometry allow nothing beyond ``low`` and ``high``. The prior of the size has a heavy tail
+    between them (:class:`~tympan.studies.effects.prior.HeavyTail`). ``unit`` is the one to show (""
+    for plain numbers). Values other than 0 that are smaller than ``least`` cannot be built.
+    ``even``: the sign changes no reading of a specimen that is its own mirror image. ``spread``
+    belongs to a number that is no effect by itself but describes how another one acts, such as a
+    time: its size is the logarithm of the value over ``width``, and this is its typical size.
+    Sentences give ``tell(value)`` in ``told_in``, or the unit to show if that is left out, or "%"
+    for plain numbers. ``name`` is that of the argument it annotates.
     """
 
     meaning: str
@@ -106,16 +106,16 @@ class EffectParameter:
         return self._unit[1]
 
     def size(self, value: float) -> float:
-        """The size of a value: 0 where there is no effect."""
+        """Convert a value to a size: 0 where there is no effect."""
         if self.spread:
             return log(value / self.width) if value > 0 else -inf
         return float(value**self.power)
 
     def value(self, size: float) -> float:
-        """The value of a size."""
+        """Convert a size to a value."""
         if self.spread:
             value = self.width * exp(size)
-            # Limits come back from their logarithms as they were.
+            # Limits that come back from their logarithms must be exactly as they were.
             return next((end for end in (self.low, self.high) if isclose(value, end)), value)
         return inf if self.power < 0 and size == 0 else float(size ** (1 / self.power))
 
@@ -130,12 +130,12 @@ class EffectParameter:
 
     @property
     def deviation(self) -> float:
-        """The usual size, that of ``width``."""
+        """Typical size, that of ``width``."""
         return self.spread or self.size(self.width)
 
     @property
     def sign(self) -> Literal["signed", "positive", "even"]:
-        """Signs that it can have."""
+        """Signs that the size can have."""
         return "even" if self.even else "signed" if self.limits[0] < 0 else "positive"
 
     @property
@@ -146,15 +146,15 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Family:
-    """Effects that readings often do not tell apart.
+    """Effects that readings often cannot distinguish.
 
-    ``measure`` is what they have in common, ``of(specimen, rig)`` its value. ``alike``: others that
-    do as much as one of them have at least and at most so many times its measure, by trial; some
-    are no effects of the library. ``told_by``: what must be read to tell them; where that is
-    nothing, each design tells whether its readings do. ``never_told``: no readings do, for causes
-    that are no effects of the library do the same. ``finding`` is what is said of all of them,
-    with the measure as ``{share}`` or ``{size}``, and ``check`` what to do; both with the specimen
-    of an effect on one as ``{which}``.
+    ``measure`` is what they have in common, ``of(specimen, rig)`` its value. ``alike``: other
+    effects with the same readings have at least and at most these multiples of its measure, by
+    trial; some are no effects of the library. ``told_by`` are readings that distinguish them; if
+    empty, each design decides whether its readings do. ``never_told``: no readings do, since causes
+    outside the library have the same readings. ``finding`` is the sentence on all of them, with the
+    measure as ``{share}`` or ``{size}``, and ``check`` is what to do; both have the specimen of an
+    effect on one as ``{which}``.
     """
 
     name: str
@@ -168,22 +168,22 @@ class Family:
 
     @property
     def members(self) -> tuple[Effect, ...]:
-        """Its effects, in the order of the registry."""
+        """Effects of the family, in the order of the registry."""
         return tuple(effect for effect in EFFECTS.values() if effect.family is self)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A pure edit of a :class:`Setup` by some parameters.
+    """A pure change of a :class:`Setup` by some parameters.
 
     ``edit(setup, *values)`` returns a new setup; values of size 0 must change no number of the
-    solution. ``on_one``: it happens to one specimen, which must be named, ``edit(setup, *values,
-    which=name)``, rather than to all or to the rig. ``explanation`` is one sentence for someone in
-    the laboratory; ``finding`` what is said where it is found, as
-    :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
-    to see it directly, both of them with the specimen as ``{which}``. It shows in the quantities
-    ``shows_in`` alone, and, if there are none, wherever it changes something. ``family``: what it
-    is one of, if others do the same. ``twice``: it may be there beside itself, at other sizes.
+    solution. ``on_one``: it affects one specimen, which must be named, ``edit(setup, *values,
+    which=name)``, rather than all or the rig. ``explanation`` is one sentence for someone in the
+    laboratory. ``finding`` is the sentence where the effect is found, as
+    :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to see
+    it directly; both have the specimen as ``{which}``. The effect shows only in the quantities
+    ``shows_in`` or, if there are none, wherever it changes something. ``family`` is that of effects
+    with the same readings, if any. ``twice``: it may be present twice, with different sizes.
     """
 
     name: str
@@ -203,14 +203,14 @@ class Effect:
         return tuple(quantity.value for quantity in self.shows_in)
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
-        """Choices of ``which``."""
+        """List the choices of ``which``."""
         return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
 
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:
-        """The setup with this effect: ``values`` in SI, ``which`` for an effect on one specimen.
+        """Apply the effect to a setup: ``values`` in SI, ``which`` for an effect on one specimen.
 
-        An :class:`InputError` for values beyond their limits or of which no specimen can be built,
-        and where ``which`` is missing.
+        An :class:`InputError` for values beyond their limits or with which no specimen can be
+        built, and where ``which`` is missing.
         """
         for parameter, value in zip(self.parameters, values, strict=True):
             if not parameter.low <= value <= parameter.high:
@@ -222,12 +222,12 @@ class Effect:
         return self.edit(setup, *values, **{"which": which} if self.on_one else {})
 
     def at(self, setup: Setup, sizes: Sequence[float], which: str | None = None) -> Setup:
-        """The setup with this effect at given sizes of its parameters."""
+        """Apply the effect to a setup at given sizes of its parameters."""
         values = [item.value(size) for item, size in zip(self.parameters, sizes, strict=True)]
         return self.apply(setup, values, which)
 
 
-#: An effect by name, its values in SI, and the specimen it happens to, if it is on one.
+#: An effect by name, its values in SI, and the specimen it affects, if it is on one.
 Use = tuple[str, tuple[float, ...], str | None]
 
 #: All effects by name, in the order in which several are applied.
@@ -239,7 +239,7 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quanti
            ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
-    One with an argument ``which`` is on one specimen.
+    An edit with an argument ``which`` is on one specimen.
     """
     def registered(edit: Callable[..., Setup]) -> Effect:
         hints = get_type_hints(edit, include_extras=True)
@@ -258,14 +258,14 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quanti
                       on_one="which" in hints, shows_in=shows_in, family=family,
                       twice=twice)
         EFFECTS.register(made)
-        edit.__doc__ = edit.__doc__ or explanation  # so that help() of the edit says it
+        edit.__doc__ = edit.__doc__ or explanation  # for help() of the edit
         return made
 
     return registered
 
 
 def extended(setup: Setup, uses: Iterable[Use]) -> Setup:
-    """The setup with several effects, applied in the order of the registry."""
+    """Apply several effects to a setup, in the order of the registry."""
     order = list(EFFECTS)
     for name, values, which in sorted(uses, key=lambda use: order.index(use[0])):
         setup = EFFECTS[name].apply(setup, values, which)

@@ -1,4 +1,4 @@
-"""Findings of an effect that readings speak for: its sentence, with sizes and their limits."""
+"""Sentences of the effects that were found, with sizes and their limits."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from string import Formatter
 
 from tympan.studies.effects.effect import Effect, EffectParameter, Family
 
-#: Most significant digits of a number in a sentence. No effect is known better.
+#: Most significant digits of a number in a sentence. No effect is known more accurately.
 _DIGITS = 3
-#: The share of half the width between limits that the last digit resolves, so that rounding hardly
-#: moves them. Set by trial.
+#: Resolution of the last digit, as a share of half the width between limits, so that rounding
+#: hardly moves the limits. Set by trial.
 _RESOLVED = 0.6
 
-#: Share of the width between limits within which nothing is told from no effect.
+#: Share of the width between limits below which an effect cannot be distinguished from none.
 _NEAR = 1e-3
 
 
 @dataclass(frozen=True)
 class FoundSize:
-    """A parameter's value with its 95 % limits, in SI, and how a sentence gives them.
+    """A parameter's value with its 95 % limits, in SI, formatted for sentences.
 
-    Formatted without a specification it is a size with its unit, or what it is at least or less
-    than where it lies on a limit, with its sign only where no words give that (``even``);
-    formatted with two words, as in ``{m_0:heavier/lighter}``, the
-    first one where it is positive, else the second.
+    Formatted without a specification it is a size with its unit; if it lies on a limit, "at least"
+    or "less than" a size. It has its sign only where no words give that (``even``). Formatted with
+    two words, as in ``{m_0:heavier/lighter}``, it is the first one where it is positive, else the
+    second.
     """
 
     parameter: EffectParameter
@@ -51,7 +51,7 @@ class FoundSize:
 
     @property
     def small(self) -> bool:
-        """Whether it is known only to be less than something."""
+        """Whether only an upper bound of it is known."""
         value, low, high = self._told
         near = _NEAR * (high - low)
         return low <= near and -near <= high and (
@@ -59,13 +59,13 @@ class FoundSize:
 
     @property
     def clear(self) -> bool:
-        """Whether it is known to be something."""
+        """Whether it is certainly not zero."""
         _, low, high = self._told
         return not self.small and (low > 0 or high < 0)
 
     @property
     def range(self) -> str:
-        """Its limits; "" where the size already is one."""
+        """Limits as words; "" where the size already is one."""
         value, low, high = self._told
         if self.small or value in (low, high):
             return ""
@@ -87,7 +87,7 @@ class FoundSize:
         return f" {unit}" if unit else ""
 
     def _text(self, number: float) -> str:
-        """A number with the digits that half the width between the limits leaves a meaning."""
+        """Write a number with the digits that half the width between the limits justifies."""
         value, low, high = self._told
         size, width = max(map(abs, (value, low, high))), _RESOLVED * (high - low) / 2
         digits = _power(size) - _power(width) + 1 if 0 < width < inf else _DIGITS
@@ -95,7 +95,7 @@ class FoundSize:
 
 
 def _rounded(number: float, digits: int, size: float = 0.0) -> str:
-    """A number with as many digits as a larger one of ``size`` needs to have ``digits``."""
+    """Write a number with the decimals that ``size`` needs to have ``digits`` digits."""
     decimals = max(0, digits - 1 - _power(size or abs(number)))
     return f"{number:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
 
@@ -105,17 +105,17 @@ def _power(size: float) -> int:
 
 
 def finding(effect: Effect, sizes: Mapping[str, FoundSize], which: str | None) -> str:
-    """The sentence of an effect that was found, without a stop, by its parameters' sizes."""
+    """Write the sentence of an effect that was found, without a full stop."""
     return effect.finding.format(which=which, **sizes)
 
 
 def family_finding(family: Family, size: FoundSize, which: str | None = None) -> str:
-    """The sentence of a family of which one was found: its measure is no better than its limits."""
+    """Write the sentence of a family with an effect found: its measure is given by its limits."""
     return family.finding.format(share=size.range or size, size=size, which=which)
 
 
 def limits_told(effect: Effect, sizes: Mapping[str, FoundSize]) -> str:
-    """The 95 % limits of the sizes its sentence gives, in its order."""
+    """Write the 95 % limits of the sizes in an effect's sentence, in its order."""
     names = [name for _, name, words, _ in Formatter().parse(effect.finding)
              if name in sizes and not words]
     return "; ".join(filter(None, (sizes[name].range for name in names if name)))

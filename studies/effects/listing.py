@@ -1,4 +1,4 @@
-"""All effects with parameters and priors, as data and in words."""
+"""List of all effects with parameters and priors, as data and in words."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter
 
-#: What the size of a value is where its power is not 1, and of one with a spread.
+#: Words before a value for its size, by its power, and for one with a spread.
 _SIZES = {1: "", -1: "1 over ", -2: "1/square of "}
 _LOGARITHM = "logarithm of "
 
 
 def listing() -> dict[str, Any]:
-    """Every effect as a JSON object by its name; limits that are infinite are None."""
+    """List every effect as a JSON object by its name; limits that are infinite are None."""
     return {effect.name: {
         "explanation": effect.explanation, "check": direct_check(effect),
         "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
@@ -38,17 +38,17 @@ def _distribution(item: EffectParameter) -> str:
 
 
 def direct_check(effect: Effect) -> str:
-    """Advice on how to see an effect directly, whichever specimen it is on."""
+    """Advise how to see an effect directly, on any specimen."""
     return effect.check.format(which="the specimen")
 
 
 def named(item: EffectParameter) -> str:
-    """A parameter's name with its unit."""
+    """Write a parameter's name with its unit."""
     return f"{item.name} [{item.unit}]" if item.unit else item.name
 
 
 def prior(item: EffectParameter) -> str:
-    """Knowledge of a parameter before any data, in words."""
+    """Write the prior knowledge of a parameter in words."""
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
     of = f" in {_size(item)}{item.name}" if _size(item) else ""
     unit = f" {item.unit}" if item.unit else ""

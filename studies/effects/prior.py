@@ -1,4 +1,4 @@
-"""Prior of an effect's size before any data: a scale and not a wall."""
+"""Prior of an effect's size: a typical scale without a hard bound."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 
-#: The median of a half-normal distribution of unit deviation.
+#: Median of a half-normal distribution of unit deviation.
 _MEDIAN = 0.6744897501960817
 
 
@@ -18,10 +18,10 @@ _MEDIAN = 0.6744897501960817
 class HeavyTail:
     """Cauchy's distribution about 0, cut at ``low`` and ``high``.
 
-    Half of the sizes are below the median of a half-normal distribution of deviation ``usual``.
-    Where that is right, the tail costs 0.19 nats of evidence; where sizes are spread evenly over
-    their logarithm from 0.3 to 20 usual ones it saves 21, more than Student's distributions of
-    more degrees of freedom do.
+    Half of the sizes are below the median of a half-normal distribution of deviation ``usual``. If
+    that is the true distribution, the tail costs 0.19 nats of evidence; if the logarithm of sizes
+    is uniform from 0.3 to 20 typical ones, it saves 21, more than Student's distributions with more
+    degrees of freedom.
 
     Examples
     --------
@@ -40,22 +40,22 @@ class HeavyTail:
         return _MEDIAN * self.usual
 
     def widened(self, factor: float) -> HeavyTail:
-        """The same about a usual size ``factor`` times as large."""
+        """Multiply the typical size by a ``factor``."""
         return replace(self, usual=factor * self.usual)
 
     def cdf(self, size: Any) -> Any:
-        """Share of the sizes below this one."""
+        """Compute the share of the sizes below this one."""
         below, above = self._turns
         turn = np.arctan(np.clip(size, self.low, self.high) / self.scale)
         return (turn - below) / (above - below)
 
     def ppf(self, share: Any) -> Any:
-        """The size below which a share of them is."""
+        """Compute the size below which a share of them is."""
         below, above = self._turns
         return self.scale * np.tan(below + share * (above - below))
 
     def logpdf(self, size: Any) -> Any:
-        """Logarithm of density per size."""
+        """Compute the logarithm of density per size."""
         below, above = self._turns
         inside = (size >= self.low) & (size <= self.high)
         density = -np.log1p((size / self.scale) ** 2) - np.log(self.scale * (above - below))
@@ -68,9 +68,9 @@ class HeavyTail:
 
 
 def as_residuals(sizes: Array, scales: Array) -> tuple[Array, Array]:
-    """Residuals half of whose square is minus the logarithm of density over that at 0; slopes.
+    """Compute residuals whose half square is minus the log density over that at 0, and slopes.
 
-    The shapes are all the same; ``scales`` are those of :class:`HeavyTail`.
+    All shapes are equal; ``scales`` are those of :class:`HeavyTail`.
     """
     share = sizes / scales
     rows = np.sign(share) * np.sqrt(2 * np.log1p(share**2))

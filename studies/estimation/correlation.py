@@ -1,8 +1,8 @@
-"""Residuals that are like their neighbours: how much less readings then say.
+"""Correlation between neighbouring residuals, and the information that readings then have.
 
-Along one test errors last: what the model misses, a slow drift, a digitised line's wobble. Here
-they are first-order autoregressive within each series of readings, independent between series.
-Least squares stays the estimate; its limits are those of errors so correlated.
+Along one test errors last: a misfit of the model, a slow drift, the wobble of a digitised line.
+Here they are first-order autoregressive within each series of readings, independent between series.
+Least squares stays the estimate; its limits are those for errors with this correlation.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from tympan.studies.estimation.noise import Noise
 
 Series = Sequence[Numbers]
 
-#: Largest correlation looked for; what is more alike is one reading.
+#: Largest correlation considered; a larger one means a single reading.
 _MOST = 0.998
 
 
-#: Half the difference of correlations by which slopes are told.
+#: Half the difference of correlations for slopes.
 _APART = 1e-4
 
 
 def independent_count(readings: float, correlation: float) -> float:
-    """Number of independent readings that correlated ones are worth, for a mean of them.
+    """Count the independent readings that are worth as much as correlated ones, for a mean.
 
     Examples
     --------
@@ -41,11 +41,12 @@ def independent_count(readings: float, correlation: float) -> float:
 
 
 def akaike(mean_square: float, count: float, constants: int, sigma: float | None = None) -> float:
-    """Akaike's criterion, corrected for few readings (Hurvich and Tsai, Biometrika 76, 297, 1989).
+    """Compute Akaike's criterion, corrected for few readings (Hurvich, Tsai, Biometrika 76, 1989).
 
-    ``count`` is the number of independent readings, ``mean_square`` the mean squared residual,
-    ``sigma`` a known standard deviation of a reading: one that is estimated counts as one more
-    constant. inf where there are too few readings for so many constants.
+    The correction is on p. 297. ``count`` is the number of independent readings, ``mean_square``
+    the mean squared residual, ``sigma`` a known standard deviation of a reading; an estimated one
+    counts as one more constant. The result is inf where there are too few readings for the
+    constants.
     """
     every = constants + (sigma is None)
     spare = count - every - 1
@@ -58,12 +59,12 @@ def akaike(mean_square: float, count: float, constants: int, sigma: float | None
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Uncertainty of the unknowns that errors alike along series leave.
+    """Uncertainty of the unknowns under errors that are correlated along series.
 
     ``noise`` of a reading has the effective degrees of freedom (Satterthwaite, Biometrics Bull. 2,
-    110, 1946), ``correlation`` is that of neighbours; ``covariance`` is of the unknowns, shape
-    (p, p), linearised; ``widening`` by how much errors that are correlated widen the limits of
-    each, shape (p,).
+    110, 1946), ``correlation`` is that of neighbours. ``covariance`` is that of the unknowns, shape
+    (p, p), linearised; ``widening`` is the factor by which correlation widens the limits of each,
+    shape (p,).
     """
 
     noise: Noise
@@ -73,7 +74,7 @@ class Spread:
     scatter: _Scatter
 
     def noise_of(self, unknowns: slice) -> Noise:
-        """Known as well as for that of some unknowns whose limits are the widest by it."""
+        """Give the noise the fewest degrees of freedom that some unknowns have by it."""
         freedoms = self.scatter.freedoms(np.eye(len(self.covariance))[unknowns])
         return Noise.of_one(self.noise.size, float(freedoms.min()))
 
@@ -83,7 +84,7 @@ class Spread:
         return self._quantiles(np.eye(len(self.covariance)))
 
     def halves(self, rows: Array) -> Array:
-        """Half the 95 % bands of what depends on the unknowns by ``rows``, shape (m, p)."""
+        """Compute half the 95 % bands of values that depend on the unknowns by ``rows``, (m, p)."""
         spread = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
         return np.asarray(np.sqrt(_along(rows, spread)) * self._quantiles(rows))
 
@@ -94,10 +95,10 @@ class Spread:
     @classmethod
     def of(cls, jacobian: Array, residual: Array, series: Series,
            given: float | None = None) -> Spread:
-        """Spread by the residuals at a minimum and their derivative there.
+        """Estimate the uncertainty from the residuals at a minimum and their derivative there.
 
-        The correlation is the one with which residuals that remain after a fit of so many unknowns
-        would be as much like their neighbours as these are, none where they are less alike than
+        The correlation is the one with which residuals after a fit of as many unknowns would
+        resemble their neighbours as much as these do; 0 where they resemble them less than
         independent ones. ``given`` is a known standard deviation of a reading.
         """
         basis, back, hidden = seen_by(jacobian)
@@ -117,16 +118,16 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class _Scatter:
-    """Uncertainty of a variance of what depends on the unknowns.
+    """Uncertainty of the variance of values that depend on the unknowns.
 
-    Such a variance is an estimate by two sums over residuals, of squares and of products of
-    neighbours: the second tells the correlation. To first order its logarithm is the quadratic form
-    eᵀM(g + κ(N − a))Me over the expected first sum, with as many effective degrees of freedom as
-    have its variance (Satterthwaite; for correlations that are estimated Kenward and Roger,
-    Biometrics 53, 983, 1997). N has the products of neighbours, a is their expected sum over that
-    of the squares, g is 0 where the noise is given, and κ how much the variance grows with a.
+    Such a variance is estimated by two sums over residuals, of squares and of products of
+    neighbours: the second determines the correlation. To first order its logarithm is the quadratic
+    form eᵀM(g + κ(N − a))Me over the expected first sum. Its effective degrees of freedom follow
+    from its variance (Satterthwaite; for estimated correlations Kenward and Roger, Biometrics 53,
+    983, 1997). N has the products of neighbours, a is their expected sum over that of the squares,
+    g is 0 where the noise is given, and κ is the relative growth of the variance with a.
 
-    ``moments`` are those at the correlation, ``slope`` that of QᵀRQ by a, ``growth`` that of the
+    ``moments`` are those at the correlation, ``slope`` is that of QᵀRQ by a, ``growth`` that of the
     logarithm of the first sum, 0 where the noise is given.
     """
 
@@ -138,7 +139,7 @@ class _Scatter:
 
     @classmethod
     def of(cls, sight: _Sight, correlation: float, back: Array, given: bool) -> _Scatter:
-        """Slopes are none where the correlation does not follow the residuals."""
+        """Compute slopes by the correlation, zero where it does not follow the residuals."""
         moments = sight.moments(correlation)
         if not 0 < correlation < _MOST:
             return cls(moments, back, 0 * moments.spread, 0.0, given)
@@ -148,7 +149,7 @@ class _Scatter:
         return cls(moments, back, (high.spread - low.spread) / likeness, growth, given)
 
     def freedoms(self, rows: Array) -> Array:
-        """Degrees of freedom of what depends on the unknowns by rows, at least one, shape (m,)."""
+        """Compute degrees of freedom, at least one, of values that depend by rows, shape (m,)."""
         along = rows @ self.back
         with np.errstate(invalid="ignore", divide="ignore"):
             grown = _signed(along, self.slope) / _along(along, self.moments.spread) - self.growth
@@ -162,10 +163,11 @@ class _Scatter:
 
 @dataclass(frozen=True, eq=False)
 class _Moments:
-    """Moments of errors with correlation R, by the residuals MRM that they leave, M = 1 − QQᵀ.
+    """Moments of errors with correlation R, from the residuals MRM after a fit, M = 1 − QQᵀ.
 
-    ``spread`` QᵀRQ; ``plain`` tr MR, of the squares; ``likeness``, of products of neighbours, over
-    it; ``squares``: tr (MR)², tr MRMNMR, tr (NMRM)², N with the products of neighbours.
+    ``spread`` is QᵀRQ; ``plain`` is tr MR, of the squares; ``likeness`` is that of products of
+    neighbours over it; ``squares`` are tr (MR)², tr MRMNMR, tr (NMRM)², N with the products of
+    neighbours.
     """
 
     spread: Array
@@ -183,11 +185,11 @@ class _Sight:
     count: int
 
     def neighbours(self, values: Array) -> float:
-        """Σ of the products of neighbours."""
+        """Sum the products of neighbours."""
         return float(sum(values[run[:-1]] @ values[run[1:]] for run in self.series))
 
     def likeness(self, correlation: float) -> float:
-        """Likeness of neighbours after a fit: expected Σ of products over expected Σ of squares."""
+        """Compute the expected sum of neighbours' products over that of squares, after a fit."""
         carried = self._carried(self.basis, correlation)
         spread, shifted = self.basis.T @ carried, self._shifted(self.basis)
         products = correlation * sum(max(len(run) - 1, 0) for run in self.series)
@@ -196,7 +198,7 @@ class _Sight:
         return products / (self.count - float(np.trace(spread)))
 
     def moments(self, correlation: float) -> _Moments:
-        """Moments by MRM = R − U J Uᵀ of few columns U = (Q, RQ − ½ QQᵀRQ), J that swaps them."""
+        """Compute MRM = R − U J Uᵀ of few columns U = (Q, RQ − ½ QQᵀRQ); J swaps their halves."""
         carried = self._carried(self.basis, correlation)
         spread = self.basis.T @ carried
         u = np.hstack([self.basis, carried - self.basis @ spread / 2])
@@ -213,7 +215,7 @@ class _Sight:
                         (float(whole[0]), float(whole[1]), float(whole[2])))
 
     def _squares(self, correlation: float) -> Array:
-        """tr R², tr NR², tr (NR)²."""
+        """Compute tr R², tr NR², tr (NR)²."""
         sums = np.array([self.count - sum(map(len, self.series)), 0.0, 0.0])
         for run in self.series:
             r = toeplitz(_powers(correlation, len(run)))
@@ -222,14 +224,14 @@ class _Sight:
         return sums
 
     def _carried(self, columns: Array, correlation: float) -> Array:
-        """R times columns; what is in no series is correlated with nothing."""
+        """Multiply R by columns; readings outside any series are uncorrelated."""
         carried = columns.copy()
         for run in self.series:
             carried[run] = toeplitz(_powers(correlation, len(run))) @ columns[run]
         return carried
 
     def _shifted(self, columns: Array) -> Array:
-        """N times columns: half the sum of a reading's neighbours."""
+        """Multiply N by columns: half the sum of a reading's neighbours."""
         shifted = np.zeros_like(columns)
         for run in self.series:
             shifted[run[:-1]] += columns[run[1:]] / 2
@@ -257,15 +259,15 @@ def _powers(base: float, count: int) -> Array:
 
 
 def _trace(first: Array, second: Array) -> float:
-    """Trace of firstᵀ second."""
+    """Compute the trace of firstᵀ second."""
     return float(np.sum(first * second))
 
 
 def _signed(rows: Array, matrix: Array) -> Array:
-    """Quadratic form xᵀAx of every row x."""
+    """Compute the quadratic form xᵀAx of every row x."""
     return np.asarray(np.einsum("ni,ij,nj->n", rows, matrix, rows))
 
 
 def _along(rows: Array, matrix: Array) -> Array:
-    """Quadratic form xᵀAx of every row x, of an A that is not negative."""
+    """Compute the quadratic form xᵀAx of every row x, for an A without negative eigenvalues."""
     return np.maximum(_signed(rows, matrix), 0.0)

@@ -13,33 +13,32 @@ from tympan.base.fields import Key
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.profile import EXACT, Profile, profile
 
-#: A constant or combination counts as determined when its 95 % half-width is below this share of
-#: its scale.
+#: Largest 95 % half-width, as a share of its scale, of a constant or combination that counts as
+#: determined.
 DETERMINED = 0.5
-#: Up to so many scales of linearised half-width a profile is worth its time: beyond, no curvature
-#: mends it.
+#: Linearised half-width, in scales, up to which a profile is computed: beyond, curvature does not
+#: help.
 _WORTH = 2 * DETERMINED
-#: Evaluations all profiles together may take; limits for which none are left are linearised.
+#: Most evaluations of all profiles together; limits without any left are linearised.
 _BUDGET = 600
-#: Terms of a combination that are smaller than this share of its largest are not written.
+#: Share of the largest term of a combination below which terms are not written.
 _SLIGHT = 0.03
-#: How far a constant nobody sees may be off, as a standard deviation in its scales; an Ogden
-#: constant of 500 kPa is not one of this film. Without it the fits behind a profile wander along
-#: valleys without an end.
+#: Standard deviation of an undetermined constant, in its scales; an Ogden constant of 500 kPa does
+#: not belong to this film. Without it the fits behind a profile follow valleys without an end.
 CREDIBLE = 10.0
-#: A profile so many times narrower than the linearised limits comes of a fit that did not arrive.
+#: Ratio of linearised limits to a profile's width from which on its fit has not converged.
 _DOUBTFUL = 5.0
-#: How firmly what readings do not determine stays where the search began, in standard deviations
-#: per scale.
+#: Stiffness that keeps undetermined combinations where the search began, in standard deviations per
+#: scale.
 _FIRM = 100.0
 
 
 @dataclass(frozen=True)
 class Combination:
-    """Σ c z of the constants z in units of their scales, which the data see on its own.
+    """A combination Σ c z of constants z, in units of their scales, that the data see separately.
 
-    ``half`` is half its linearised 95 % interval, None where it is not determined; ``deviation``
-    its linearised standard deviation in any case.
+    ``half`` is half its linearised 95 % interval, None if it is not determined; ``deviation`` its
+    linearised standard deviation in any case.
     """
 
     coefficients: tuple[float, ...]
@@ -77,11 +76,11 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Limits of every constant and, where one was made, the profile of its values.
+    """Limits of every constant and, if computed, the profile of its values.
 
     ``combinations`` are the right singular vectors of the Jacobian, the best determined first;
-    errors along them are independent. ``correlations`` are of the constants, linearised.
-    ``quantile`` of the noise makes the 95 % limits. ``scales`` are the constants', shape (n,), None
+    errors along them are independent. ``correlations`` are those of the constants, linearised.
+    ``quantile`` of the noise gives the 95 % limits. ``scales`` are the constants', shape (n,), None
     where the search was in their logarithms.
     """
 
@@ -94,12 +93,12 @@ class Identifiability:
 
     @property
     def relations(self) -> list[Relation]:
-        """The combinations of constants the data determine, the best determined first."""
+        """Combinations of constants that the data determine, the best determined first."""
         return [self._relation(np.array(combination.coefficients), combination.half)
                 for combination in self.combinations if combination.half is not None]
 
     def _relation(self, coefficients: Array, half: float) -> Relation:
-        """Relation in the unit of the constant that weighs most in it, whose coefficient is 1."""
+        """Write a combination in the unit of its main constant, whose coefficient is 1."""
         first = int(np.argmax(np.abs(coefficients)))
         weights = np.where(np.abs(coefficients) < _SLIGHT * np.abs(coefficients[first]), 0.0,
                            coefficients / coefficients[first])
@@ -123,16 +122,16 @@ class Identifiability:
 
     @property
     def determined(self) -> int:
-        """Count of independent numbers that the data determine."""
+        """Number of independent combinations that the data determine."""
         return sum(combination.half is not None for combination in self.combinations)
 
     @property
     def undetermined(self) -> list[str]:
-        """Names of the constants the data do not determine."""
+        """Names of the constants that the data do not determine."""
         return [constant.name for constant in self.constants if constant.low is None]
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object, as the command prints it."""
+        """Write the result as a JSON object, as the command prints it."""
         names = [constant.name for constant in self.constants]
         return {
             "determined": self.determined,
@@ -148,7 +147,7 @@ class Identifiability:
 
 
 def _seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
-    """Sensitivity of readings to the first unknowns, and along which rows, the others left free."""
+    """Compute the sensitivity of readings to the first unknowns, and its rows; others are free."""
     slopes = problem.at(at).jacobian
     free = np.linalg.qr(slopes[:, count:])[0]
     constants = slopes[:, :count] - free @ (free.T @ slopes[:, :count])
@@ -157,10 +156,10 @@ def _seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
 
 
 def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
-    """Rows that hold what readings do not see of the first unknowns, and how many they do see.
+    """Make rows that hold undetermined combinations of the first unknowns; count the others.
 
-    For :meth:`LeastSquares.with_rows`, centred where the search began: left to itself it would
-    follow the noise to the ends of its bounds.
+    The rows serve :meth:`LeastSquares.with_rows`, centred where the search began: without them
+    these combinations would follow the noise to the ends of their bounds.
     """
     singular, right = _seen(problem, at, count)
     determined = int(np.sum(singular > 2 / DETERMINED))
@@ -170,37 +169,40 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
 
 
 def seen_by(jacobian: Array) -> tuple[Array, Array, Mask]:
-    """Sensitivity of readings to unknowns, by the derivatives of residuals, shape (n, p).
+    """Compute the sensitivity of readings to unknowns from derivatives of residuals, (n, p).
 
-    An orthonormal basis of what these move, (n, k); the unknowns by their parts in it, (p, k); and
-    which of them nothing sees, (p,).
+    The result is an orthonormal basis of residuals that unknowns change, (n, k); the unknowns by
+    their parts in it, (p, k); and a mask of unknowns that change nothing, (p,).
     """
     lengths = np.linalg.norm(jacobian, axis=0)
     safe = np.where(lengths > 0, lengths, 1.0)
     basis, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
     seen = singular > 1e-10 * singular[0]
     hidden = (np.abs(right[~seen]) > 1e-6).any(axis=0) | (lengths == 0)
-    return basis[:, seen], right[seen].T / singular[seen] / safe[:, None], hidden
+    back = right[seen].T / singular[seen] / safe[:, None]
+    return basis[:, seen], back, hidden
 
 
 def covariance(jacobian: Array, sigma: float) -> Array:
-    """Linearised covariance of unknowns, shape (p, p); inf on the diagonal where nothing sees one.
+    """Compute the linearised covariance of unknowns, (p, p); inf where an unknown changes nothing.
 
-    ``jacobian`` is of the residuals, shape (n, p), in units in which a reading's standard deviation
-    is ``sigma``.
+    ``jacobian`` is that of the residuals, shape (n, p), in units in which a reading's standard
+    deviation is ``sigma``.
     """
     _, back, hidden = seen_by(jacobian)
-    return np.asarray(sigma**2 * back @ back.T + np.diag(np.where(hidden, np.inf, 0.0)))
+    unseen = np.diag(np.where(hidden, np.inf, 0.0))
+    return np.asarray(sigma**2 * back @ back.T + unseen)
 
 
 def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[str, str]],
                     quantile: float, scales: Array | None, profiles: bool = True,
                     most: int = _BUDGET) -> Identifiability:
-    """Limits at a minimum of a problem in units of the noise, each constant in units of its scale.
+    """Compute limits at a minimum of a problem in units of the noise, constants in their scales.
 
-    What comes after the constants of these ``names`` and units in ``best``, shape (p,), is left to
-    fit. The constants are the unknowns times ``scales``, or without any their exponentials. Without
-    ``profiles`` the limits are linearised, and those that are not done after ``most`` evaluations.
+    The first unknowns in ``best``, shape (p,), are the constants of these ``names`` and units; the
+    others are fitted again. Constants are unknowns times ``scales`` or, without scales, their
+    exponentials. Without ``profiles`` the limits are linearised, and so are those that are not done
+    after ``most`` evaluations.
     """
     count, spent = len(names), 0
 
@@ -215,8 +217,8 @@ def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[st
                       for width in (np.minimum(deviations, CREDIBLE), deviations))
     spread = quantile * np.sqrt(np.diag(credible))
     anchored = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
-    # With everything free: what readings do not determine follows the noise there, and χ² is
-    # smaller by about one for each such direction.
+    # With everything free, undetermined combinations follow the noise, and χ² is smaller by about
+    # one for each of them.
     free = minimise(anchored, best, precision=0.0, exact=EXACT).unknowns if profiles else best
     estimates, lines = [], []
     for index, (name, unit) in enumerate(names):
@@ -247,7 +249,7 @@ def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[st
 
 def _credible(limits: tuple[float | None, float | None] | None, best: float,
               least: float) -> tuple[float, float] | None:
-    """The limits, where both are there, on both sides, not too far apart, no closer than can be."""
+    """Check limits: both exist, on both sides of the best value, neither too far nor too close."""
     low, high = limits or (None, None)
     if low is None or high is None or not least <= high - low <= 2 * DETERMINED:
         return None

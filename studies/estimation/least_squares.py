@@ -1,8 +1,8 @@
-"""Bounded least squares: a problem by its residuals and their derivative, and the search.
+"""Bounded least squares: a problem of residuals and derivatives, and the search.
 
-The search is Levenberg's and Marquardt's (J. Soc. Indust. Appl. Math. 11, 431, 1963) with unknowns
-held that press against a bound. SciPy's ``least_squares`` does the same for problems like
-these with a third to a half more time and, but for ``dogbox``, does not end on a bound that is met.
+The search is Levenberg's and Marquardt's (J. Soc. Indust. Appl. Math. 11, 431, 1963); unknowns that
+press against a bound are held. SciPy's ``least_squares`` takes a third to a half more time for
+problems like these and, except for ``dogbox``, does not end on a bound.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
 from tympan.base.process.interruption import signals_wait
 
-#: The first of Marquardt's dampings, over the scaled curvature: near to no damping.
+#: First of Marquardt's dampings, over the scaled curvature: almost none.
 _FIRST = 1e-4
-#: The least damping once there is one. With less, a step is an undamped one.
+#: Least damping above 0. With less, a step equals an undamped one.
 _LEAST = 1e-10
-#: The largest damping that is tried. With more, a step moves nothing.
+#: Largest damping tried. With more, a step moves nothing.
 _MOST = 1e8
-#: What keeps an undamped step finite where the curvature is singular: some rounding errors of it.
+#: Damping of an undamped step where the curvature is singular: some rounding errors of it.
 _TINY = 1e-14
 
-#: A refused step shorter than this many standard deviations ends a search.
+#: Length of a refused step, in standard deviations, that ends a search.
 _SHORT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """A problem at some unknowns.
+    """A problem evaluated at some unknowns.
 
-    ``residual``: shape (n,), in units of a reading's standard deviation, nan where the model has no
-    answer. ``slopes`` makes its derivative by the unknowns, shape (n, p). ``state`` is what an
-    evaluation nearby may begin with.
+    ``residual`` has the shape (n,), in units of a reading's standard deviation, nan where the model
+    has no value. ``slopes`` computes its derivative by the unknowns, shape (n, p). ``state`` may be
+    the start of an evaluation nearby.
     """
 
     residual: Array
@@ -47,12 +47,12 @@ class Evaluation:
 
     @property
     def squares(self) -> float:
-        """χ², nan where the model has no answer."""
+        """χ², nan where the model has no value."""
         return float(self.residual @ self.residual)
 
     @cached_property
     def jacobian(self) -> Array:
-        """The derivative, computed when it is first asked for."""
+        """Derivative of the residuals, computed when first needed."""
         return self.slopes()
 
 
@@ -60,7 +60,7 @@ Evaluate = Callable[[Array, Evaluation | None], Evaluation]
 
 
 def no_prior(unknowns: Array) -> tuple[Array, Array]:
-    """Residuals and slopes of no prior: nothing is known of the unknowns beforehand."""
+    """Compute residuals and slopes of no prior: nothing is known of the unknowns."""
     return np.zeros(len(unknowns)), np.zeros(len(unknowns))
 
 
@@ -70,9 +70,8 @@ class LeastSquares:
 
     ``evaluate(unknowns, near)`` may begin with the state of a point nearby. ``linear`` are the
     unknowns in which residuals are linear: a search finds them by linear least squares. ``prior``
-    answers at some unknowns a residual for each, shape (p,), that half its square is minus the
-    logarithm of its density beforehand, and their derivatives. The cost that is least at a minimum
-    is half of χ² and of the priors' squares.
+    computes a residual for each unknown, shape (p,), half of whose square is minus the logarithm of
+    the prior density, and its derivative. The cost is half the sum of χ² and the priors' squares.
     """
 
     evaluate: Evaluate
@@ -84,7 +83,7 @@ class LeastSquares:
     @classmethod
     def of(cls, both: Callable[[Array], tuple[Array, Array]], low: Array, high: Array,
            linear: tuple[int, ...] = ()) -> LeastSquares:
-        """Problem of a function that answers residuals and their derivative together."""
+        """Make a problem of a function that computes residuals and their derivative together."""
         def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             residual, slopes = both(unknowns)
             return Evaluation(residual, lambda: slopes)
@@ -92,26 +91,26 @@ class LeastSquares:
         return cls(evaluate, low, high, linear)
 
     def at(self, unknowns: Array) -> Evaluation:
-        """Residuals and derivatives at some unknowns."""
+        """Evaluate residuals and derivatives at some unknowns."""
         return self.evaluate(unknowns, None)
 
     def cost(self, unknowns: Array, point: Evaluation) -> float:
-        """Minus the logarithm of posterior density; inf where the model has no answer."""
+        """Compute minus the logarithm of posterior density; inf where the model has no value."""
         cost = 0.5 * (point.squares + float(np.sum(self.prior(unknowns)[0] ** 2)))
         return cost if np.isfinite(cost) else np.inf
 
     def slope(self, unknowns: Array, point: Evaluation) -> Array:
-        """Derivative of the cost, shape (p,)."""
+        """Differentiate the cost, shape (p,)."""
         rows, slopes = self.prior(unknowns)
         return np.asarray(point.jacobian.T @ point.residual + rows * slopes)
 
     def curvature(self, unknowns: Array, point: Evaluation) -> Array:
-        """Second derivative of the cost, residuals taken as linear, shape (p, p)."""
+        """Compute the second derivative of the cost for linearised residuals, shape (p, p)."""
         return np.asarray(point.jacobian.T @ point.jacobian
                           + np.diag(self.prior(unknowns)[1] ** 2))
 
     def with_rows(self, rows: Array, centre: Array) -> LeastSquares:
-        """Add residuals ``rows`` (z − ``centre``): priors, or what is to stay."""
+        """Add residuals ``rows`` (z − ``centre``), such as priors or combinations to hold."""
         def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             point = self.evaluate(unknowns, near)
             return Evaluation(np.concatenate([point.residual, rows @ (unknowns - centre)]),
@@ -122,7 +121,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """End of a search, and how many evaluations it took."""
+    """End of a search, with the number of its evaluations."""
 
     unknowns: Array
     point: Evaluation
@@ -133,13 +132,13 @@ class Minimum:
 def minimise(problem: LeastSquares, start: Array, fixed: Mask | None = None,
              precision: float = 1e-12, exact: float = 0.0, quick: float | None = None,
              iterations: int = 100) -> Minimum:
-    """The nearest minimum over the unknowns that are not ``fixed``.
+    """Find the nearest minimum over the unknowns that are not ``fixed``.
 
-    The search ends where derivatives promise to lower the cost by no more than the share
-    ``precision`` of it, or than ``exact``. A ``quick`` one, of many rough ones, is damped from the
-    first step, and ended by the first that lowers the cost by less than this, though unknowns that
-    hardly matter may not have moved yet. An :class:`InputError` says that the model cannot answer
-    where the search begins.
+    The search ends where derivatives predict that the cost falls by no more than the share
+    ``precision`` of it, or than ``exact``. A ``quick`` search, for many rough ones, is damped from
+    the first step and ends when a step lowers the cost by less than this, even if unknowns with
+    little effect have not moved yet. An :class:`InputError` says that the model has no value where
+    the search begins.
     """
     fixed = np.zeros(len(start), bool) if fixed is None else fixed
     separable = np.isin(np.arange(len(start)), problem.linear) & ~fixed
@@ -193,10 +192,10 @@ def _damped(curvature: Array, slope: Array, damping: float) -> Array:
 
 
 def _separated(problem: LeastSquares, linear: Mask) -> LeastSquares:
-    """The problem over the other unknowns, the ``linear`` ones at their best for each of them.
+    """Reduce a problem to the other unknowns, with the ``linear`` ones at their best.
 
-    Variable projection with Kaufman's derivative (BIT 15, 49, 1975). A point's state is the
-    unknowns in full, and the problem's point there.
+    The method is variable projection with Kaufman's derivative (BIT 15, 49, 1975). A point's state
+    is the full unknowns, and the problem's point there.
     """
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
         full = unknowns.copy()
@@ -218,15 +217,15 @@ def _separated(problem: LeastSquares, linear: Mask) -> LeastSquares:
 
 
 def minima(problem: LeastSquares, starts: Array) -> list[Array]:
-    """Local minima from the starts, shape (k, p), best first."""
+    """Find local minima from the starts, shape (k, p), best first."""
     ends = [minimise(problem, start) for start in starts]
     return [end.unknowns for end in sorted(ends, key=lambda end: end.cost)]
 
 
 def seeded_starts(low: float, high: float, dimension: int, count: int) -> Array:
-    """Well-spread starts, the same every time, shape (count, dimension)."""
+    """Spread starts well, the same every time, shape (count, dimension)."""
     if dimension == 0:
         return np.empty((1, 0))
-    with signals_wait():  # what scipy draws must not be left half drawn
+    with signals_wait():  # scipy's draws must not be interrupted half way
         drawn = qmc.LatinHypercube(dimension, seed=20).random(count)
     return np.asarray(low + (high - low) * drawn)

@@ -1,4 +1,4 @@
-"""The profile of one unknown: how the least misfit grows as it is held away from its best value."""
+"""Profile of one unknown: least misfit while it is held away from its best value."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 
-#: A value of the unknown, and the rise of the misfit there [standard deviations].
+#: A value of the unknown, with the rise of the misfit there [standard deviations].
 Place = tuple[float, float]
 
-#: How exactly a profile meets a limit, as a share of the quantile.
+#: Accuracy of a limit, as a share of the quantile.
 _MET = 0.01
 _MOST = 20
-#: A fit that rises by so many quantiles may be in another valley: the next does not begin there.
+#: Rise of a fit, in quantiles, from which on it may be in another valley and starts no other fit.
 _FAR = 2.0
-#: For limits so exact, how much half of χ² may still fall where a profile's fit stops: 0.1 % of the
-#: 3.84 that make a 95 % limit.
+#: Largest further fall of half of χ² at which a profile's fit stops: 0.1 % of the 3.84 that make a
+#: 95 % limit.
 EXACT = 2e-3
-#: What the other unknowns could still take from χ², by their derivatives, that is taken without
-#: fitting them again; as many times that.
+#: Fall of χ², in multiples of that, which is calculated from derivatives of the other unknowns
+#: without fitting them again.
 _LITTLE = 20.0
 
 
@@ -29,9 +29,9 @@ _LITTLE = 20.0
 class Profile:
     """Growth of the least misfit as one unknown is held away from its best value.
 
-    ``values`` ascend; ``rise`` is ±√(χ² − χ²min) there, in standard deviations: a straight line
-    where the problem is linear. ``low`` and ``high`` are where it reaches the quantile, None where
-    it does not within the bounds.
+    ``values`` ascend; ``rise`` is ±√(χ² − χ²min) there, in standard deviations: a straight line if
+    the problem is linear. ``low`` and ``high`` are where it reaches the quantile, None where it
+    does not within the bounds.
     """
 
     values: Array
@@ -43,11 +43,11 @@ class Profile:
 
 def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
             met: float = _MET, most: float = np.inf) -> Profile:
-    """The profile of one unknown about a minimum, out to where χ² has grown by quantile².
+    """Compute the profile of one unknown about a minimum, out to where χ² has grown by quantile².
 
-    At each value of it all others are fitted again, those the readings do not determine included
-    (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). Limits are exact to the share
-    ``met`` of the quantile. After more than ``most`` evaluations it goes no further.
+    At each value of it all others are fitted again, also those that the readings do not determine
+    (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). Limits are accurate to the share
+    ``met`` of the quantile. After more than ``most`` evaluations the search stops.
     """
     point = problem.at(best)
     along = _followed(problem, best, index, point.jacobian)
@@ -60,7 +60,7 @@ def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
 
 
 def _followed(problem: LeastSquares, best: Array, index: int, jacobian: Array) -> Array:
-    """Motion of all unknowns with the one, to first order; those at a bound stay."""
+    """Compute the motion of all unknowns with the one, to first order; those at a bound stay."""
     moving = (np.arange(len(best)) != index) & (problem.low < best) & (best < problem.high)
     along = np.zeros(len(best))
     along[moving] = -np.linalg.lstsq(jacobian[:, moving], jacobian[:, index], rcond=1e-12)[0]
@@ -70,7 +70,7 @@ def _followed(problem: LeastSquares, best: Array, index: int, jacobian: Array) -
 
 @dataclass
 class _Search:
-    """A search for both limits; ``places`` are those met, ``evaluations`` what they took."""
+    """A search for both limits; ``places`` are the points found, ``evaluations`` their cost."""
 
     problem: LeastSquares
     best: Array
@@ -87,7 +87,7 @@ class _Search:
         self.places.append((float(self.best[self.index]), 0.0))
 
     def limit(self, step: float) -> float | None:
-        """Limit where the quantile is met on the side of ``step``, the first guess of how far."""
+        """Find the limit on the side of ``step``, which is the first guess of its distance."""
         sign = np.sign(step)
         end = float((self.problem.low if sign < 0 else self.problem.high)[self.index])
         centre = inside = self.places[0]
@@ -114,13 +114,13 @@ class _Search:
         return None if outside is None or not np.isfinite(outside[1]) else outside[0]
 
     def _refitted(self, last: Array, at: float) -> tuple[Array, float]:
-        """All others fitted again at a value of the unknown, and the rise of the misfit there."""
+        """Fit all others again at a value of the unknown; compute the rise of the misfit there."""
         unknowns = np.clip(last + self.along * (at - last[self.index]),
                            self.problem.low, self.problem.high)
         unknowns[self.index] = at
         point = self.problem.at(unknowns)
         self.evaluations += 1
-        if not np.isfinite(point.squares):  # the model does not reach so far
+        if not np.isfinite(point.squares):  # the model has no value there
             return last, np.inf
         others, exact = np.arange(len(self.best)) != self.index, EXACT * self.met / _MET
         basis = np.linalg.qr(point.jacobian[:, others])[0]
@@ -134,10 +134,10 @@ class _Search:
 
 def _next(quantile: float, centre: float, inside: Place, outside: Place | None,
           halve: bool) -> float:
-    """A straight line through the last places, outward at most three times as far.
+    """Extrapolate a straight line through the last places, at most to three times the distance.
 
-    Where that moves but one end of the bracket, or the model does not reach, half way; by factors,
-    if the bracket spans more than one of ten.
+    If that moves only one end of the bracket, or the model has no value there, go half way; in
+    logarithms if the ends differ by a factor of more than ten.
     """
     at, rise = inside
     if outside is None:

@@ -1,4 +1,4 @@
-"""A film as input of CalculiX: virgin, stretched, let go, loaded."""
+"""A film as input of CalculiX: virgin, stretched, released, loaded."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from tympan.studies.case import failure_reason, voltage_ramp
 from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
 from tympan.studies.files import write_text
 
-#: First and largest increment of a load step and the growth between them: the fastest of those that
-#: converge.
+#: First and largest increment of a load step and the growth between them: the fastest that
+#: converges.
 _INCREMENTS = "1e-3, 1., 1e-8, 0.12"
 _CONTROLS = ("*CONTROLS, PARAMETERS=TIME INCREMENTATION\n"
              "4, 8, 9, 16, 10, 4, , 5, ,\n.25, .5, .75, .85, , , 2.")
@@ -37,9 +37,9 @@ _OUTPUT = ("*NODE PRINT, NSET={moving}, FREQUENCY=1000", "U", "*NODE PRINT, NSET
 _TONNE_PER_MM3 = 1e-12
 _MPA_PER_PA = 1e-6
 
-#: Thickness of the plate as a solid [mm]. Any would do, as it is rigid.
+#: Thickness of the plate as a solid [mm]. It is arbitrary, as the plate is rigid.
 _PLATE_THICKNESS = 2.0
-#: Its modulus [MPa], so stiff beside a film of some 0.1 MPa that it is rigid.
+#: Modulus of the plate [MPa]: rigid compared with a film of some 0.1 MPa.
 _PLATE_MODULUS = 1e6
 
 Term = tuple[int, int, float]
@@ -49,9 +49,10 @@ Term = tuple[int, int, float]
 class FlatFilm:
     """The flat mounted film: ``points`` [m], (n, 2), ``triangles`` of six of them, (m, 6).
 
-    Corners counterclockwise, then the middles of the edges 12, 23, 31. ``plate`` and ``frame`` are
-    the points on these edges, none of a film without plate; ``centre`` is the plate's [m], or where
-    a film without plate is looked at. ``thickness``: over the film's stated one, of all points.
+    Triangles list their corners counterclockwise, then the middles of the edges 12, 23, 31.
+    ``plate`` and ``frame`` are the points on these edges, none on a film without plate; ``centre``
+    is the plate's [m], or the point observed without a plate. ``thickness`` is that over the film's
+    stated one, for all points or each.
     """
 
     points: Array
@@ -63,7 +64,7 @@ class FlatFilm:
 
     @classmethod
     def of(cls, mesh: CurvedTriangles, specimen: Specimen) -> FlatFilm:
-        """Film by a second-order mesh of the whole of it."""
+        """Take the film from a second-order mesh of the whole."""
         points, triangles = mesh.doflocs.T, mesh.dofs.element_dofs.T.copy()
         clockwise = _areas(points, triangles) < 0
         triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
@@ -79,18 +80,20 @@ class FlatFilm:
         return int(np.argmin(np.hypot(*(self.points - self.centre).T)))
 
     def fan(self) -> tuple[Array, Numbers]:
-        """The plate as triangles around its centre, as of a sheet.
+        """Divide the plate into triangles around its centre.
 
-        First the points of ``plate``, then the centre, then those halfway to it.
+        The points are those of ``plate``, then the centre, then those halfway to it.
         """
         edges = self.triangles[:, [[0, 1, 3], [1, 2, 4], [2, 0, 5]]].reshape(-1, 3)
-        edges = np.searchsorted(self.plate, edges[np.isin(edges, self.plate).all(axis=1)])
-        corners = np.unique(edges[:, :2])
-        centre = np.full(len(edges), len(self.plate))
-        halfway = np.searchsorted(corners, edges[:, :2]) + len(self.plate) + 1
+        on_plate = np.isin(edges, self.plate).all(axis=1)
+        first, last, middle = np.searchsorted(self.plate, edges[on_plate]).T
+        ends = np.column_stack([first, last])
+        corners = np.unique(ends)
+        centre = np.full(len(ends), len(self.plate))
+        halfway = np.searchsorted(corners, ends) + len(self.plate) + 1
         rim = self.points[self.plate]
         points = np.vstack([rim, self.centre, (rim[corners] + self.centre) / 2])
-        triangles = np.column_stack([edges[:, 1], edges[:, 0], centre, edges[:, 2], halfway])
+        triangles = np.column_stack([last, first, centre, middle, halfway])
         if (_areas(points, triangles) <= 0).any():
             raise InputError("cannot be exported: its whole edge must be seen from its centre",
                              key="plate",
@@ -102,8 +105,8 @@ class FlatFilm:
 class _Layer:
     """A layer of wedges [mm] over six-node triangles of flat points; nodes from ``first`` on.
 
-    First the lower ones, then the upper, then those between corners. ``thickness`` of all points,
-    or of each.
+    The lower nodes come first, then the upper ones, then those between corners. ``thickness`` is
+    that of all points, or of each.
     """
 
     flat: Array
@@ -124,34 +127,34 @@ class _Layer:
 
     @property
     def end(self) -> int:
-        """The number after the last node's."""
+        """Number after the last node's."""
         return self.first + len(self.points)
 
     def faces(self, numbers: Any) -> tuple[Any, Any]:
-        """Lower and upper nodes at points."""
+        """Find the numbers of lower and upper nodes at points."""
         return numbers + self.first, numbers + self.first + len(self.flat)
 
     def between(self, numbers: Any) -> Any:
-        """Nodes between the faces at corners."""
+        """Find the numbers of nodes between the faces at corners."""
         return np.searchsorted(self.corners, numbers) + self.first + 2 * len(self.flat)
 
     def cards(self, name: str, first: int = 1) -> Iterator[str]:
-        """Nodes, and elements from the number ``first`` on."""
+        """Write the nodes, and elements from the number ``first`` on."""
         yield from (f"*NODE, NSET={name}", *_nodes(self.points, self.first))
         yield f"*ELEMENT, TYPE=C3D15, ELSET={name}"
         lower, upper = self.faces(self.triangles)
-        wedges = np.hstack([lower[:, :3], upper[:, :3], lower[:, 3:], upper[:, 3:],
-                            self.between(self.triangles[:, :3])])
-        yield from (", ".join(map(str, (number, *wedge)))
-                    for number, wedge in enumerate(wedges.tolist(), start=first))
+        upright = self.between(self.triangles[:, :3])
+        wedges = np.hstack([lower[:, :3], upper[:, :3], lower[:, 3:], upper[:, 3:], upright])
+        for number, wedge in enumerate(wedges.tolist(), start=first):
+            yield ", ".join(map(str, (number, *wedge)))
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Loads at a step's end, by the words that tell them in the file.
+    """Loads at a step's end, with their words in the file.
 
-    The plate carries a ``force`` [N] or is held at a ``deflection`` [m]. ``electric``: forces on
-    the sheet's points, (n, 3) [N]. ``pressure`` of a gas below film and plate [Pa].
+    The plate carries a ``force`` [N] or is held at a ``deflection`` [m]. ``electric`` are forces on
+    the sheet's points, (n, 3) [N]; ``pressure`` is that of a gas below film and plate [Pa].
     """
 
     words: str
@@ -166,14 +169,14 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
                  pressure: float = 0.0) -> Path:
     """Write the film as ``NAME.inp``, with a step for each mass [kg], then for each voltage [V].
 
-    Voltages ascend, under the last mass, in standard gravity; all above a gas of a ``pressure``
-    [Pa]. Where there is gas and no mass, a first step has it alone. Of a stack of films one is
-    written, under its part of the loads: it moves as they all do.
+    Voltages ascend, under the last mass, in standard gravity; a gas may have a ``pressure`` [Pa].
+    With gas and without mass, a first step has the gas alone. One film of a stack is written, under
+    its part of the loads: all films of a stack move alike.
 
     Raises
     ------
     InputError
-        Where the specimen has what CalculiX has not, or no equilibrium under these loads.
+        Where the specimen has a property that CalculiX lacks, or no equilibrium under these loads.
     """
     if specimen.electrode.stiffness:
         raise InputError("cannot be exported: no solid here is free of stress when mounted",
@@ -184,7 +187,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
         checked_load(mass, voltage, pressure)
     planes = specimen.mirror_planes
     part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
-    mesh = unfold(part, planes)[0]  # as symmetric as the film, lest its plate tilt
+    mesh = unfold(part, planes)[0]  # as symmetric as the film, so that its plate does not tilt
     layers = specimen.membrane.layers
     single = replace(specimen, membrane=replace(specimen.membrane, layers=1))
     rig = Rig(gas_pressure=pressure / layers)
@@ -201,7 +204,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
 
 
 def _load_words(mass: float, layers: int, pressure: float) -> str:
-    """Mass and gas on a stack of films, and what is on the one which is written."""
+    """Write mass and gas on a stack of films, and their parts on the film written."""
     def loads(count: int) -> str:
         gas = [f"{pressure / count:g} Pa"] if pressure else []
         return ", ".join([f"{mass / count * 1e3:g} g", *gas])
@@ -211,9 +214,9 @@ def _load_words(mass: float, layers: int, pressure: float) -> str:
 
 def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, layers: int,
               voltages: Sequence[float], rig: Rig) -> Iterator[Step]:
-    """Steps of the electric forces that the same mesh has at its equilibria.
+    """Make steps of the electric forces of the same mesh at its equilibria.
 
-    The mass [kg] is that on so many films, of which the specimen is one, on its own rig.
+    The mass [kg] is that on all ``layers``; the specimen is one of these films, on its own rig.
     """
     own, pressure = mass / layers, rig.gas_pressure
     model = Model(Discretisation.of(mesh), specimen, rig.loading)
@@ -230,9 +233,9 @@ def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, layers: in
 
 def film_input(name: str, sheet: FlatFilm, film: Film, steps: Sequence[Step],
                plate_area: float = 0.0) -> Iterator[str]:
-    """Lines of an input file: stretch the film, let all but the rims go, then the steps.
+    """Write an input file: stretch the film, release all but the rims, then the steps.
 
-    ``plate_area`` [m²], on which a gas lifts the plate.
+    ``plate_area`` [m²] is the area on which a gas lifts the plate.
     """
     assembly = _Assembly(sheet, film, plate_area)
     output = [line.format(moving="PLATE" if len(sheet.plate) else "CENTRE") for line in _OUTPUT]
@@ -253,7 +256,7 @@ def _preamble(name: str, film: Film, steps: Sequence[Step]) -> str:
 
 @dataclass(frozen=True)
 class _Assembly:
-    """The virgin film, the plate where it is mounted, and a node by which the film is mounted."""
+    """The virgin film, the plate in its mounted position, and the node that mounts the film."""
 
     sheet: FlatFilm
     film: Film
@@ -272,7 +275,7 @@ class _Assembly:
 
     @property
     def mount(self) -> int:
-        """Node by which the film is mounted."""
+        """Number of the node that mounts the film."""
         return self.plate.end if self.has_plate else self.skin.end
 
     @cached_property
@@ -282,12 +285,12 @@ class _Assembly:
 
     @property
     def centre(self) -> int:
-        """Node in the plate's centre."""
+        """Number of the node in the plate's centre."""
         return int(self.plate.between(len(self.sheet.plate)))
 
     @property
     def stretches(self) -> Array:
-        """Stretches of the penalised film where its faces are free, shape (3,).
+        """Stretches of the penalised film with free faces, shape (3,).
 
         Its pressure (σ₁ + σ₂)/3 gives it the volume J = 1 + pressure/K, up to the square of that.
         """
@@ -298,7 +301,7 @@ class _Assembly:
         return np.array([l1, l2, (1 + pressure / bulk_modulus(material)) / (l1 * l2)])
 
     def cards(self) -> Iterator[str]:
-        """Nodes, elements, materials, and how rims, plate and mounting hang together."""
+        """Write nodes, elements, materials, and the connections of rims, plate and mounting."""
         yield from self.skin.cards("FILM")
         if self.has_plate:
             yield from self.plate.cards("PLATE", len(self.sheet.triangles) + 1)
@@ -321,7 +324,7 @@ class _Assembly:
         yield from self._hinges()
 
     def _hinges(self) -> Iterator[str]:
-        """Equations: a rim's mean between its faces is where mounting and plate have it."""
+        """Write equations that tie a rim's mean between its faces to mounting and plate."""
         carriers: dict[int, Any] = {}
         if self.has_plate:
             rim = self.sheet.plate
@@ -344,16 +347,17 @@ class _Assembly:
                                   (self.mount, k, -count * mounting)])
 
     def mounted(self) -> list[str]:
-        """The plate held, the rims stretched."""
+        """Hold the plate and stretch the rims."""
         return [*self._stretched_rims(), *["PLATE, 1, 3"][:self.has_plate]]
 
     def _stretched_rims(self) -> list[str]:
         mount = self.mount
-        along = [f"{mount}, {k}, {k}, {self.film.prestretch[k - 1] - 1:.12g}" for k in (1, 2)]
+        along = [f"{mount}, {k}, {k}, {stretch - 1:.12g}"
+                 for k, stretch in enumerate(self.film.prestretch, start=1)]
         return [*along, f"{mount}, 3, 3"]
 
     def hold_film(self) -> Iterator[str]:
-        """All nodes of the film but those that equations set, in the flat mounted film."""
+        """Hold all nodes of the film, except those set by equations, in the flat mounted film."""
         rim = np.concatenate([self.sheet.plate, self.sheet.frame])
         dependent = np.hstack([self.skin.faces(rim)[0],
                                self.skin.between(np.intersect1d(rim, self.skin.corners))])
@@ -365,7 +369,7 @@ class _Assembly:
                 yield f"{number}, {k}, {k}, {displacement:.12g}"
 
     def loaded(self, step: Step) -> Iterator[str]:
-        """Boundary and loads at a step's end."""
+        """Write boundary conditions and loads at a step's end."""
         yield from self._stretched_rims()
         if step.deflection is not None:
             yield from ("PLATE, 1, 2", f"PLATE, 3, 3, {METRE * step.deflection:.12g}")
@@ -375,13 +379,13 @@ class _Assembly:
         spread = []
         if self.film.density:
             spread.append(f"FILM, GRAV, {METRE * Rig().gravity:.12g}, 0., 0., 1.")
-        if step.pressure:  # on the face that looks along the load
+        if step.pressure:  # on the face towards the load
             spread.append(f"FILM, P2, {_MPA_PER_PA * step.pressure:.12g}")
         if spread:
             yield from ("*DLOAD, OP=NEW", *spread)
 
     def _forces(self, step: Step) -> Iterator[Term]:
-        """Forces [N] on nodes; of the electric ones half on either face."""
+        """List forces [N] on nodes, half of each electric one on either face."""
         if self.has_plate:
             yield self.centre, 3, step.force - step.pressure * self.plate_area
         if step.electric is None:
@@ -398,7 +402,7 @@ class _Assembly:
 
 
 def _areas(points: Array, triangles: Numbers) -> Array:
-    """Twice the signed areas between corners."""
+    """Compute twice the signed areas between corners."""
     first, second, third = np.moveaxis(points[triangles[:, :3]], 1, 0)
     (ax, ay), (bx, by) = (second - first).T, (third - first).T
     return np.asarray(ax * by - ay * bx)
@@ -409,7 +413,7 @@ def _at(flat: Array, height: Any) -> Array:
 
 
 def _nodes(points: Array, first: int) -> Iterator[str]:
-    """Node lines from the number ``first``; CalculiX reads no more than 20 characters a number."""
+    """Write node lines from the number ``first``; CalculiX reads at most 20 characters a number."""
     for number, point in enumerate(points.tolist(), start=first):
         yield f"{number}, " + ", ".join(f"{x:.12g}" for x in point)
 
@@ -421,6 +425,6 @@ def _equation(terms: Sequence[Term]) -> Iterator[str]:
 
 
 def _stage(increments: str, loads: Iterable[str], output: Sequence[str] = ()) -> Iterator[str]:
-    """One static step in which only what is given is held."""
+    """Write one static step that holds only what is given."""
     yield from ("*STEP, NLGEOM, INC=1000", "*STATIC", increments)
     yield from ("*BOUNDARY, OP=NEW", *loads, *output, "*END STEP")

@@ -14,7 +14,7 @@ from tympan.base.errors import InputError
 from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.film.laws import ArrudaBoyce, MooneyRivlin, NeoHooke, Ogden, Yeoh
 
-#: K over the shear modulus at small strains. A tenth of it makes ten times the error.
+#: K over the shear modulus at small strains. With a tenth of it the error is ten times as large.
 BULK_RATIO = 10000.0
 
 _MPA = 1e-6
@@ -24,12 +24,12 @@ _NEAREST = ("must be a law that CalculiX has: neo_hooke, mooney_rivlin, yeoh wit
 
 
 def bulk_modulus(material: Any) -> float:
-    """K [Pa] that stands for incompressibility."""
+    """Compute the K [Pa] that approximates incompressibility."""
     return float(BULK_RATIO * small_strain_modulus(material))
 
 
 def hyperelastic(material: Any) -> list[str]:
-    """The card of a law and its constants; an InputError where these programs have none.
+    """Write the card of a law with its constants; an InputError where these programs have none.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def hyperelastic(material: Any) -> list[str]:
 
 @singledispatch
 def _card(material: Any) -> tuple[str, Sequence[float], int]:
-    """Parameter of the card, constants in its units, how many penalties follow."""
+    """Find the card's parameter, its constants in its units, and its number of penalties."""
     raise InputError(_NEAREST, key="membrane.material", given=material.law)
 
 

@@ -1,4 +1,4 @@
-"""Parts for making an actuator and the mesh its film is computed on."""
+"""Export of parts for making an actuator, and of the mesh of its film."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
            options: PartOptions = PartOptions()) -> Iterator[Path]:
     """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m].
 
-    Yields the files. A plate that is not there has none; where the electrode leaves film bare, it
-    is written too, for a mask.
+    It yields the files. A film without plate has no plate file. Where the electrode leaves film
+    bare, it is written too, for a mask.
     """
     made = {"frame": parts.ring_part(specimen.frame, options, options.frame_height),
             "clamp": parts.ring_part(specimen.frame, options, options.clamp_height),

@@ -1,8 +1,8 @@
 """Laws with viscous branches fitted to coupon tests in time.
 
-Stress is linear in the moduli of branches as in a law's linear constants; the times are found as a
-law's shape constants are, from the best of all choices on a grid. How many branches there are is
-chosen by runs held out: all of one stretch level, or all of one rate, never single readings.
+Stress is linear in the moduli of branches, as in a law's linear constants. The times are found as a
+law's shape constants are, from the best of all choices on a grid. The number of branches is chosen
+by runs held out: all of one stretch level, or all of one rate, never single readings.
 """
 
 from __future__ import annotations
@@ -41,38 +41,37 @@ from tympan.studies.material.time_in_runs import time_in_runs
 #: Most branches tried.
 MOST_BRANCHES = 4
 
-#: Times per factor e of the grid on which a search begins. Branches closer in time than that are
-#: hardly told apart.
+#: Number of times per factor e of the grid on which a search begins. Branches closer in time can
+#: hardly be distinguished.
 _COARSE = 1.2
-#: From how many of the grid's best choices a fit begins if the law has no shape constants to begin
-#: from. Set by trial.
+#: Number of the grid's best choices from which fits begin if the law has no shape constants. Set by
+#: trial.
 _BEST = 3
 
-#: Searches per shape constant of a law, for all readings. Set by trial.
+#: Searches per shape constant of a law, on all readings. Set by trial.
 _STARTS = 10
-#: The same without held-out runs: they are many fits, and none of them is the one that is given.
+#: The same without held-out runs: those are many fits, and none of them is the result.
 _FEWER = 6
 
-#: Stretch levels (over 1) and loads that differ by less than this factor are the same: testers do
-#: not repeat them better.
+#: Factor within which stretch levels (over 1) and loads are equal: testers do not repeat them more
+#: accurately.
 _SAME_LEVEL = 1.15
-#: Rates that differ by less than this factor are the same. Testers repeat them less well than
-#: levels.
+#: Factor within which rates are equal. Testers repeat them less accurately than levels.
 _SAME_RATE = 1.25
 
-#: A stress, or a stretch over its level, that varies by less than this share is held.
+#: Relative variation within which a stress, or a stretch over its level, is constant.
 _STEADY = 0.02
-#: A run that leaves its virgin length by less is not stretched.
+#: Excess of the stretch over 1 below which a run is not stretched.
 _UNSTRETCHED = 1e-6
-#: Stress in a search is in units of so much of the readings.
+#: Unit of stress in a search, as a share of the readings.
 _FINE = 1e-6
 
-#: The logarithm of a time so near to a bound is at it, as searches end a little before.
+#: Distance of the logarithm of a time from a bound within which it is at it: searches end before.
 _AT_BOUND = 1e-3
-#: Two branches whose logarithms of time are nearer than this are one: no reading tells them apart.
+#: Distance between the logarithms of two times within which readings cannot distinguish them.
 _SAME_TIME = 0.05
 
-#: Stiffness that branches carry at the end of the longest test, over that at rest, that is told.
+#: Stiffness of branches at the end of the longest test, over that at rest, that deserves a note.
 _CARRIED = 0.05
 #: Excess of the stretch over 1 at which stiffness is compared.
 _SMALL = 1e-3
@@ -80,15 +79,16 @@ _SMALL = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class BranchFit:
-    """A law at rest and the branches beside it, fitted together.
+    """A law at rest and its branches, fitted together.
 
     ``values`` are the moduli [Pa] and times [s] of the branches, ``limits`` their 95 % limits, None
-    where the tests set none; the law's own are in ``law``, whose ``held_out`` is by stretch level
-    and rate. ``foretold`` is the root mean square error [Pa] over these, each counting alike, None
-    where nothing could be held out; ``tried`` is that by number of branches. ``correlation`` of
-    neighbouring residuals. ``stress`` and ``half``: what is predicted in the readings and half its
-    95 % band, linearised [Pa]. ``idle``: a branch is no more than the scatter of a reading, or two
-    have the same time. ``at_bound``: a branch's time is at the bound of what the tests may see.
+    where the tests set none. The law's own are in ``law``, whose ``held_out`` is by stretch level
+    and rate. ``foretold`` is the root mean square error [Pa] over these, each with the same weight,
+    None where nothing could be held out; ``tried`` is that by number of branches. ``correlation``
+    is that of neighbouring residuals. ``stress`` and ``half`` are the predicted readings and half
+    their 95 % band, linearised [Pa]. ``idle``: a branch is no larger than the scatter of a reading,
+    or two have the same time. ``at_bound``: a branch's time is at the bound of what the tests can
+    show.
     """
 
     law: LawFit
@@ -114,13 +114,13 @@ class BranchFit:
 
     @property
     def branches(self) -> tuple[ViscousBranch, ...]:
-        """The branches that pull at all, the fastest first."""
+        """Branches with a modulus above 0, the fastest first."""
         pairs = zip(*np.split(self.values, 2), strict=True)
         return tuple(ViscousBranch(float(modulus), float(time)) for modulus, time in pairs
                      if modulus > 0)
 
     def json(self) -> dict[str, Any]:
-        """Fit as a JSON object: as that of a law, and what is of the branches."""
+        """Write the fit as a JSON object: that of a law, with the branches."""
         moduli, times = ([{"value": float(value), "low": low, "high": high, "unit": unit}
                           for value, (low, high) in pairs]
                          for unit, pairs in zip(("Pa", "s"), self._halves, strict=True))
@@ -139,13 +139,13 @@ class BranchFit:
 def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
                     noise: float | None = None, branches: int | None = None
                     ) -> tuple[BranchFit, ...]:
-    """Fits of laws with branches, the one that foretells held-out runs best first.
+    """Fit laws with branches, the one that predicts held-out runs best first.
 
-    Of all laws with at most one shape constant if none is named (branches leave little for more),
-    each with the number of branches that held-out runs choose unless it is given; none where the
-    runs do not tell time from stretch. Where no run can be held out, laws are in order of Akaike's
-    criterion; those far from the others in an untested mode come last. ``noise`` is the standard
-    deviation of a reading [Pa], estimated where None.
+    Without ``names`` these are all laws with at most one shape constant (branches leave little for
+    more). Each has the number of branches that held-out runs choose unless it is given; none where
+    the runs do not separate time from stretch. Where no run can be held out, laws are ordered by
+    Akaike's criterion; those far from the others in an untested mode come last. ``noise`` is the
+    standard deviation of a reading [Pa], estimated where None.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
 
 def _ranked(coupons: Coupons, fits: Sequence[BranchFit], noise: float | None
             ) -> tuple[BranchFit, ...]:
-    """The best first; criteria are for the independent readings of the fit that leaves least."""
+    """Rank fits, best first; criteria count the independent readings of the most accurate fit."""
     correlation = min(fits, key=lambda fit: fit.law.rmse).correlation
     count = independent_count(len(coupons), correlation)
     far = far_off(coupons, [fit.law for fit in fits])
@@ -187,7 +187,7 @@ def _ranked(coupons: Coupons, fits: Sequence[BranchFit], noise: float | None
 
 
 def branch_lines(branches: Sequence[ViscousBranch]) -> str:
-    """The ``[[membrane.branch]]`` tables of a specimen file.
+    """Write the ``[[membrane.branch]]`` tables of a specimen file.
 
     Examples
     --------
@@ -202,9 +202,9 @@ def branch_lines(branches: Sequence[ViscousBranch]) -> str:
 
 
 def held_out_groups(coupons: Coupons) -> dict[str, AnyArray]:
-    """Masks of the readings held out together: runs of a stretch level, of a rate, of a creep load.
+    """Mask the readings held out together: runs of a stretch level, of a rate, of a creep load.
 
-    Of a kind of which there is one group only, none: nothing of it would remain.
+    A kind with only one group is left out: no reading of the kind would remain.
     """
     levels, rates, loads = {}, {}, {}
     for name, run in coupons.timed_runs.items():
@@ -229,14 +229,15 @@ def held_out_groups(coupons: Coupons) -> dict[str, AnyArray]:
 
 
 def _rate(time: AnyArray, stretch: AnyArray) -> float:
-    """Mean rate of stretching along the path [1/s], whatever rests there are."""
+    """Compute the mean rate of stretching along the path [1/s], without its rests."""
     steps, path = np.diff(time), np.abs(np.diff(stretch))
     moving = steps > 0
-    return float(np.sum(path[moving] ** 2 / steps[moving]) / max(path[moving].sum(), 1e-300))
+    steps, path = steps[moving], path[moving]
+    return float(np.sum(path**2 / steps) / max(path.sum(), 1e-300))
 
 
 def _alike(sizes: dict[str, float], factor: float, label: Any) -> dict[str, list[str]]:
-    """Runs of about the same size, by the label of its mean; none if all are."""
+    """Group runs of about the same size, by the label of its mean; none if all are equal."""
     order = sorted(sizes, key=lambda name: sizes[name])
     groups: list[list[str]] = []
     for name in order:
@@ -251,7 +252,7 @@ def _alike(sizes: dict[str, float], factor: float, label: Any) -> dict[str, list
 
 @dataclass(frozen=True, eq=False)
 class TimedTests:
-    """Readings and a law to fit to those in ``rows``, with branches whose stress is looked up.
+    """Readings and a law to fit to those in ``rows``, with branches whose stress is tabulated.
 
     Unknowns are the law's linear constants [Pa], its shape constants, moduli [Pa] and logarithms
     of times [s] of branches.
@@ -269,7 +270,7 @@ class TimedTests:
 
     @cached_property
     def read(self) -> AnyArray:
-        """Stress as read [Pa], shape (rows,)."""
+        """Measured stress [Pa], shape (rows,)."""
         return np.asarray(self.coupons.stress[self.rows])
 
     @cached_property
@@ -283,51 +284,51 @@ class TimedTests:
         return len(self.family.constants)
 
     def names(self, count: int) -> list[str]:
-        """Names of the unknowns with a number of branches."""
+        """Name the unknowns with a number of branches."""
         numbers = range(1, count + 1)
         return [*self.family.constants, *(f"branch {number} modulus" for number in numbers),
                 *(f"branch {number} time" for number in numbers)]
 
     def units(self, count: int) -> list[str]:
-        """Units of the unknowns, times themselves instead of their logarithms."""
+        """List the units of the unknowns, times themselves instead of their logarithms."""
         return (["Pa"] * len(self.family.linear) + ["1"] * len(self.family.shape)
                 + ["Pa"] * count + ["s"] * count)
 
     def natural(self, values: AnyArray) -> AnyArray:
-        """The unknowns, times themselves instead of their logarithms."""
+        """Convert the unknowns: times themselves instead of their logarithms."""
         law, moduli, times = self.split(values)
         return np.concatenate([law, moduli, np.exp(times)])
 
     def predict(self, values: AnyArray) -> AnyArray:
-        """Nominal stress [Pa]."""
+        """Predict the nominal stress [Pa]."""
         law, moduli, times = self.split(values)
         return np.asarray(self.family.stress(*self._stretches, law)
                           + self.stress.columns(times)[self.rows] @ moduli)
 
     def jacobian(self, values: AnyArray) -> AnyArray:
-        """Its derivative by the unknowns."""
+        """Differentiate the prediction by the unknowns."""
         law, moduli, times = self.split(values)
         return np.hstack([self.family.jacobian(*self._stretches, law),
                           self.stress.columns(times)[self.rows],
                           self.stress.slopes(times)[self.rows] * moduli])
 
     def residual(self, values: AnyArray) -> AnyArray:
-        """Predicted minus read stress [Pa]."""
+        """Subtract measured from predicted stress [Pa]."""
         return self.predict(values) - self.read
 
     def problem(self, count: int, unit: float) -> LeastSquares:
-        """Least squares for a number of branches, stress in units of ``unit`` [Pa]."""
+        """Set up least squares for a number of branches, stress in units of ``unit`` [Pa]."""
         linear, shaped = len(self.family.linear), len(self.family.shape)
         least, most = self.family.bounds(largest_excess(*self.coupons.in_plane))
         fast, slow = self.stress.bounds
         low = [-np.inf] * linear + [least] * shaped + [0.0] * count + [fast] * count
-        high = [np.inf] * (linear) + [most] * shaped + [np.inf] * count + [slow] * count
+        high = [np.inf] * linear + [most] * shaped + [np.inf] * count + [slow] * count
         return LeastSquares.of(
             lambda values: (self.residual(values) / unit, self.jacobian(values) / unit),
             np.array(low), np.array(high), tuple(range(linear)))
 
     def best(self, count: int, starts: int) -> AnyArray:
-        """The best minimum with a number of branches, these in order of their times."""
+        """Find the best minimum with a number of branches, these ordered by their times."""
         shaped = len(self.family.shape)
         least, most = self.family.starts(largest_excess(*self.coupons.in_plane))
         shapes = seeded_starts(least, most, shaped, starts * max(1, shaped))
@@ -340,13 +341,13 @@ class TimedTests:
         return np.concatenate([self.family.ordered(law), moduli[order], times[order]])
 
     def split(self, values: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-        """The law's constants, moduli, and times or their logarithms."""
+        """Split unknowns into the law's constants, moduli, and times or their logarithms."""
         law, branches = np.split(values, [self.laws])
         moduli, times = np.split(branches, 2)
         return law, moduli, times
 
     def _scanned(self, count: int, shape: AnyArray, best: int) -> Iterator[AnyArray]:
-        """Unknowns of so many of the best choices of times on a grid."""
+        """Scan choices of times on a grid; yield the unknowns of the ``best`` ones."""
         linear = len(self.family.linear)
         fast, slow = self.stress.bounds
         grid = np.linspace(fast, slow, max(int(_COARSE * (slow - fast)), count) + 2)[1:-1]
@@ -358,21 +359,25 @@ class TimedTests:
         products, against = columns.T @ columns, columns.T @ self.read
         choices = np.array(list(combinations(range(len(grid)), count)), int)
         choices = choices.reshape(comb(len(grid), count), count)
-        every = np.hstack([np.tile(np.arange(linear), (len(choices), 1)), linear + choices])
-        # A trace on the diagonal keeps choices alive that the readings cannot tell apart.
-        matrix = products[every[:, :, None], every[:, None, :]] + 1e-10 * np.eye(linear + count)
-        linears = np.linalg.solve(matrix, against[every][..., None])[..., 0]
-        cost = self.read @ self.read - np.sum(against[every] * linears, axis=1)
-        cost = np.where((linears[:, linear:] > 0).all(axis=1), cost, np.inf)
+        of_law = np.tile(np.arange(linear), (len(choices), 1))
+        every = np.hstack([of_law, linear + choices])
+        # A trace on the diagonal keeps choices solvable that the readings cannot distinguish.
+        trace = 1e-10 * np.eye(linear + count)
+        matrix = products[every[:, :, None], every[:, None, :]] + trace
+        sides = against[every]
+        linears = np.linalg.solve(matrix, sides[..., None])[..., 0]
+        cost = self.read @ self.read - np.sum(sides * linears, axis=1)
+        positive = (linears[:, linear:] > 0).all(axis=1)
+        cost = np.where(positive, cost, np.inf)
+        lowest = np.where(np.arange(linear + count) < linear, -np.inf, 0.0)
         for index in np.argsort(cost)[:best]:
-            constants = np.maximum(linears[index] / scale[every[index]],
-                                   np.where(np.arange(linear + count) < linear, -np.inf, 0.0))
+            constants = np.maximum(linears[index] / scale[every[index]], lowest)
             yield np.concatenate([constants[:linear], shape, constants[linear:],
                                   grid[choices[index]]])
 
 
 def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> BranchFit:
-    """Fit with the fewest branches that foretell held-out runs as well as any number tried.
+    """Fit with the fewest branches that predict held-out runs as well as any number tried.
 
     That is within one standard error of the least mean square (Breiman, Friedman, Olshen and Stone,
     *Classification and Regression Trees*, 1984, §3.4.3).
@@ -398,16 +403,16 @@ def _chosen(tests: TimedTests, noise: float | None, branches: int | None) -> Bra
 
 
 def _counts(tests: TimedTests) -> range:
-    """Numbers of branches to try: no more constants than a third of the readings."""
+    """List the numbers of branches to try: at most a third as many constants as readings."""
     most = (len(tests.read) // 3 - tests.laws) // 2
     return range(max(min(MOST_BRANCHES, most), 0) + 1)
 
 
 def _by_criterion(fits: Sequence[BranchFit], noise: float | None) -> BranchFit:
-    """Choice where nothing can be held out: by Akaike's criterion.
+    """Choose a fit by Akaike's criterion, where nothing can be held out.
 
-    Readings count as as many as are independent beside the most branches. A branch that does
-    nothing, or whose time is at its bound, is one too many: nothing else speaks for it.
+    The count of readings is that of independent ones with the most branches. A fit with an idle
+    branch, or one whose time is at its bound, is left out: nothing else supports it.
     """
     last = fits[-1]
     count = independent_count(len(last.stress), last.correlation)
@@ -432,7 +437,7 @@ def _overall(errors: dict[str, float | None]) -> float | None:
 
 def _held_out(tests: TimedTests, count: int, groups: dict[str, AnyArray]) -> dict[str,
               float | None]:
-    """Root mean square error [Pa] on each group after a fit to the others."""
+    """Compute the root mean square error [Pa] on each group after a fit to the others."""
     errors: dict[str, float | None] = {}
     for label, tested in groups.items():
         values = replace(tests, rows=~tested).best(count, _FEWER)
@@ -443,10 +448,10 @@ def _held_out(tests: TimedTests, count: int, groups: dict[str, AnyArray]) -> dic
 
 def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
                  errors: Mapping[str, float | None] | None = None) -> BranchFit:
-    """Fit a law with a number of branches; ``errors`` are those of held-out runs [Pa]."""
+    """Fit a law with a number of branches; ``errors`` are those on held-out runs [Pa]."""
     values = tests.best(count, _STARTS)
     residual, jacobian = tests.residual(values), tests.jacobian(values)
-    # Exact readings have the noise of rounding.
+    # Exact readings get the noise of rounding.
     floor = 1e-9 * tests.size
     seen = np.where(np.abs(residual) > floor, residual, floor)
     errors_of = Spread.of(jacobian, seen, list(tests.coupons.series.values()), noise)
@@ -465,14 +470,14 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
 
 
 def _idle(tests: TimedTests, values: AnyArray, sigma: float) -> bool:
-    """Whether a branch does no more than the scatter of one reading, or two have the same time."""
+    """Check for a branch smaller than the scatter of one reading, or two with the same time."""
     _, moduli, times = tests.split(values)
     sizes = np.linalg.norm(tests.stress.columns(times)[tests.rows] * moduli, axis=0)
     return bool((sizes < sigma).any() or (np.diff(times) < _SAME_TIME).any())
 
 
 def _bound_notes(tests: TimedTests, values: AnyArray) -> Iterator[str]:
-    """Words for each branch whose time is at a bound of what the tests may see."""
+    """Note each branch whose time is at a bound of what the tests can show."""
     for number, time in enumerate(tests.split(values)[2], 1):
         for side, bound in zip(("less", "more"), tests.stress.bounds, strict=True):
             if abs(time - bound) < _AT_BOUND:
@@ -481,7 +486,7 @@ def _bound_notes(tests: TimedTests, values: AnyArray) -> Iterator[str]:
 
 
 def _extrapolated(tests: TimedTests, values: AnyArray) -> Iterator[str]:
-    """Note that the modulus at rest lies beyond the tests: no reading at rest, none late enough."""
+    """Note that the modulus at rest lies beyond the tests, without readings at rest or late."""
     law, moduli, times = tests.split(values)
     ends = [float(tests.coupons.time[run[-1]]) for run in tests.coupons.timed_runs.values()]
     if not len(moduli) or np.isnan(tests.coupons.time).any():
@@ -494,7 +499,7 @@ def _extrapolated(tests: TimedTests, values: AnyArray) -> Iterator[str]:
 
 
 def _limits(tests: TimedTests, values: AnyArray, noise: Spread) -> tuple[Limits, ...]:
-    """95 % limits by profiles, as wide as correlated errors make them; none without meaning."""
+    """Find 95 % limits by profiles, for correlated errors; none for a law without meaning."""
     count = (len(values) - tests.laws) // 2
     if judged(tests.family, values[:tests.laws], tests.coupons)[1] is None:
         return ((None, None),) * len(values)

@@ -1,4 +1,4 @@
-"""Laws as families of curves to fit: constants that stress is linear in, and that shape it."""
+"""Laws as families of curves to fit, with linear constants and shape constants."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True)
 class Family:
-    """A law with free constants: ``linear`` ones [Pa], in which its stress is, and ``shape`` ones.
+    """A law with free constants: stress is linear in ``linear`` ones [Pa], not in ``shape`` ones.
 
-    ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest
-    I₁ − 3 of the readings.
+    ``bounds`` are those of a shape constant, and searches begin between ``starts``; both depend on
+    the largest I₁ − 3 of the readings.
     """
 
     name: str
@@ -43,9 +43,9 @@ class Family:
         return self.make(_plain(linear), _plain(shape))
 
     def columns(self, l1: Array, l2: Array, shape: Array) -> Array:
-        """Nominal stress ∂W/∂λ₁ by each linear constant, shape (readings, linear).
+        """Compute nominal stress ∂W/∂λ₁ per linear constant, shape (readings, linear).
 
-        Complex-safe in ``shape``.
+        It takes a complex ``shape``.
         """
         unit = np.eye(len(self.linear))
         laws = [self.make(_plain(row), _plain(shape)) for row in unit]
@@ -53,19 +53,19 @@ class Family:
                         axis=-1)
 
     def jacobian(self, l1: Array, l2: Array, values: Array) -> Array:
-        """Nominal stress by every constant, by the complex step in the shape constants."""
+        """Differentiate nominal stress by every constant, with complex steps in shape constants."""
         linear, shape = np.split(values, [len(self.linear)])
         parts = [complex_step(lambda moved: self.columns(l1, l2, moved) @ linear, shape, row)
                  for row in np.eye(len(shape))]
         return np.column_stack([self.columns(l1, l2, shape), *parts])
 
     def stress(self, l1: Array, l2: Array, values: Array) -> Array:
-        """Nominal stress [Pa]."""
+        """Compute nominal stress [Pa]."""
         linear, shape = np.split(values, [len(self.linear)])
         return np.asarray(self.columns(l1, l2, shape) @ linear)
 
     def ordered(self, values: Array) -> Array:
-        """The same law with its terms in order."""
+        """Order the terms of the law."""
         if not self.alike:
             return values
         linear, shape = np.split(values, [len(self.linear)])
@@ -74,7 +74,7 @@ class Family:
 
 
 def largest_excess(l1: Array, l2: Array) -> float:
-    """Largest I₁ − 3."""
+    """Find the largest I₁ − 3."""
     return float(np.max(first_invariant(l1, l2)[0]))
 
 
@@ -91,7 +91,7 @@ def _ogden(terms: int) -> Family:
                   simpler="neo_hooke" if terms == 1 else f"ogden_{terms - 1}")
 
 
-#: By the name that ``tympan material fit --law`` takes.
+#: Families by the names that ``tympan material fit --law`` takes.
 FAMILIES = {family.name: family for family in (
     Family("neo_hooke", ("mu",), lambda c, _: NeoHooke(*c)),
     Family("mooney_rivlin", ("c10", "c01"), lambda c, _: MooneyRivlin(*c)),

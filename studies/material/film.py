@@ -1,11 +1,12 @@
-"""Deflection of a film by fitted laws, with limits: what coupon tests leave open of an actuator.
+"""Deflection of a film by fitted laws, with limits from the uncertainty of coupon tests.
 
-Two things leave it open: constants that the readings do not determine, and laws that fit the tests
-alike and differ where nothing was tested. For each law that fits about as well as the best, the
-constants are moved as far as the readings allow to either side of what counts for the film: the
-energy that its deflection stores. That is a profile (Bates and Watts, *Nonlinear Regression
-Analysis*, 1988, §6.1), the profiled quantity being the energy. The film is then solved with the
-constants at both ends. Its limits are the lowest and the highest deflection of all laws.
+Two things are uncertain: constants that the readings do not determine, and laws that fit the tests
+equally well and differ where nothing was tested. For each law that fits about as well as the best,
+the constants are moved as far as the readings allow in both directions of the quantity that
+determines the film: the energy stored by its deflection. That is a profile (Bates and Watts,
+*Nonlinear Regression Analysis*, 1988, §6.1), the profiled quantity being the energy. The film is
+then solved with the constants at both ends. Its limits are the lowest and the highest deflection of
+all laws.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ from tympan.studies.material.families import Family
 from tympan.studies.material.fit import LawFit, best_offered, coupon_noise, coupon_problem
 from tympan.studies.material.relaxation import BranchStress
 
-#: Laws whose criterion is larger than the best one's by more do not count (Burnham and Anderson,
-#: *Model Selection and Multimodel Inference*, 2002, §2.6).
+#: Excess of a law's criterion over the best one's above which it does not count (Burnham and
+#: Anderson, *Model Selection and Multimodel Inference*, 2002, §2.6).
 _AS_GOOD = 10.0
-#: So do not those that foretell held-out runs worse by more than this factor.
+#: Factor of the error on held-out runs above which a law does not count.
 _FORETOLD = 1.25
-#: How exactly the energy meets a value that is asked for, relative.
+#: Relative accuracy of the energy at a prescribed value.
 _MET = 1e-4
 
 #: Lower bound of the energy over that of the best fit, far below any that readings allow.
@@ -45,7 +46,7 @@ _LEAST = 1e-2
 #: Upper bound of the energy over that of the best fit, far above any that readings allow.
 _MOST = 1e2
 
-#: How exactly a profile meets its quantile, and the most evaluations it takes.
+#: Accuracy with which a profile meets its quantile, and its most evaluations.
 _QUANTILE_MET = 0.02
 _EVALUATIONS = 300
 #: Steps from the limit of a profile back to constants that make a law.
@@ -56,9 +57,9 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True)
 class LawDeflection:
-    """Deflection [m] by one law and by the constants at both ends of its limits.
+    """Deflection [m] by one law, and by the constants at both ends of its limits.
 
-    None where the film has no equilibrium with them, ``low`` the lower one.
+    A value is None where the film has no equilibrium with them; ``low`` is the lower one.
     """
 
     deflection_m: float | None
@@ -68,7 +69,7 @@ class LawDeflection:
 
 @dataclass(frozen=True)
 class FilmDeflection:
-    """Deflection of a film [m] by the law to take, with 95 % limits over all laws as good.
+    """Deflection of a film [m] by the best law, with 95 % limits over all laws as good.
 
     A limit is None where the film has no equilibrium there: it pulls in, or cannot be followed.
     """
@@ -82,14 +83,14 @@ class FilmDeflection:
     laws: dict[str, LawDeflection]
 
     def json(self) -> dict[str, Any]:
-        """Film as a JSON object."""
+        """Write the film as a JSON object."""
         numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return numbers | {"laws": {name: vars(law) for name, law in self.laws.items()}}
 
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A fitted law: its unknowns, the law's first, with all else that was fitted beside them."""
+    """A fitted law: its unknowns, the law's first, with everything fitted at the same time."""
 
     family: Family
     best: AnyArray
@@ -99,7 +100,7 @@ class _Candidate:
     range: tuple[float, float]
 
     def law(self, unknowns: AnyArray) -> Material | None:
-        """The law of some unknowns, None where it is not admissible over the tests."""
+        """Make the law of some unknowns, None where it is not admissible over the tests."""
         try:
             law = self.family.material(unknowns[:len(self.family.constants)])
         except InputError:
@@ -109,7 +110,7 @@ class _Candidate:
 
 @dataclass(frozen=True, eq=False)
 class _Visited:
-    """Stretches that a film visits and its volume there [m³], and those when it is mounted."""
+    """Stretches of a film, with its volume there [m³], and those of the mounted film."""
 
     l1: AnyArray
     l2: AnyArray
@@ -117,7 +118,7 @@ class _Visited:
     mounted: tuple[AnyArray, AnyArray]
 
     def energies(self, family: Family, shape: AnyArray) -> AnyArray:
-        """Energy that the deflection stores by each linear constant [J/Pa]."""
+        """Compute the energy stored by the deflection per linear constant [J/Pa]."""
         unit = np.eye(len(family.linear))
         laws = [family.make(tuple(row), tuple(value.item() for value in np.asarray(shape)))
                 for row in unit]
@@ -126,7 +127,7 @@ class _Visited:
                          for law in laws])
 
     def energy(self, family: Family, constants: AnyArray) -> tuple[float, AnyArray]:
-        """Energy [J] and its derivative by every constant."""
+        """Compute the energy [J] and its derivative by every constant."""
         linear, shape = np.split(constants, [len(family.linear)])
         columns = self.energies(family, shape)
         parts = [complex_step(lambda moved: self.energies(family, moved) @ linear, shape, row)
@@ -137,11 +138,11 @@ class _Visited:
 def film_deflection(case: Case, settings: Settings, coupons: Coupons,
                     fits: Sequence[LawFit | BranchFit], noise: float | None = None
                     ) -> FilmDeflection:
-    """Deflection of a case's film by fitted laws, at rest, with what the tests leave open of it.
+    """Compute the deflection of a case's film at rest by fitted laws, with its uncertainty.
 
     ``fits`` are those of :func:`~tympan.studies.material.fit.compare` or
     :func:`~tympan.studies.material.branches.compare_in_time` to the readings ``coupons``, the best
-    first; ``noise`` the standard deviation of a reading [Pa] that was given to them.
+    first; ``noise`` is the standard deviation of a reading [Pa] that was given to them.
 
     Raises
     ------
@@ -172,7 +173,7 @@ def _law_of(fit: LawFit | BranchFit) -> LawFit:
 
 
 def _counts(law: LawFit, best: LawFit) -> bool:
-    """Whether a law counts beside the best."""
+    """Check whether a law is about as good as the best."""
     if not law.offered or law.far:
         return False
     if law.foretold is not None and best.foretold is not None:
@@ -232,7 +233,7 @@ def _deflections(case: Case, settings: Settings, candidate: _Candidate, visited:
 
 
 def _ends(candidate: _Candidate, visited: _Visited) -> tuple[AnyArray, AnyArray]:
-    """Unknowns at both ends of the energy's 95 % limits, the stiffer ones first."""
+    """Find the unknowns at both ends of the energy's 95 % limits, the stiffer ones first."""
     family, count = candidate.family, len(candidate.family.constants)
     base, slope = visited.energy(family, candidate.best[:count])
     row = np.zeros((1, len(candidate.best)))
@@ -255,7 +256,7 @@ def _ends(candidate: _Candidate, visited: _Visited) -> tuple[AnyArray, AnyArray]
     start = np.append(candidate.best, 1.0)
     line = profile(problem, start, len(candidate.best), _reach(candidate, row), _QUANTILE_MET,
                    _EVALUATIONS)
-    # Without a limit the profile went to a bound, or as far as its evaluations did.
+    # Without a limit the profile ended at a bound, or with its evaluations.
     ends = [float(line.values.min()) if line.low is None else line.low,
             float(line.values.max()) if line.high is None else line.high]
     soft, stiff = (_last_law(candidate, problem, start, end) for end in ends)
@@ -263,7 +264,7 @@ def _ends(candidate: _Candidate, visited: _Visited) -> tuple[AnyArray, AnyArray]
 
 
 def _reach(candidate: _Candidate, row: AnyArray) -> float:
-    """Standard deviations of independent errors at the 95 % limit of correlated ones."""
+    """Convert the 95 % limit of correlated errors to standard deviations of independent ones."""
     lengths = np.linalg.norm(candidate.jacobian, axis=0)
     safe = np.where(lengths > 0, lengths, 1.0)
     spread = np.linalg.pinv(candidate.jacobian / safe, rcond=1e-10) / safe[:, None]
@@ -275,7 +276,7 @@ def _reach(candidate: _Candidate, row: AnyArray) -> float:
 
 def _last_law(candidate: _Candidate, problem: LeastSquares, start: AnyArray, end: float
               ) -> AnyArray:
-    """Unknowns at an energy, or at the last one on the way there that makes a law."""
+    """Find the unknowns at an energy, or at the last one towards it that makes a law."""
     fixed = np.arange(len(start)) == len(start) - 1
 
     def at(share: float) -> AnyArray:

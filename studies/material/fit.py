@@ -1,4 +1,4 @@
-"""Laws fitted to coupon tests: constants with limits, what stays open, which law to take."""
+"""Laws fitted to coupon tests: constants with limits, what remains open, choice of a law."""
 
 from __future__ import annotations
 
@@ -24,43 +24,43 @@ from tympan.studies.files import words_beside
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
 T = TypeVar("T")
-#: What to tell the reader, by key.
+#: Notes for the reader, by key.
 NOTES = words_beside(__file__)
 
 #: 95 % limits, None where the readings set none.
 Limits = tuple[float | None, float | None]
 
-#: Constants, the material they make, if any, and the first stretches where that is not admissible.
+#: Constants, the material they make, if any, and the first stretches where it is inadmissible.
 Judged = tuple[Array, Material | None, tuple[float, float] | None]
 
-#: Correlations above this are told: the tests then see a combination of two constants, hardly each
-#: alone.
+#: Correlation above which a note says so: the tests then determine a combination of two constants,
+#: hardly each alone.
 CORRELATED = 0.95
-#: So are intervals whose half is more than this share of the constant.
+#: Half-width of an interval, over the constant, above which a note says so.
 WIDE = 0.5
-#: Laws whose stresses in an untested mode differ by more than this factor are told.
+#: Ratio of stresses by different laws in an untested mode above which a note says so.
 DIFFERING = 1.5
-#: Two terms of a law that cancel to less than this part in the readings are a limit of the law, not
-#: constants to compute with.
+#: Ratio of two terms of a law to their sum in the readings above which they are no constants to
+#: compute with, but a limit of the law.
 CANCELLING = 50.0
-#: A law whose stress in an untested mode is so many times another than what most laws say there is
-#: ranked last: half an order of magnitude.
+#: Factor between a law's stress in an untested mode and that of most laws above which it is ranked
+#: last: half an order of magnitude.
 FAR = 10**0.5
-#: Most evaluations of one profile: what has no limit within them has none worth the time.
+#: Most evaluations of one profile: a limit not found within them is not worth the time.
 _EVALUATIONS = 600
-#: Laws that foretell held-out runs within this factor foretell them equally.
+#: Factor of errors on held-out runs within which laws are equally good.
 _SAME_ERROR = 1.05
-#: Terms of a law at a smaller angle, in the space of the readings, are one.
+#: Angle between terms of a law, in the space of the readings, below which they are one.
 _ALIKE = 1e-3
-#: A constant nearer to its bound than this, as a share of the bound, is at it.
+#: Distance of a constant from its bound, as a share of it, within which it is at the bound.
 _AT_BOUND = 1e-3
-#: Most folds of runs that are held out.
+#: Most groups of runs held out.
 _FOLDS = 5
 
-#: Unit of stress in a search for minima, as a share of the readings: small, so that the search goes
-#: on to the rounding.
+#: Unit of stress in a search for minima, as a share of the readings: small, so that the search
+#: continues down to rounding.
 _FINE = 1e-8
-#: Limits of a profile are met to this share of the quantile: the third digit of a limit.
+#: Accuracy of a profile's limits as a share of the quantile: the third digit of a limit.
 _MET = 1e-3
 
 
@@ -69,13 +69,13 @@ class LawFit:
     """A law fitted to readings: the new material and the raw result.
 
     ``values`` are the family's constants [Pa or plain], ``limits`` their 95 % limits, None where
-    the readings set none; ``covariance`` is linearised; ``rmse`` is of the residuals [Pa].
-    ``criterion`` is Akaike's for as many readings as are independent; lower is better.
-    ``held_out`` is the root mean square error [Pa] on each mode after a fit to the others, None
-    where the law could not follow; ``foretold`` that on held-out runs, None where none were.
-    ``range`` is of the principal stretches of the tests, ``inadmissible`` the first stretches
-    within it where Hill's inequality fails. ``dropped`` says which constant is of no use, ``far``
-    in which untested mode the law is far from the others; both "" where that is not so.
+    the readings set none; ``covariance`` is linearised; ``rmse`` is that of the residuals [Pa].
+    ``criterion`` is Akaike's for the number of independent readings; lower is better. ``held_out``
+    is the root mean square error [Pa] on each mode after a fit to the others, None where the law
+    has no value; ``foretold`` is that on held-out runs, None without any. ``range`` is that of the
+    principal stretches of the tests, ``inadmissible`` the first stretches within it where Hill's
+    inequality fails. ``dropped`` says which constant has no effect, ``far`` in which untested mode
+    the law is far from the others; each is "" if there is none.
     """
 
     family: Family
@@ -101,7 +101,7 @@ class LawFit:
         return self.material is not None and self.inadmissible is None and not self.dropped
 
     def predict(self, mode: str, stretch: Array) -> tuple[Array, Array]:
-        """Nominal stress and half the width of its 95 % band [Pa], linearised."""
+        """Predict nominal stress and half the width of its 95 % band [Pa], linearised."""
         across = stretch ** MODES[mode]
         rows = self.family.jacobian(stretch, across, self.values)
         with np.errstate(invalid="ignore"):
@@ -111,7 +111,7 @@ class LawFit:
         return self.family.stress(stretch, across, self.values), half
 
     def json(self) -> dict[str, Any]:
-        """Fit as a JSON object."""
+        """Write the fit as a JSON object."""
         linear = len(self.family.linear)
         constants = {name: {"value": float(value), "low": low, "high": high,
                             "unit": "Pa" if index < linear else "1"}
@@ -131,13 +131,13 @@ class LawFit:
 
 def compare(coupons: Coupons, names: Sequence[str] | None = None, noise: float | None = None,
             starts: int = 12, quick: bool = False) -> tuple[LawFit, ...]:
-    """Fits of laws, the one to take first; of all the readings are enough for if none is named.
+    """Fit laws, the best first; by default all for which there are enough readings.
 
-    Where every mode has several runs, laws are compared by what each foretells of runs held out,
-    otherwise by Akaike's criterion for as many readings as are independent. Laws that are far from
-    the others in an untested mode come last. ``noise`` is the standard deviation of one reading
-    [Pa], estimated where None. ``starts`` are those of :func:`fit_law`; ``quick`` fits have no
-    limits of constants, and no mode is held out.
+    Where every mode has several runs, laws are compared by their errors on runs held out, otherwise
+    by Akaike's criterion for the number of independent readings. Laws that are far from the others
+    in an untested mode come last. ``noise`` is the standard deviation of one reading [Pa],
+    estimated where None. ``starts`` are those of :func:`fit_law`; ``quick`` fits have no limits of
+    constants, and no mode is held out.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None, noise: float |
 
 def with_simpler(fits: list[T], fitted: Callable[[Family], T], law: Callable[[T], LawFit]
                  ) -> list[T]:
-    """The fits, and those of simpler laws in place of which some constants are of no use."""
+    """Add fits of simpler laws in place of those with constants that have no effect."""
     every = list(fits)
     for fit in every:
         names = {law(other).family.name for other in every}
@@ -176,7 +176,7 @@ def with_simpler(fits: list[T], fitted: Callable[[Family], T], law: Callable[[T]
 
 
 def _ranked(fits: Sequence[LawFit]) -> tuple[LawFit, ...]:
-    """The best first: of those that foretell held-out runs about equally, the simplest.
+    """Rank fits, best first: the simplest of those with about the same error on held-out runs.
 
     Laws that are far off in untested modes come last.
     """
@@ -194,7 +194,7 @@ def _ranked(fits: Sequence[LawFit]) -> tuple[LawFit, ...]:
 
 
 def _common_correlation(coupons: Coupons, fits: Sequence[LawFit], noise: float | None) -> float:
-    """Correlation of neighbouring residuals of the fit that leaves least: of noise, if any is."""
+    """Estimate the correlation of noise from neighbouring residuals of the most accurate fit."""
     count = len(coupons)
     least = min((fit for fit in fits), key=lambda fit: (
         fit.rmse**2 / max(count - len(fit.values), 1)))
@@ -203,7 +203,7 @@ def _common_correlation(coupons: Coupons, fits: Sequence[LawFit], noise: float |
 
 def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float | None = None
                  ) -> Spread:
-    """Errors of a law's readings, alike along the stretch of each run of each mode."""
+    """Estimate errors of a law's readings, correlated along the stretch of each run of a mode."""
     residual = _residual(family, coupons, values)
     floor = 1e-13 * _size(coupons)
     seen = np.where(np.abs(residual) > floor, residual, floor)
@@ -212,7 +212,7 @@ def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float |
 
 
 def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Numbers]:
-    """Numbers of the readings of each run of each mode, in order of the time or the stretch."""
+    """Find the numbers of the readings of each run and mode, in order of time or stretch."""
     runs = {}
     for name, rows in coupons.series.items():
         for mode in coupons.modes:
@@ -225,9 +225,9 @@ def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Numbers]:
 
 
 def _foretold(coupons: Coupons, family: Family) -> float | None:
-    """Root mean square error [Pa] on runs held out, some of each mode that has others left.
+    """Compute the root mean square error [Pa] on runs held out, some of each mode.
 
-    None where a mode has a single run: without it nothing of the mode remains.
+    None where a mode has a single run: without it no reading of the mode remains.
     """
     runs = runs_of_modes(coupons)
     by_mode = [[runs[key] for key in runs if key[0] == mode] for mode in coupons.modes]
@@ -249,10 +249,10 @@ def _foretold(coupons: Coupons, family: Family) -> float | None:
 
 
 def far_off(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, str]:
-    """Laws whose stress in an untested mode is far from what most laws say there, with the words.
+    """Find laws whose stress in an untested mode is far from that of most laws, with the words.
 
     Neo-Hooke's law, as stiff in the tests as they are, counts as one more: in modes that were not
-    tested a law with one constant is seldom far off (Treloar, *The Physics of Rubber Elasticity*,
+    tested a law with one constant is rarely far off (Treloar, *The Physics of Rubber Elasticity*,
     1975).
     """
     offered = [fit for fit in fits if fit.offered]
@@ -283,12 +283,12 @@ def far_off(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, str]:
 
 
 def best_offered(fits: Sequence[LawFit]) -> LawFit | None:
-    """The first that may be offered."""
+    """Find the first law that may be offered."""
     return next((fit for fit in fits if fit.offered), None)
 
 
 def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> list[str]:
-    """Warnings before the best fit is used; ``at_rest``: fitted beside branches."""
+    """List warnings before the best fit is used; ``at_rest`` says it was fitted with branches."""
     best, first = best_offered(fits), fits[0]
     if best is None:
         return [NOTES["none_offered"]]
@@ -307,7 +307,7 @@ def warnings(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) ->
 
 
 def _differing(coupons: Coupons, offered: Sequence[LawFit]) -> Iterator[str]:
-    """Warning where laws that may be offered differ much on an equibiaxial film."""
+    """Warn where laws that may be offered differ much on an equibiaxial film."""
     stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
     with np.errstate(all="ignore"):
         stresses = {fit.family.name: float(fit.family.stress(stretch, stretch, fit.values).item())
@@ -341,7 +341,7 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     noise
         Standard deviation of one reading [Pa], estimated where None.
     starts
-        How many are searched per shape constant.
+        Number of searches per shape constant.
     hold_out
         Fit again without each mode.
     profiles
@@ -355,10 +355,10 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     spread = covariance(jacobian, sigma.size)
     lengths = np.linalg.norm(jacobian, axis=0)
     dropped = useless_constant(family, values, coupons, sigma.size)
-    # Profiles along a constant of no use take long and say nothing.
+    # Profiles along a constant without effect take long and give no information.
     limits = (((None, None),) * len(values) if dropped or not profiles else
               _limits(family, coupons, values, np.sqrt(np.diag(spread)), sigma))
-    # 1e300 where no reading sees a constant.
+    # The condition is 1e300 where a constant changes no reading.
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     result = LawFit(
         family=family, material=material, values=values,
@@ -373,7 +373,7 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
 
 
 def coupon_problem(family: Family, coupons: Coupons, unit: float) -> LeastSquares:
-    """Least squares for a family's constants, stress in units of ``unit`` [Pa]."""
+    """Set up least squares for a family's constants, stress in units of ``unit`` [Pa]."""
     l1, l2 = coupons.in_plane
     least, most = family.bounds(largest_excess(l1, l2))
     linear, shaped = len(family.linear), len(family.shape)
@@ -385,12 +385,12 @@ def coupon_problem(family: Family, coupons: Coupons, unit: float) -> LeastSquare
 
 
 def _residual(family: Family, coupons: Coupons, values: Array) -> Array:
-    """Predicted minus read stress [Pa]."""
+    """Subtract measured from predicted stress [Pa]."""
     return family.stress(*coupons.in_plane, values) - coupons.stress
 
 
 def _squares(family: Family, coupons: Coupons, values: Array) -> float:
-    """Sum of squares [Pa²]; no less than the rounding of the readings."""
+    """Sum the squared residuals [Pa²]; no less than the rounding of the readings."""
     return max(float(np.sum(_residual(family, coupons, values) ** 2)),
                len(coupons) * (1e-13 * _size(coupons)) ** 2)
 
@@ -410,10 +410,10 @@ def _minima(family: Family, coupons: Coupons, count: int) -> list[Array]:
 
 def _limits(family: Family, coupons: Coupons, values: Array, spread: Array,
             noise: Noise) -> tuple[Limits, ...]:
-    """95 % limits of every constant at the best fit.
+    """Find 95 % limits of every constant at the best fit.
 
-    Where stress is linear in all constants, value ± quantile · standard deviation, which is exact
-    for normal noise; otherwise by profiles.
+    Where stress is linear in all constants they are value ± quantile · standard deviation, which is
+    exact for normal noise; otherwise they come from profiles.
     """
     if not family.shape:
         halves = noise.quantile * spread
@@ -427,7 +427,7 @@ def _limits(family: Family, coupons: Coupons, values: Array, spread: Array,
 
 
 def material_lines(material: Material, stretch_range: tuple[float, float] | None = None) -> str:
-    """The ``[membrane.material]`` table of a specimen file.
+    """Write the ``[membrane.material]`` table of a specimen file.
 
     Examples
     --------
@@ -446,21 +446,23 @@ def material_lines(material: Material, stretch_range: tuple[float, float] | None
     lines = ["[membrane.material]", f'law = "{material.law}"']
     for item in fields_of(type(material)):
         value = getattr(material, item.name)
-        texts = [written(item.says.dimension, part)
-                 for part in (value if item.several else (value,))]
-        lines.append(f"{item.key} = " + (f"[{', '.join(texts)}]" if item.several else texts[0]))
+        if item.several:
+            texts = [written(item.says.dimension, part) for part in value]
+            lines.append(f"{item.key} = [{', '.join(texts)}]")
+        else:
+            lines.append(f"{item.key} = {written(item.says.dimension, value)}")
     if stretch_range is not None:
         lines.append(f"range = [{stretch_range[0]:.4g}, {stretch_range[1]:.4g}]")
     return "\n".join(lines) + "\n"
 
 
 def _needed(family: Family, more: int = 0) -> int:
-    """Readings without which the criterion has no value, with so many more constants."""
+    """Count the readings without which the criterion has no value, with ``more`` constants."""
     return len(family.constants) + more + 3
 
 
 def named_family(name: str, readings: int, more: int = 0) -> Family:
-    """The law of a name, or an InputError where readings are too few for it and more constants."""
+    """Find a law by its name; an InputError where readings are too few for it with ``more``."""
     if name not in FAMILIES:
         raise InputError(f"must be all or one of {', '.join(FAMILIES)}", key="--law", given=name)
     family = FAMILIES[name]
@@ -476,7 +478,7 @@ def _admissible(ends: list[Array], family: Family, coupons: Coupons) -> Judged:
 
 
 def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
-    """Constants, what they make, if anything, and where that is not admissible in the tests."""
+    """Judge constants: the material they make, if any, and where it is inadmissible."""
     if _cancelling(family, values, coupons):
         return values, None, None
     try:
@@ -487,14 +489,14 @@ def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
 
 
 def _terms(family: Family, values: Array, coupons: Coupons) -> Array:
-    """Stress of each term of a law in the readings [Pa], shape (readings, terms)."""
+    """Compute the stress of each term of a law in the readings [Pa], (readings, terms)."""
     linear, shape = np.split(values, [len(family.linear)])
     with np.errstate(all="ignore"):
         return np.asarray(np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear))
 
 
 def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:
-    """Whether two terms of a law all but cancel in the readings."""
+    """Check whether two terms of a law almost cancel in the readings."""
     terms = _terms(family, values, coupons)
     sizes = np.linalg.norm(terms, axis=0)
     return any(np.linalg.norm(terms[:, first] + terms[:, second]) * CANCELLING
@@ -503,9 +505,9 @@ def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:
 
 
 def useless_constant(family: Family, values: Array, coupons: Coupons, sigma: float) -> str:
-    """Words on a constant at its bound, or a term that the readings do not see, else "".
+    """Name a constant at its bound, or a term without effect on the readings, else "".
 
-    A term is not seen if all of it is no more than one standard deviation ``sigma`` [Pa] of one
+    A term has no effect if all of it is no more than one standard deviation ``sigma`` [Pa] of one
     reading: without it χ² grows by one at most.
     """
     linear, shape = np.split(values, [len(family.linear)])
@@ -559,7 +561,7 @@ def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
 
 def open_constants(names: Sequence[str], units: Sequence[str], values: Array,
                    limits: Sequence[Limits], spread: Array) -> Iterator[str]:
-    """Words for each constant that tests determine poorly, or only together with another."""
+    """Note each constant that tests determine poorly, or only in combination with another."""
     for name, unit, value, (low, high) in zip(names, units, values, limits, strict=True):
         words, size = {"Pa": (" kPa", 1e3), "1": ("", 1.0)}.get(unit, (f" {unit}", 1.0))
         if low is None or high is None:
@@ -580,7 +582,7 @@ def open_constants(names: Sequence[str], units: Sequence[str], values: Array,
 
 
 def _open_modes(fit: LawFit, coupons: Coupons) -> Iterator[str]:
-    """Modes not tested in which the fit's stress is uncertain by more than a tenth."""
+    """Note untested modes in which the fit's stress is uncertain by more than a tenth."""
     stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
     for mode in MODES:
         if mode in coupons.modes or fit.material is None:
@@ -595,7 +597,7 @@ def _open_modes(fit: LawFit, coupons: Coupons) -> Iterator[str]:
 
 
 def _systematic(residual: Array, coupons: Coupons) -> bool:
-    """Whether residuals in order of stretch change sign far too seldom (runs test, p < 0.001)."""
+    """Check whether residuals along stretch change sign far too rarely (runs test, p < 0.001)."""
     order = np.lexsort((coupons.stretch, coupons.mode))
     positive = residual[order] > 0
     above, below = int(positive.sum()), int((~positive).sum())

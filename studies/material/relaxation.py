@@ -1,9 +1,9 @@
-"""Pull of viscous branches in coupon tests, by their time: integrated once, then looked up.
+"""Stress of viscous branches in coupon tests, by their time: integrated once, then tabulated.
 
-The stretches of a test are known (of a creep test those it was read at), so what a branch pulls
-with is its modulus times what its time alone determines. That is computed here for times on a
-logarithmic grid, all tests and all times in one march, and is smooth between them: a fit that asks
-for any time gets it, with its derivative, from a spline.
+The stretches of a test are known (in a creep test they are the readings), so the stress of a branch
+is its modulus times a function of its time alone. This function is computed here for times on a
+logarithmic grid, all tests and all times in one march. It is smooth, so that a fit gets any time,
+with its derivative, from a spline.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ from tympan.fem.film.memory import Memory
 from tympan.geometry.specimen import Film, ViscousBranch
 from tympan.studies.data.coupon import MODES, Coupons
 
-#: Of every step its duration [s] and the stretch at its end; of every reading the step it ends.
+#: Duration [s] and final stretch of every step; the step that ends at every reading.
 March = tuple[AnyArray, AnyArray, AnyArray]
 
-#: Times per factor e of the grid between which the stress of a branch is looked up. Set by trial.
+#: Number of times per factor e of the grid on which branches are tabulated. Set by trial.
 _DENSITY = 5.0
-#: Degree of the spline between them: smooth functions are near to it with few times.
+#: Degree of the spline between them: it follows smooth functions with few times.
 _DEGREE = 5
 
 #: Shortest time of a branch, over the shortest interval between readings that strain the film. A
-#: shorter one has relaxed in all of them.
+#: shorter one has relaxed at all of them.
 _SHORTEST = 0.3
 #: Longest time of a branch, over the longest test. A longer one is a part of the law.
 _SLOWEST = 3.0
 
-#: Least shortest time over the longest, whatever readings stand as good as together.
+#: Least shortest time over the longest, even if readings almost coincide.
 _SPAN = 1e-9
 
 #: Largest change of a stretch's logarithm in a step of the integration. Set by trial.
 _LARGEST = 0.05
-#: Largest error of a step's end over the size of the stress before extrapolation, which takes away
-#: all but its square.
+#: Largest error of a step's end over the size of the stress before extrapolation, which leaves only
+#: its square.
 _EXACT = 5e-5
-#: Most halvings of the steps, a bound of the cost.
+#: Most halvings of the steps, to bound the cost.
 _HALVINGS = 6
 
-#: Where the rate of stretching changes by more than this factor, steps begin small.
+#: Factor by which the rate of stretching must change for steps to begin small.
 _TURN = 1.5
 
 
@@ -53,8 +53,8 @@ _TURN = 1.5
 class BranchStress:
     """Nominal stress of branches of unit modulus in the readings of coupons.
 
-    ``spline`` goes from the logarithm of a time [s] to readings, shape (readings,); it is 0 in
-    readings without time, which are taken at rest. ``error`` is the integration's, over the largest
+    ``spline`` maps the logarithm of a time [s] to readings, shape (readings,); it is 0 in readings
+    without time, which are taken at rest. ``error`` is that of the integration, over the largest
     stress.
     """
 
@@ -64,7 +64,7 @@ class BranchStress:
     @classmethod
     def of(cls, coupons: Coupons, shortest: float | None = None, longest: float | None = None
            ) -> BranchStress:
-        """Branches of ``shortest`` to ``longest`` times [s], by default those the tests may see."""
+        """Tabulate branches of times [s], by default all that the tests can show."""
         fast, slow = time_range(coupons)
         low, high = np.log(shortest or fast), np.log(longest or slow)
         count = max(int(_DENSITY * (high - low)) + 2, _DEGREE + 2)
@@ -82,16 +82,16 @@ class BranchStress:
         return self.spline.derivative()
 
     def columns(self, log_times: AnyArray) -> AnyArray:
-        """Stress over modulus at logarithms of times, shape (readings, branches)."""
+        """Interpolate stress over modulus at logarithms of times, shape (readings, branches)."""
         return np.asarray(self.spline(log_times)).T
 
     def slopes(self, log_times: AnyArray) -> AnyArray:
-        """Derivative of the columns by the logarithms, shape (readings, branches)."""
+        """Differentiate the columns by the logarithms, shape (readings, branches)."""
         return np.asarray(self._slope(log_times)).T
 
 
 def time_range(coupons: Coupons) -> tuple[float, float]:
-    """Shortest and longest time of a branch that tests may see [s]."""
+    """Find shortest and longest time of a branch that tests can show [s]."""
     intervals, ends = [], []
     for part in coupons.timed_runs.values():
         time = np.append(0.0, coupons.time[part])
@@ -103,12 +103,12 @@ def time_range(coupons: Coupons) -> tuple[float, float]:
 
 
 def integrate_branches(coupons: Coupons, times: AnyArray) -> tuple[AnyArray, float]:
-    """Stress over modulus of branches of these times [s], shape (readings, times), and its error.
+    """Integrate stress over modulus of branches of times [s], (readings, times), and its error.
 
     A test's film is unstretched before its time 0, stretched at once there to its first reading,
-    and evenly between readings. Steps are of second order and extrapolated from halving them, which
-    is repeated until that changes little; the error, over the largest stress, is of what is not
-    extrapolated.
+    and evenly between readings. Steps are of second order and extrapolated by halving them, which
+    is repeated until little changes; the error, over the largest stress, is that before
+    extrapolation.
     """
     runs = list(coupons.timed_runs.values())
     coarse = _marched(coupons, runs, times, 1)
@@ -122,20 +122,21 @@ def integrate_branches(coupons: Coupons, times: AnyArray) -> tuple[AnyArray, flo
 
 
 def _marched(coupons: Coupons, runs: list[AnyArray], times: AnyArray, fineness: int) -> AnyArray:
-    """Stresses by so many parts of every step, all tests side by side, the shorter ones waiting."""
+    """Integrate stresses with steps divided by ``fineness``, all tests together."""
     marches = [_march(coupons, run, float(times.min()), fineness) for run in runs]
     durations, along = (np.stack(padded, axis=1) for padded in _side_by_side(marches))
     powers = np.array([MODES[str(coupons.mode[run[0]])] for run in runs])
     across = along**powers
-    memory = Memory.relaxed(_unit_film(times), (*np.ones((2, len(runs))), np.zeros(len(runs))))
+    one, none = np.ones(len(runs)), np.zeros(len(runs))
+    memory = Memory.relaxed(_unit_film(times), (one, one, none))
     pull = np.empty((len(along), len(times), len(runs)))
-    before = _strain(np.ones(len(runs)), np.ones(len(runs)))
+    before = _strain(one, one)
     for row, duration in enumerate(durations):
         now = _strain(along[row], across[row])
         memory = memory.step(before, duration).after(now)
         before = now
-        pull[row] = (along[row] / memory.viscous[0]
-                     - 1 / (along[row] ** 3 * across[row] ** 2 * memory.viscous[3]))
+        thickness = along[row] ** 3 * across[row] ** 2 * memory.viscous[3]
+        pull[row] = along[row] / memory.viscous[0] - 1 / thickness
     result = np.zeros((len(coupons), len(times)))
     for number, (run, (_, _, ends)) in enumerate(zip(runs, marches, strict=True)):
         result[run] = pull[ends, :, number]
@@ -143,14 +144,14 @@ def _marched(coupons: Coupons, runs: list[AnyArray], times: AnyArray, fineness: 
 
 
 def _side_by_side(marches: list[March]) -> tuple[list[AnyArray], list[AnyArray]]:
-    """Durations and stretches of equal lengths: a test that is over stays as it is."""
+    """Pad durations and stretches to equal lengths: a test that is over stays as it is."""
     length = max(len(durations) for durations, *_ in marches)
     return ([np.pad(durations, (0, length - len(durations))) for durations, *_ in marches],
             [np.pad(along, (0, length - len(along)), "edge") for _, along, _ in marches])
 
 
 def _march(coupons: Coupons, run: AnyArray, shortest: float, fineness: int) -> March:
-    """Steps of a test: their durations [s], the stretch at their ends, which ends are readings.
+    """Divide a test into steps: their durations [s], final stretches, and which end at readings.
 
     The first one is the sudden stretch at time 0.
     """
@@ -170,13 +171,13 @@ def _march(coupons: Coupons, run: AnyArray, shortest: float, fineness: int) -> M
 
 
 def _turns(before: float, after: float) -> bool:
-    """Whether the rate of stretching changes much."""
+    """Check whether the rate of stretching changes much."""
     small, large = sorted((abs(before), abs(after)))
     return (before < 0) != (after < 0) or large > _TURN * small
 
 
 def _shares(change: float, slowness: float, fineness: int) -> AnyArray:
-    """Shares of an interval at which its steps end, from 0 to 1.
+    """Compute the shares of an interval at which its steps end, from 0 to 1.
 
     After a change of rate, steps double from the shortest time of a branch on.
     """
@@ -188,7 +189,7 @@ def _shares(change: float, slowness: float, fineness: int) -> AnyArray:
 
 
 def _unit_film(times: AnyArray) -> Film:
-    """A film of branches of unit modulus, not stretched."""
+    """Make an unstretched film with branches of unit modulus."""
     branches = tuple(ViscousBranch(1.0, time) for time in times.tolist())
     return Film(1e-3, (1.0, 1.0), NeoHooke(1.0), 1.0, branches=branches)
 

@@ -1,4 +1,4 @@
-"""Result of a fit of laws to coupon tests, on disk and back."""
+"""Result of a fit of laws to coupon tests, saved and loaded."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tympan.studies.material.fit import (
 from tympan.studies.material.time_in_runs import time_in_runs
 from tympan.tables.layouts import Layout
 
-#: The columns of curves.csv: nominal stress of each law and half its 95 % band.
+#: Columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
     Column.labels("law"),
     Column.labels("offered", ("yes", "no")),
@@ -37,14 +37,14 @@ CURVES: tuple[Column, ...] = (
     Column("nominal_stress", "kPa", required=False),
     Column("half_band", "kPa", required=False),
 )
-#: The columns of histories.csv: of every reading in time what the best law with branches says, and
-#: half its 95 % band.
+#: Columns of histories.csv: stress of the best law with branches at every reading in time, and half
+#: its 95 % band.
 HISTORIES: tuple[Column, ...] = (
     *COLUMNS,
     Column("fitted_stress", "kPa"),
     Column("half_band", "kPa"),
 )
-#: So many laws have curves, the best first.
+#: Number of laws with curves, the best first.
 _DRAWN = 6
 _POINTS = 201
 
@@ -53,12 +53,11 @@ _POINTS = 201
 class MaterialFitResult:
     """The numbers of ``material fit --json``, the readings, and the laws' curves.
 
-    ``curves`` has the columns of :data:`CURVES` in SI, shape (rows,), the best law first;
-    where branches were fitted they are those at rest, and ``histories`` has the columns of
-    :data:`HISTORIES`.
+    ``curves`` has the columns of :data:`CURVES` in SI, shape (rows,), the best law first; fits with
+    branches give those at rest, and ``histories`` with the columns of :data:`HISTORIES`.
     """
 
-    pictures: ClassVar[tuple[str, ...]] = ("fit.png", "fit.svg")  #: that are drawn of it
+    pictures: ClassVar[tuple[str, ...]] = ("fit.png", "fit.svg")  #: names of its pictures
 
     numbers: dict[str, Any]
     coupons: Coupons
@@ -66,13 +65,13 @@ class MaterialFitResult:
     histories: Mapping[str, Array] | None = None
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object."""
+        """Write the result as a JSON object."""
         return self.numbers
 
     def save(self, folder: Path) -> None:
         """Write fit.json, coupon.csv, curves.csv and, if a law is offered, material.toml.
 
-        Of tests in time histories.csv as well.
+        Tests in time have histories.csv as well.
         """
         remove(folder, "fit.json", "material.toml", "histories.csv")
         write_sheet(folder / "coupon.csv", COLUMNS, self.coupons.columns)
@@ -96,14 +95,14 @@ class MaterialFitResult:
 def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None,
                 noise: float | None = None, branches: int | None = None, film: Case | None = None,
                 settings: Settings = Settings(), layout: Layout = Layout()) -> MaterialFitResult:
-    """Fits of laws to the readings of one file or several.
+    """Fit laws to the readings of one file or several.
 
-    Where the runs tell time from stretch (``numbers["time"]``), laws with ``branches``, or as many
-    as held-out runs choose, are fitted: see
+    Where the runs separate time from stretch (``numbers["time"]``), laws are fitted with
+    ``branches``, or as many as held-out runs choose: see
     :func:`~tympan.studies.material.branches.compare_in_time`. Otherwise, or with 0 branches, laws
     without: :func:`~tympan.studies.material.fit.compare`. With a ``film`` its deflection by the
-    fitted laws, with limits: see :func:`~tympan.studies.material.film.film_deflection`. An
-    :class:`InputError` names the file. ``layout``: what the files' headings leave open.
+    fitted laws is added, with limits: see :func:`~tympan.studies.material.film.film_deflection`. An
+    :class:`InputError` names the file. ``layout`` says what the files' headings leave open.
     """
     if noise is not None and not 1e-6 <= noise <= 1e9:
         raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=f"{noise:g} Pa")
@@ -142,7 +141,7 @@ def fit_coupons(files: Path | Sequence[Path], names: Sequence[str] | None = None
 
 
 def _without_voltage(coupons: Coupons) -> tuple[Coupons, list[str]]:
-    """The readings without voltage, and what is to be said of those left out or warm."""
+    """Select readings without voltage, with remarks on those left out or at other temperatures."""
     plain, said = coupons.volts == 0, [*coupons.remarks]
     if not plain.all():
         said.append(NOTES["charged"].format(count=int((~plain).sum())))
@@ -181,7 +180,7 @@ def _fitted(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> 
 
 
 def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, Array]:
-    """Each law in each mode, up to the stretch it was tested to, or the other modes were."""
+    """Evaluate each law in each mode, up to the stretch of its tests or of the other modes."""
     parts: dict[str, list[Array]] = {column.name: [] for column in CURVES}
     for fit in fits:
         for mode in MODES:
@@ -190,7 +189,7 @@ def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, Array]:
             stretch = np.linspace(min(1.0, float(reach.min())), float(reach.max()), _POINTS)
             with np.errstate(all="ignore"):
                 values = fit.predict(mode, stretch)
-            # nan where the law does not reach.
+            # A law is nan beyond its reach.
             stress, half = (np.where(np.isfinite(value), value, np.nan) for value in values)
             labels = fit.family.name, "yes" if fit.offered else "no", mode
             columns = (*(np.full(_POINTS, label) for label in labels), stretch, stress, half)

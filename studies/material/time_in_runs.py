@@ -1,10 +1,10 @@
-"""Check that runs tell time from stretch: without that no viscous branch can be fitted to them.
+"""Check that runs separate time from stretch: without that no viscous branch can be fitted.
 
-A branch pulls by stretch and time. Where every stretch was reached at one time only, as on one
-ramp at one rate, some elastic law says the same as any branch. What is left of a branch's stress
-once any function of stretch, another one in each mode, has taken what it can is what runs see of
-time: on the same stretch after other histories (another rate, a hold, the way back, a reading at
-rest).
+A branch's stress depends on stretch and time. Where every stretch was reached at one time only, as
+on one ramp at one rate, some elastic law has the same stress as any branch. Subtract from a
+branch's stress the nearest function of stretch, another one in each mode: the rest is what runs
+show of time. It comes from the same stretch after other histories (another rate, a hold, the way
+back, a reading at rest).
 """
 
 from __future__ import annotations
@@ -23,45 +23,45 @@ from tympan.studies.estimation.correlation import Spread, independent_count
 from tympan.studies.files import words_beside
 from tympan.studies.material.relaxation import BranchStress
 
-#: What to tell the reader, by key.
+#: Sentences for the reader, by key.
 WORDS = words_beside(__file__)
 
 #: Least share of a branch's stress, root mean square, that no function of stretch may give. Two
-#: ramps whose rates differ by a tenth leave as much; readings of one ramp a tenth of it.
+#: ramps whose rates differ by a tenth leave that much; readings of one ramp a tenth of it.
 LEAST_SHARE = 0.02
-#: Times of branches tried, over all that the tests may see.
+#: Number of times of branches tried, over all that the tests can show.
 _TIMES = 24
-#: Stretches closer than this are the same.
+#: Difference below which stretches are equal.
 _SAME_STRETCH = 0.005
-#: A way back of less than this share of a run's range of stretch is scatter, not a turn.
+#: Way back, as a share of a run's range of stretch, below which it is scatter, not a turn.
 _SLACK = 0.02
-#: Chance at which readings of an elastic film are taken for those of a viscous one.
+#: Probability that readings of an elastic film are taken for those of a viscous one.
 _CHANCE = 1e-3
-#: Readings that count as independent however alike their residuals are: branches that take nine
-#: tenths of what stretch leaves are then no chance.
+#: Least number of independent readings, even if residuals are much correlated: branches that
+#: explain nine tenths of the rest are then no chance.
 _LEAST_COUNT = 6
 #: Constants of a branch: its modulus and its time.
 _CONSTANTS = 2
 #: Scatter of exact readings, as a share of their root mean square: that of their rounding.
 _ROUNDING = 1e-6
 
-#: How much faster or slower another ramp should be: a decade tells most branches.
+#: Factor by which another ramp should be faster or slower: a decade shows most branches.
 _OTHER_RATE = 10.0
-#: How much longer than the ramp a hold should be, for the same reason.
+#: Factor by which a hold should be longer than the ramp, for the same reason.
 _HOLD = 10.0
 
-#: A run that leaves its first stretch by less is not stretched.
+#: Change of stretch below which a run is not stretched.
 _UNSTRETCHED = 1e-6
 
 
 @dataclass(frozen=True)
 class TimeInRuns:
-    """Statements of runs on time apart from stretch.
+    """Information of runs on time apart from stretch.
 
-    ``share`` is the largest share of a branch's stress, of any time the tests may see, that no
-    function of stretch gives: 0 on one ramp. ``separable``: it is enough. ``shown``: the readings
-    change with it. ``reason`` says why no branch is fitted, "" where they are; ``needed`` which
-    runs would tell.
+    ``share`` is the largest share of a branch's stress, of any time the tests can show, that no
+    function of stretch gives: 0 on one ramp. ``separable``: it is large enough. ``shown``: the
+    readings change with it. ``reason`` says why no branch is fitted, "" where they are; ``needed``
+    lists runs that would separate them.
     """
 
     share: float
@@ -71,7 +71,7 @@ class TimeInRuns:
     needed: tuple[str, ...] = ()
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object."""
+        """Write the result as a JSON object."""
         return {"share": self.share, "separable": self.separable, "shown": self.shown,
                 "reason": self.reason, "needed": list(self.needed)}
 
@@ -104,10 +104,10 @@ def time_in_runs(coupons: Coupons, stress: BranchStress | None = None) -> TimeIn
 
 
 def _places(coupons: Coupons) -> AnyArray:
-    """Hat functions of stretch in each mode, shape (readings, functions).
+    """Compute hat functions of stretch in each mode, shape (readings, functions).
 
-    They are as fine as the readings of one monotonic stretch of a run, the finest: these any
-    function of stretch can follow one by one.
+    They are as fine as the readings of the finest monotonic piece of a run: a function of stretch
+    can follow these one by one.
     """
     columns = []
     for mode in coupons.modes:
@@ -121,7 +121,7 @@ def _places(coupons: Coupons) -> AnyArray:
 
 
 def _knots(coupons: Coupons, rows: AnyArray) -> AnyArray:
-    """Stretches of the longest monotonic piece, and beyond its ends of the next longest."""
+    """Collect stretches of the longest monotonic piece, and beyond its ends of the next longest."""
     timed = np.isfinite(coupons.time)
     pieces = [coupons.stretch[rows[~timed[rows]]]] if not timed[rows].all() else []
     for run in coupons.timed_runs.values():
@@ -136,7 +136,7 @@ def _knots(coupons: Coupons, rows: AnyArray) -> AnyArray:
 
 
 def _monotonic(stretch: AnyArray) -> list[AnyArray]:
-    """Pieces of a run between its turns; scatter is no turn."""
+    """Divide a run at its turns; scatter is no turn."""
     slack = max(_SLACK * float(np.ptp(stretch)), _SAME_STRETCH)
     pieces, begin, extreme, way = [], 0, 0, 0
     for index in range(1, len(stretch)):
@@ -152,9 +152,9 @@ def _monotonic(stretch: AnyArray) -> list[AnyArray]:
 
 
 def _shown(read: AnyArray, branches: AnyArray, basis: AnyArray, coupons: Coupons) -> bool:
-    """Whether branches lower what stretch leaves of the readings beyond chance.
+    """Check whether branches reduce the rest of the readings by more than chance.
 
-    Branches of all times together, none pulling back, so that what remains is scatter.
+    Branches of all times are fitted together, with moduli not below zero, so that scatter remains.
     """
     lengths = np.linalg.norm(branches, axis=0)
     moduli, remaining = nnls(branches / lengths, read)
@@ -166,14 +166,14 @@ def _shown(read: AnyArray, branches: AnyArray, basis: AnyArray, coupons: Coupons
     residual = read - branches @ (moduli / lengths)
     noise = Spread.of(np.column_stack([basis, pulling]), residual,
                                list(coupons.series.values()))
-    # Branches of all times say as much as one or two: their columns are much alike.
+    # Branches of all times count as one or two: their columns are much alike.
     freedom = max(len(read) - basis.shape[1] - _CONSTANTS, 0)
     count = max(independent_count(freedom, noise.correlation), min(freedom, _LEAST_COUNT))
     return bool(count * np.log(before / after) > chi2.ppf(1 - _CHANCE, _CONSTANTS))
 
 
 def _described(coupons: Coupons) -> str:
-    """Number of runs in time and their rates, in words."""
+    """Describe the number of runs in time and their rates."""
     runs = coupons.timed_runs.values()
     rates = sorted(rate for run in runs if (rate := _rate(coupons, run)) > 0)
     count = f"{len(runs)} run{'s' if len(runs) > 1 else ''}"
@@ -190,7 +190,7 @@ def _rate(coupons: Coupons, run: AnyArray) -> float:
 
 
 def _needed(coupons: Coupons) -> list[str]:
-    """Runs that would tell time from stretch: by the longest ramp there is."""
+    """Propose runs that would separate time from stretch, from the longest ramp there is."""
     ramps: Sequence[AnyArray] = [run for run in coupons.timed_runs.values()
                               if np.ptp(coupons.stretch[run]) > _UNSTRETCHED
                               and np.ptp(coupons.time[run]) > 0]

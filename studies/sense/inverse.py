@@ -1,7 +1,7 @@
 """Deflection as a polynomial of capacitance and voltage.
 
-The capacitance of a flat film has its least value there, as an even function: its excess over that
-grows as the square of the deflection. So the polynomial is one of the root of the excess.
+The capacitance of a flat film is at its minimum there, as an even function: its excess over the
+minimum grows as the square of the deflection. So the polynomial is in the root of the excess.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.polynomial import polynomial
 
-from tympan.base.arrays import Array
+from tympan.base.arrays import AnyArray, Array
 from tympan.base.fields import Key
 
 #: Degrees of the root of the excess that are tried.
 _DEGREES = range(2, 11)
-#: Highest degree of the voltage squared: a curve for each is needed, and high ones swing.
+#: Highest degree of the voltage squared: each needs a curve, and high ones oscillate.
 _CHARGED = 3
-#: Spread of the capacitance of the first deflection over it, from which it changes with voltage.
+#: Relative spread of the first capacitance over voltages from which on it depends on voltage.
 _CHANGES = 1e-9
-#: Highest degree of the voltage squared in that capacitance: its root magnifies what it is off.
+#: Highest degree of the voltage squared in that capacitance, whose error the root magnifies.
 _BASE = 8
-#: Error over the range of deflections from which no higher degree is tried: no bridge tells more.
+#: Error over the range of deflections at which no higher degree is tried: no bridge reads better.
 _ENOUGH = 1e-5
-#: Share by which a row may be beyond the range: that of rounding, in units too.
+#: Share by which a row may exceed the range, for rounding, also of units.
 _ROUNDING = 1e-6
 
 
@@ -37,8 +37,8 @@ _ROUNDING = 1e-6
 class Inverse:
     """Deflection from capacitance C and nominal voltage U.
 
-    y = start + Σ a[i][j] uⁱ⁺¹ vʲ with v = (U / highest)² and u = √(C / C₀ − 1), C₀ = Σ b[j] vʲ.
-    Beyond the curves it was fitted to there is none.
+    y = start + Σ a[i][j] uⁱ⁺¹ vʲ with v = (U / highest)² and u = √(C / C₀ − 1), C₀ = Σ b[j] vʲ. It
+    does not hold beyond the curves of its fit.
     """
 
     start_m: Annotated[float, Key("deflection where u is 0")]
@@ -53,35 +53,37 @@ class Inverse:
     largest_F: Annotated[tuple[float, ...], Key("largest capacitance of each of these curves")]
 
     def root(self, capacitance: Any, voltage: Any) -> Array:
-        """Root u of the excess, 0 where there is none."""
+        """Compute the root u of the excess, 0 where there is no excess."""
         v = np.square(np.asarray(voltage, float) / self.highest_V)
         base = polynomial.polyval(v, self.base_F)
-        return np.asarray(np.sqrt(np.maximum(np.asarray(capacitance, float) / base - 1, 0.0)))
+        excess = np.asarray(capacitance, float) / base - 1
+        return np.asarray(np.sqrt(np.maximum(excess, 0.0)))
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """The largest root u at v, ascending; between them it is straight, beyond there is none."""
+        """Largest root u at v, ascending; linear between these points, none beyond them."""
         v = np.square(np.array(self.voltages_V) / self.highest_V)
         u = (1 + _ROUNDING) * self.root(self.largest_F, self.voltages_V)
-        return np.array([v[0] - _ROUNDING, *v, v[-1] + _ROUNDING]), np.array([u[0], *u, u[-1]])
+        places = np.array([v[0] - _ROUNDING, *v, v[-1] + _ROUNDING])
+        return places, np.array([u[0], *u, u[-1]])
 
     def deflection(self, capacitance: Any, voltage: Any) -> Array:
-        """Deflection [m] of capacitances [F] at nominal voltages [V], which broadcast.
+        """Compute the deflection [m] from capacitances [F] at nominal voltages [V] that broadcast.
 
-        NaN beyond the curves; the first deflection below its capacitance.
+        It is NaN beyond the curves, and the first deflection below its capacitance.
         """
         u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
         known = u <= np.interp(v, *self.ends, left=np.nan, right=np.nan)
         return np.asarray(np.where(known, self.continued(capacitance, voltage), np.nan))
 
     def continued(self, capacitance: Any, voltage: Any) -> Array:
-        """The same by the polynomial alone, also beyond the curves."""
+        """Evaluate the polynomial alone, also beyond the curves."""
         u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
         total = polynomial.polyval2d(u, v + 0 * u, np.array(self.coefficients_m))
         return np.asarray(self.start_m + u * total)
 
     def c_source(self, name: str) -> str:
-        """The same as a function of C99, named after a specimen."""
+        """Write the inverse as a function of C99, named after a specimen."""
         word = re.sub(r"[^A-Za-z0-9_]", "_", name)
         word = word if word[0].isalpha() else f"model_{word}"
         text = resources.files("tympan.studies.sense").joinpath("source.txt")
@@ -109,42 +111,62 @@ class Sampled:
 
 def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Sequence[Sampled]
                 ) -> Inverse:
-    """The polynomial through every other point of curves; those between and ``beside`` judge it.
+    """Fit the polynomial through every other point of curves; those between and ``beside`` test it.
 
-    The lowest degree that is near enough, or the one that errs least. ``firsts`` are the first
-    deflection at many voltages.
+    The result is the lowest degree that is accurate enough, or the one with the least error.
+    ``firsts`` are the first deflection at many voltages.
     """
-    highest = max(abs(curve.voltage) for curve in curves) or 1.0
-    count = min(len(curves), _CHARGED + 1)
-    v = np.array([(curve.voltage / highest) ** 2 for curve in curves])
-    first = np.array([(each.voltage / highest, each.capacitance[0]) for each in (*curves, *firsts)])
-    changes = np.ptp(first[:, 1]) > _CHANGES * first[0, 1]
-    degree = min(_BASE, len(first) - 1) if changes else 0
-    base = polynomial.polyfit(first[:, 0] ** 2, first[:, 1], degree)
-    start = float(curves[0].deflection[0])
-    plain = Inverse(start_m=start, highest_V=highest, base_F=tuple(base.tolist()),
-                    coefficients_m=((0.0,) * count,), error_m=np.inf,
-                    voltages_V=tuple(curve.voltage for curve in curves),
-                    largest_F=tuple(float(curve.capacitance[-1]) for curve in curves))
-    root = np.concatenate([plain.root(curve.capacitance, curve.voltage)[::2] for curve in curves])
-    charged = np.concatenate([np.full(len(curve.deflection[::2]), each)
-                              for curve, each in zip(curves, v, strict=True)])
-    rise = np.concatenate([curve.deflection[::2] for curve in curves]) - start
-    scale = float(root.max())
+    plain = _without_coefficients(curves, firsts)
+    count = len(plain.coefficients_m[0])
+    fitted = [Sampled(curve.voltage, curve.deflection[::2], curve.capacitance[::2])
+              for curve in curves]
+    root = np.concatenate([plain.root(each.capacitance, each.voltage) for each in fitted])
+    charged = np.concatenate([np.full(len(each.deflection), (each.voltage / plain.highest_V) ** 2)
+                              for each in fitted])
+    rise = np.concatenate([each.deflection for each in fitted]) - plain.start_m
     found = []
     for degree in _DEGREES:
         if degree * count >= len(rise):
             break
-        columns = (root[:, None] / scale) ** np.arange(1, degree + 1)
-        matrix = (columns[:, :, None] * charged[:, None, None] ** np.arange(count)).reshape(
-            len(rise), -1)
-        solved = np.linalg.lstsq(matrix, rise, rcond=None)[0].reshape(degree, count)
-        solved /= scale ** np.arange(1, degree + 1)[:, None]
-        given = replace(plain, coefficients_m=tuple(map(tuple, solved.tolist())))
-        error = max(float(np.abs(given.continued(curve.capacitance, curve.voltage)
-                                 - curve.deflection).max()) for curve in (*curves, *beside))
+        coefficients = _coefficients(root, charged, rise, (degree, count))
+        given = replace(plain, coefficients_m=tuple(map(tuple, coefficients.tolist())))
+        error = max(_error(given, curve) for curve in (*curves, *beside))
         found.append((error, given))
         if error <= _ENOUGH * float(np.ptp(rise)):
             break
     error, best = min(found, key=lambda each: each[0])
     return replace(best, error_m=error)
+
+
+def _without_coefficients(curves: Sequence[Sampled], firsts: Sequence[Sampled]) -> Inverse:
+    """Fit the capacitance of the first deflection by voltage; leave the coefficients 0."""
+    highest = max(abs(curve.voltage) for curve in curves) or 1.0
+    every = [*curves, *firsts]
+    shares = np.array([each.voltage / highest for each in every])
+    capacitances = np.array([each.capacitance[0] for each in every])
+    changes = np.ptp(capacitances) > _CHANGES * capacitances[0]
+    base = polynomial.polyfit(shares**2, capacitances, min(_BASE, len(every) - 1) if changes else 0)
+    powers = min(len(curves), _CHARGED + 1)
+    return Inverse(start_m=float(curves[0].deflection[0]), highest_V=highest,
+                   base_F=tuple(base.tolist()), coefficients_m=((0.0,) * powers,), error_m=np.inf,
+                   voltages_V=tuple(curve.voltage for curve in curves),
+                   largest_F=tuple(float(curve.capacitance[-1]) for curve in curves))
+
+
+def _coefficients(root: Array, charged: Array, rise: Array, shape: tuple[int, int]) -> Array:
+    """Fit rises of the deflection by powers of the root, from 1, and of v, from 0."""
+    degree, count = shape
+    scale = float(root.max())
+    along = np.arange(1, degree + 1)
+    columns = (root[:, None] / scale) ** along
+    powers = charged[:, None] ** np.arange(count)
+    matrix = (columns[:, :, None] * powers[:, None, :]).reshape(len(rise), -1)
+    solved: AnyArray = np.linalg.lstsq(matrix, rise, rcond=None)[0]
+    coefficients: Array = solved.reshape(shape) / scale ** along[:, None]
+    return coefficients
+
+
+def _error(inverse: Inverse, curve: Sampled) -> float:
+    """Find the largest error of the polynomial on a curve [m]."""
+    sensed = inverse.continued(curve.capacitance, curve.voltage)
+    return float(np.abs(sensed - curve.deflection).max())

@@ -1,4 +1,4 @@
-"""Capacitance against deflection, and deflection from capacitance, as they are stored."""
+"""Capacitance against deflection, and deflection from capacitance, as stored results."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ COLUMNS: tuple[Column, ...] = (
 class SenseCurve:
     """The capacitance at one voltage; a number of each list for each deflection.
 
-    What a small change moves the sensed deflection by is none where the capacitance does not rise.
+    The change of the sensed deflection is none where the capacitance does not rise.
     """
 
     voltage_V: Annotated[float, Key("nominal voltage")]
@@ -86,15 +86,15 @@ class SenseResult(SpecimenRecord):
     warnings: Warnings = ()
 
     def sensed(self, capacitance: Any, voltage: Any) -> Array:
-        """Deflection [m] of capacitances [F] at nominal voltages [V], by the polynomial.
+        """Compute the deflection [m] from capacitances [F] and nominal voltages [V] by polynomial.
 
-        NaN beyond the curves.
+        It is NaN beyond the curves.
         """
         return self.inverse.deflection(capacitance, voltage)
 
     @property
     def table(self) -> dict[str, Array]:
-        """The curves with the names of :data:`COLUMNS`, in SI."""
+        """Curves by the names of :data:`COLUMNS`, in SI."""
         names = {"capacitance": "capacitance_F", "displacement": "displacement_m",
                  "force": "force_N", "tense": "tense",
                  "per_capacitance": "per_capacitance_m_per_F",

@@ -1,9 +1,9 @@
-"""Capacitance of a film whose plate is displaced, and what can be told of the deflection by it."""
+"""Capacitance of a film with displaced plate, and the deflection determined from it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,37 +24,37 @@ from tympan.studies.case import Case, Settings, build_model, solve_grid
 from tympan.studies.force.follow import Followed, at_displacement
 from tympan.studies.force.force import ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
-from tympan.studies.sense.inverse import Sampled, fit_inverse
+from tympan.studies.sense.inverse import Inverse, Sampled, fit_inverse
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
 
-#: Rows of the table of each voltage where their number is not given.
+#: Rows of the table of each voltage by default.
 USUAL_POINTS = 21
 _COUNTS: Rule = (lambda x: 5 <= x <= 1000, "must be a whole number from 5 to 1000")
 
-#: How much further than the loads' largest deflection curves go where no end is given.
+#: Factor by which curves exceed the loads' largest deflection where no end is given.
 _ROOM = 1.1
-#: Voltages at which the first deflection is solved, by Chebyshev's points of their square.
+#: Number of voltages at which the first deflection is solved, by Chebyshev's points of the square.
 _FIRSTS = 12
-#: Fewest rows that a curve must have.
+#: Least number of rows of a curve.
 _FEWEST = 5
 
-#: Share of prestretch and permittivity whose effect is told.
+#: Relative change of prestretch and permittivity whose effect is listed.
 _PERCENT = 0.01
-#: Quantities whose derivatives make those at a held plate.
+#: Quantities whose derivatives give those at a held plate.
 _QUANTITIES = ("heave", "capacitance")
 _PRESTRETCH = ("membrane.prestretch.0", "membrane.prestretch.1")
 _PERMITTIVITY = "membrane.relative_permittivity"
-#: Slope of the capacitance, over it and by the film's size, below which it is one of rounding.
+#: Slope of the capacitance, over it and by the film's size, below which it is rounding.
 _FLAT = 1e-9
 
 
 @asks
 @dataclass(frozen=True)
 class SenseCase:
-    """A specimen whose capacitance tells its deflection, at nominal voltages [V].
+    """A specimen whose capacitance determines its deflection, at nominal voltages [V].
 
     Deflections are those from ``start`` to ``to`` [m]; without ``to`` a little further than the
-    ``masses`` [kg] deflect the plate, and without these further than usual ones do.
+    ``masses`` [kg] deflect the plate, and without these further than typical ones do.
     """
 
     specimen: Specimen
@@ -78,27 +78,56 @@ class SenseCase:
 
 def sense(case: SenseCase, settings: Settings,
           progress: Callable[[str], None] = lambda words: None) -> SenseResult:
-    """Displace the plate at each voltage; fit and judge what tells the deflection."""
+    """Displace the plate at each voltage; fit and test the deflection from capacitance."""
     began = time.perf_counter()
     specimen, rig, voltages = case.specimen, case.rig, sorted(case.voltages)
     masses = case.masses or (usual_masses(specimen, settings, rig) if case.to is None else ())
     states = _states(case, settings, masses) if masses else []
-    # Where nothing weighs on the film itself, it is above its plane as it is below.
+    # Where nothing weighs on the film itself, states above its plane mirror those below.
     even = not (rig.gas_pressure or any(rig.weight_offset) or specimen.membrane.density
                 or specimen.electrode.mass)
-    to = case.to
-    if to is None:
-        if not states:
-            raise InputError("must be given: under these loads and voltages there is no "
-                             "equilibrium", key="to", given="none")
-        to = _ROOM * max(abs(result[2]) if even else result[2] for result in states)
-    # A curve between the two highest voltages judges the polynomial.
-    between = [float(np.sqrt(np.mean(np.square(voltages[-2:]))))] if len(voltages) > 1 else []
-    displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start, to=to,
-                     points=2 * case.points - 1, rig=rig)
+    # A curve between the two highest voltages tests the polynomial.
+    middle = float(np.sqrt(np.mean(np.square(voltages[-2:]))))
+    between = [middle] if len(voltages) > 1 else []
+    displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start,
+                          to=_last_deflection(case, states, even), points=2 * case.points - 1,
+                          rig=rig)
     model = build_model(specimen, settings, replace(rig.loading, biases=()))
     path = settings.bounded(model, loads=len(displaced.voltages)).path
     every = {curve.voltage: curve for curve in followed_curves(displaced, model, path, progress)}
+    first, sampled = _sampled(every, voltages)
+    given = [sampled[voltage] for voltage in voltages]
+    place = float(given[0].deflection[0])
+    firsts = [Sampled(voltage, np.array([place]), np.array([capacitance]))
+              for voltage, capacitance in _firsts(every[voltages[0]], place, voltages, rig, path)]
+    tests = [sampled[voltage] for voltage in between if voltage in sampled]
+    inverse = fit_inverse(given, tests, firsts)
+    highest = min((state.displacement_m for state in states), default=0.0)
+    mirrored = even and place == 0 and highest < 0
+    ambiguous = _ambiguous(highest if mirrored else None, place if first else None)
+    return SenseResult(
+        specimen=specimen.name, inverse=inverse, table_error_m=max(map(_between_rows, given)),
+        curves=tuple(_curve(every[each.voltage], each, first) for each in given),
+        states=tuple(_sensed(state, inverse, mirrored) for state in states),
+        dofs=model.unknowns, wall_s=time.perf_counter() - began,
+        warnings=(*left_out(displaced), *ambiguous,
+                  *Case.greatest(specimen, masses, voltages, rig).remarks))
+
+
+def _last_deflection(case: SenseCase, states: Sequence[SensedState], even: bool) -> float:
+    """Choose the last deflection [m] of curves: the given one, or a little beyond the states."""
+    if case.to is not None:
+        return case.to
+    if not states:
+        raise InputError("must be given: under these loads and voltages there is no "
+                         "equilibrium", key="to", given="none")
+    deflections = [state.displacement_m for state in states]
+    return _ROOM * max(map(abs, deflections) if even else deflections)
+
+
+def _sampled(every: Mapping[float, Followed], voltages: Sequence[float]
+             ) -> tuple[int, dict[float, Sampled]]:
+    """Sample curves, by voltage, where the capacitance rises, from a first index in common."""
     stored = {voltage: curve.curve for voltage, curve in every.items() if curve.states}
     rising = {voltage: _rising(np.array(curve.displacement_m), np.array(curve.capacitance_F))
               for voltage, curve in stored.items()}
@@ -108,61 +137,59 @@ def sense(case: SenseCase, settings: Settings,
         raise InputError("must be a voltage at which the capacitance rises with the deflection, or "
                          "the film ends before it does", key="voltage", given=f"{lost[0]:g} V")
     first = max(rising[voltage].start for voltage in voltages)
-    # Even, so that the rows of the table are those that are fitted.
+    # The first index is even, so that the rows of the table are those that are fitted.
     first += first % 2
-    sampled = {voltage: Sampled(voltage, np.array(stored[voltage].displacement_m)[first:end.stop],
-                                np.array(stored[voltage].capacitance_F)[first:end.stop])
-               for voltage, end in rising.items()}
-    given = [sampled[voltage] for voltage in voltages]
-    place = float(given[0].deflection[0])
-    firsts = [Sampled(voltage, np.array([place]), np.array([capacitance]))
-              for voltage, capacitance in _firsts(every[voltages[0]], place, voltages, rig, path)]
-    inverse = fit_inverse(given, [sampled[voltage] for voltage in between if voltage in sampled],
-                          firsts)
-    curves = tuple(_curve(every[each.voltage], each, first) for each in given)
-    warnings = list(left_out(displaced))
-    highest = min((deflection for _, _, deflection, _ in states), default=0.0)
-    mirrored = even and place == 0 and highest < 0
+    sampled = {}
+    for voltage, part in rising.items():
+        deflection = np.array(stored[voltage].displacement_m)[first:part.stop]
+        capacitance = np.array(stored[voltage].capacitance_F)[first:part.stop]
+        sampled[voltage] = Sampled(voltage, deflection, capacitance)
+    return first, sampled
+
+
+def _ambiguous(highest: float | None, first: float | None) -> Iterator[str]:
+    """Warn of deflections [m] with the same capacitance: up to ``highest``, and below ``first``."""
+    if highest is not None:
+        yield (f"the plate rests up to {-1e3 * highest:.4g} mm above the flat film: "
+               "the capacitance there is that of the same distance below, and does not "
+               "tell on which side the plate is")
+    if first is not None:
+        yield (f"the capacitance rises from {1e3 * first:.4g} mm on: "
+               "below that it does not tell the deflection")
+
+
+def _sensed(state: SensedState, inverse: Inverse, mirrored: bool) -> SensedState:
+    """Add the deflection that the polynomial gives for a state; ``mirrored``: with its sign."""
+    sensed = float(inverse.deflection(state.capacitance_F, state.voltage_V))
+    if np.isnan(sensed):
+        return state
     if mirrored:
-        warnings.append(f"the plate rests up to {-1e3 * highest:.4g} mm above the flat film: "
-                        "the capacitance there is that of the same distance below, and does not "
-                        "tell on which side the plate is")
-    if first:
-        warnings.append(f"the capacitance rises from {1e3 * given[0].deflection[0]:.4g} mm on: "
-                        "below that it does not tell the deflection")
-    return SenseResult(
-        specimen=specimen.name, curves=curves, inverse=inverse,
-        table_error_m=max(map(_between_rows, given)),
-        states=tuple(SensedState(
-            mass_kg=mass, voltage_V=voltage, displacement_m=deflection, capacitance_F=capacitance,
-            sensed_m=None if np.isnan(told) else np.copysign(told, deflection).item()
-            if mirrored else told)
-            for mass, voltage, deflection, capacitance in states
-            for told in [float(inverse.deflection(capacitance, voltage))]),
-        dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(*warnings, *Case.greatest(specimen, masses, voltages, rig).remarks))
+        sensed = float(np.copysign(sensed, state.displacement_m))
+    return replace(state, sensed_m=sensed)
 
 
-def _states(case: SenseCase, settings: Settings, masses: Sequence[float]
-            ) -> list[tuple[float, float, float, float]]:
-    """Mass, voltage, deflection of the plate and capacitance of every equilibrium."""
+def _states(case: SenseCase, settings: Settings, masses: Sequence[float]) -> list[SensedState]:
+    """List every equilibrium under the masses [kg], not yet sensed."""
     model = build_model(case.specimen, settings, case.rig.loading)
     path = settings.bounded(model, loads=len(masses) * len(case.voltages)).path
-    return [(result.mass_kg, result.voltage_V, model.deflection(outcome.state),
-             result.capacitance_F)
-            for result, outcome in solve_grid(model, masses, sorted(case.voltages), case.rig, path)
+    solved = solve_grid(model, masses, sorted(case.voltages), case.rig, path)
+    return [SensedState(mass_kg=result.mass_kg, voltage_V=result.voltage_V, sensed_m=None,
+                        displacement_m=model.deflection(outcome.state),
+                        capacitance_F=result.capacitance_F)
+            for result, outcome in solved
             if outcome.status == "equilibrium" and result.capacitance_F is not None]
 
 
 def _firsts(curve: Followed, place: float, voltages: Sequence[float], rig: Rig, path: PathSettings
             ) -> Iterator[tuple[float, float]]:
-    """Capacitances of the first deflection from the lowest to the highest voltage, ascending."""
+    """Solve the first deflection's capacitance from the lowest to the highest voltage."""
     solution = at_displacement(curve, place, path)
     low, high = voltages[0] ** 2, voltages[-1] ** 2
     if solution is None or low == high:
         return
-    nodes = low + (high - low) * (1 - np.cos(np.pi * (np.arange(_FIRSTS) + 0.5) / _FIRSTS)) / 2
-    for voltage in np.sqrt(nodes).tolist():
+    angles = np.pi * (np.arange(_FIRSTS) + 0.5) / _FIRSTS
+    squared = low + (high - low) * (1 - np.cos(angles)) / 2
+    for voltage in np.sqrt(squared).tolist():
         outcome = held(curve.model, place, float(rig.film_voltage(voltage)), solution, path)
         if outcome.status != "equilibrium":
             return
@@ -171,14 +198,14 @@ def _firsts(curve: Followed, place: float, voltages: Sequence[float], rig: Rig, 
 
 
 def _rising(deflection: Array, capacitance: Array) -> slice:
-    """The points from the least capacitance to where it no longer rises."""
+    """Select the points from the least capacitance to where it no longer rises."""
     first = int(np.argmin(capacitance))
     falls = np.flatnonzero(np.diff(capacitance[first:]) <= 0)
     return slice(first, first + int(falls[0]) + 1 if len(falls) else len(deflection))
 
 
 def _curve(followed: Followed, sampled: Sampled, first: int) -> SenseCurve:
-    """Every other point of a curve, from its first on, with what moves the sensed deflection."""
+    """Select every other point of a curve, with the causes that shift the sensed deflection."""
     curve = followed.curve
     rows = range(first, first + len(sampled.deflection), 2)
     moved = [_moved(followed, row) for row in rows]
@@ -193,10 +220,10 @@ def _curve(followed: Followed, sampled: Sampled, first: int) -> SenseCurve:
 
 
 def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, float | None]:
-    """Change of the sensed deflection by capacitance, by 1 % of prestretch and of permittivity.
+    """Compute the change of the sensed deflection by capacitance, 1 % prestretch, 1 % permittivity.
 
-    A plate that is held keeps its deflection while a film changes: derivatives under a force are
-    made those at a deflection by that of the force.
+    A held plate keeps its deflection while a film changes: derivatives under a force become those
+    at a deflection by the derivative by the force.
     """
     model, state = followed.model, followed.states[row]
     names = (*_PRESTRETCH, _PERMITTIVITY, "force")
@@ -206,7 +233,7 @@ def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, fl
     if not heave["force"]:
         raise Failure("the force on the plate does not move it")
     rise = capacitance["force"] / heave["force"]
-    # Where the film is flat nothing but rounding is left.
+    # Where the film is flat only rounding is left.
     scale = float(followed.curve.capacitance_F[row]) / model.size
     if rise <= _FLAT * scale:
         return None, None, None
@@ -219,7 +246,7 @@ def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, fl
 
 
 def _between_rows(curve: Sampled) -> float:
-    """Largest error of the table between its rows."""
+    """Find the largest error of the table between its rows."""
     root = np.sqrt(np.maximum(curve.capacitance / curve.capacitance[0] - 1, 0.0))
     known = np.interp(root, root[::2], curve.deflection[::2])
     last = len(root) - (len(root) + 1) % 2

@@ -110,40 +110,22 @@ class Sweep:
 
 def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
                tolerances: Tolerances | None = None) -> Sweep:
-    """The sweep of a file; files it names lie beside it.
+    """Read a sweep's file and check all its specimens; the files that it names lie beside it.
 
     Many specimens that differ in numbers alone are left to a reduced film of them all, unless they
-    are to be ``exact``. With ``tolerances`` bands are asked for, too.
+    are to be ``exact``. With ``tolerances`` the sweep asks for bands, too.
 
-    Unknown keys, wrong units and values out of range, of the sweep and of all its specimens, are
-    errors; a combination of allowed values that cannot be built is an entry without a task instead,
-    unless all are.
+    Unknown keys, wrong units and values out of range, of the sweep and of any specimen, are errors.
+    A combination of allowed values that cannot be built becomes an entry without a task; it is an
+    error only where no combination can be built.
     """
     table = Table.read(file, "sweep")
     fields, figures = table.truth("fields", False), table.truth("figures", False)
     ask = _ask(table) if tolerances is None else _ask(table).banded(tolerances)
-    given = table.value("specimen")
-    names = [given] if isinstance(given, str) else given
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise table.error("specimen", "must be a specimen file or a list of them", given)
-    if nul := next((name for name in names if "\0" in name), None):
-        raise table.error("specimen", "must name files: no file has NUL in its name", nul)
-    stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
-    if times > 1:
-        raise table.error("specimen", "must be files of different names", stem)
-    bases = {base: Table.read(base, "specimen").data
-             for base in (table.named_file("specimen", name) for name in names)}
+    bases = _bases(table)
     grid, rows = choices(table)
-    varied, loads = {*grid, *rows[0]}, dict[str, tuple[float, ...]]()
-    if not _plates(bases.values(), varied) and "mass" not in (*varied, *table.data):
-        loads["mass"] = (0.0,)  # no plate, no mass
-    for name in _LOADS:
-        if name in varied and name in table:
-            raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
-                                    "both")
-        if name not in (*rows[0], *loads):
-            loads[name] = _loads(table.table("grid") if name in grid else table, name)
-            grid.pop(name, None)
+    loads = _common_loads(table, grid, rows[0], bases.values())
+    grid = {key: values for key, values in grid.items() if key not in loads}
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     places = [(number, {**row, **point}) for number, row in enumerate(rows) for point in points]
     rigs = _rigs(table, [choice for _, choice in places])
@@ -181,6 +163,42 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         entries = tuple(replace(entry, task=task)
                         for entry, task in zip(entries, related, strict=True))
     return Sweep(entries, file_text(file), grid, ask, figures)
+
+
+def _bases(table: Table) -> dict[Path, Mapping[str, Any]]:
+    """Read the specimen files that a sweep names; two of one name would give the same entries."""
+    given = table.value("specimen")
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise table.error("specimen", "must be a specimen file or a list of them", given)
+    if nul := next((name for name in names if "\0" in name), None):
+        raise table.error("specimen", "must name files: no file has NUL in its name", nul)
+    stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
+    if times > 1:
+        raise table.error("specimen", "must be files of different names", stem)
+    bases = {}
+    for name in names:
+        file = table.named_file("specimen", name)
+        bases[file] = Table.read(file, "specimen").data
+    return bases
+
+
+def _common_loads(table: Table, grid: Mapping[str, Any], row: Choice,
+                  specimens: Iterable[Mapping[str, Any]]) -> dict[str, tuple[float, ...]]:
+    """Read the masses [kg] and voltages [V] under which all specimens are solved alike.
+
+    A load in ``row``, of the list or the sample, is each specimen's own, and left out here.
+    """
+    varied, loads = {*grid, *row}, dict[str, tuple[float, ...]]()
+    if not _plates(specimens, varied) and "mass" not in (*varied, *table.data):
+        loads["mass"] = (0.0,)  # no plate, no mass
+    for name in _LOADS:
+        if name in varied and name in table:
+            raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
+                                    "both")
+        if name not in (*row, *loads):
+            loads[name] = _loads(table.table("grid") if name in grid else table, name)
+    return loads
 
 
 def _plates(specimens: Iterable[Mapping[str, Any]], varied: Iterable[str]) -> bool:

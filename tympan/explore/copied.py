@@ -1,4 +1,4 @@
-"""Texts that are copied from the page: a command and a script that give its numbers."""
+"""Texts to copy from the page: a command and a script that compute its numbers."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from tympan.fem.film.library import MATERIALS, material_name
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Film
 
-#: Length of a script's line.
+#: Most characters in a line of a script.
 _WIDTH = 100
-#: Room on it for the name of an argument and the brackets behind it.
+#: Characters of it for the name of an argument and the brackets after it.
 _NAME = 16
 
 
 def command_of(view: FilmView, file: str, rig_file: str = "") -> str:
-    """The command that solves a view whose specimen and rig are in files, quoted for a shell."""
+    """Write the command that solves a view whose specimen and rig are in files."""
     rig = ("--rig", file_word(rig_file)) if rig_file else ()
     return command_line("solve", file_word(file), "--mass", quantity_text(view.mass, "mass"),
                         "--voltage", quantity_text(view.voltage, "voltage"), *rig)
 
 
 def python_of(view: FilmView, file: str = "") -> str:
-    """A script that solves a view; of a film that is in a ``file``, with the file's name alone."""
+    """Write a script that solves a view; a film that is in a ``file`` is loaded from it."""
     specimen, rig = view.actuator, view.rig
     held = [rig] * (rig != Rig()) + [specimen] * (not file)
     imports = sorted({f"from {kind.__module__} import {kind.__qualname__}"
@@ -49,7 +49,7 @@ def python_of(view: FilmView, file: str = "") -> str:
 
 
 def remark(view: FilmView) -> str:
-    """Remark on the constants of a film whose stiffness was changed; "" where they have a name."""
+    """Remark on the constants of a film whose stiffness was changed; "" for no change or name."""
     name = material_name(view.specimen.membrane)
     return f"{name}, its stresses times {view.stiffness:g}" if name and view.stiffness != 1 else ""
 
@@ -60,7 +60,7 @@ def _is_public(kind: type) -> bool:
 
 
 def _kinds(value: Any) -> Iterator[type]:
-    """Classes of what :func:`_python` calls."""
+    """List the classes that :func:`_python` calls."""
     if isinstance(value, tuple):
         for item in value:
             yield from _kinds(item)
@@ -71,7 +71,7 @@ def _kinds(value: Any) -> Iterator[type]:
 
 
 def _stated(value: Any) -> dict[str, Any]:
-    """The fields of a dataclass that are not what they are by default; names of the library."""
+    """Collect the fields of a dataclass without their defaults; names of the library."""
     stated = {}
     for item in fields(value):
         part = getattr(value, item.name)
@@ -91,7 +91,7 @@ def _stated(value: Any) -> dict[str, Any]:
 
 
 def _python(value: Any, says: Key | None = None, indent: int = 0) -> str:
-    """An expression that makes a value, whose lines are indented so far."""
+    """Write an expression that makes a value, with lines indented by ``indent``."""
     if isinstance(value, tuple):
         items = ", ".join(_python(item, says, indent) for item in value)
         return f"({items}{',' * (len(value) == 1)})"
@@ -103,7 +103,7 @@ def _python(value: Any, says: Key | None = None, indent: int = 0) -> str:
             return f'"{quantity_text(value, says.dimension)}"'
         return f'float("{value}")' if number and not isfinite(value) else repr(value)
     kind = type(value)
-    # Constructors that are not public may know SI numbers alone.
+    # Constructors that are not public may take only SI numbers.
     declared = {field.name: field.says for field in fields_of(kind)} if _is_public(kind) else {}
     name = f"tympan.{kind.__name__}" if _is_public(kind) else kind.__qualname__
     arguments = [f"{key}={_python(part, declared.get(key), indent + 4)}"
@@ -113,7 +113,7 @@ def _python(value: Any, says: Key | None = None, indent: int = 0) -> str:
         return line
     lines = [""]
     for argument in arguments:
-        # Parts of the specimen begin a line each.
+        # Parts of the specimen each begin a line.
         if not indent or indent + len(lines[-1]) + len(argument) > _WIDTH - _NAME:
             lines.append("")
         lines[-1] += f"{' ' * bool(lines[-1])}{argument},"

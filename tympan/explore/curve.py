@@ -1,4 +1,4 @@
-"""Deflection against voltage as a picture of the page, with readings and what is left of them."""
+"""Deflection against voltage as a picture of the page, with readings and residuals."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from tympan.reports.template import template
 
 #: Width of the picture in its own units, about pixels: the page scales it to its column.
 _WIDTH = 560
-#: Room on the left for the numbers of an axis.
+#: Width on the left for the numbers of an axis.
 _LEFT = 52
-#: Room on the right for half of the last number.
+#: Width on the right for half of the last number.
 _RIGHT = 14
-#: Room above the curve for the words of its axis.
+#: Height above the curve for the words of its axis.
 _TOP = 22
 #: Height of the curve.
 _HIGH = 230
-#: Room between the curve and the residuals below it, for their words.
+#: Height between the curve and the residuals below it, for their words.
 _GAP = 30
 #: Height of the residuals, a third of the curve's: their axis has few numbers.
 _LOW = 80
 #: Height of a line of words.
 _TEXT = 12
-#: Room below for the numbers and the words of the voltage.
+#: Height below for the numbers and the words of the voltage.
 _BELOW = 38
 
 
@@ -46,20 +46,20 @@ class _Panel:
     bottom: float
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Pixels of points."""
+        """Convert points to pixels."""
         right = _WIDTH - _RIGHT
         along = (x - self.across.low) / (self.across.high - self.across.low)
         high = (y - self.up.low) / (self.up.high - self.up.low)
         return _LEFT + along * (right - _LEFT), self.bottom - high * (self.bottom - self.top)
 
     def path(self, x: Array, y: Array) -> str:
-        """A line through points."""
+        """Write a line through points."""
         places = np.column_stack(self.place(x, y)).ravel().tolist()
         return "M" + "L".join(["%.1f %.1f"] * (len(places) // 2)) % tuple(places)
 
     def parts(self, words: str, named: bool, lines: Sequence[Any], points: Sequence[Any]
               ) -> dict[str, Any]:
-        """Parts that the template draws."""
+        """Collect the parts that the template draws."""
         return {
             "left": _LEFT, "right": _WIDTH - _RIGHT, "top": self.top, "bottom": self.bottom,
             "words": words, "named": named, "lines": lines, "points": points,
@@ -70,7 +70,7 @@ class _Panel:
 
 
 def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
-    """The curve as SVG; ``here`` is where the film is, in kV and mm."""
+    """Draw the curve as SVG; ``here`` is the film's place, in kV and mm."""
     line = curve.line
     readings = curve.readings
     across = _scale(line.voltage, () if readings is None else readings.voltage / 1e3,
@@ -92,7 +92,7 @@ def drawn_curve(curve: FollowedCurve, here: tuple[float, float] | None) -> str:
 
 @cache
 def _picture() -> Template:
-    """The picture's template; to compile it takes longer than to draw."""
+    """Load the picture's template once; compiling it takes longer than drawing."""
     return template("explore/curve.html")
 
 
@@ -103,13 +103,14 @@ def _scale(*values: Any) -> AxisScale:
 
 
 def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
-    """The band, the curve to its first limit, beyond that, and as kept from wrinkling."""
+    """Draw the band, the curve to its first limit, beyond it, and as if it could not wrinkle."""
     places, *edges = line.band
     there = np.isfinite(edges).all(0)
     if there.sum() > 1:
         low, high = (edge[there] for edge in edges)
-        around = np.append(places[there], places[there][::-1]), np.append(low, high[::-1])
-        yield {"kind": "band", "path": f"{panel.path(*around)}Z"}
+        x = places[there]
+        outline = panel.path(np.append(x, x[::-1]), np.append(low, high[::-1]))
+        yield {"kind": "band", "path": f"{outline}Z"}
     if len(line.voltage) < 2:
         return
     x, y = line.line
@@ -119,13 +120,14 @@ def _lines(panel: _Panel, line: VoltageCurve) -> Iterator[dict[str, str]]:
 
 
 def _limits(panel: _Panel, line: VoltageCurve) -> list[dict[str, Any]]:
-    """A mark at each limit; the words of those that meet stand in one line."""
+    """Draw a mark at each limit; words of coinciding limits stand in one line."""
     marks: list[dict[str, Any]] = []
     for limit in line.limits.reached if len(line.voltage) else ():
         mark = _point(panel, limit.voltage_V / 1e3, line.deflection_at(limit), "mark", 4,
                       limit.state.label)
         if marks and abs(mark["y"] - marks[-1]["y"]) < _TEXT:
-            mark["word"], marks[-1]["word"] = f"{marks[-1]['word']}, {mark['word']}", ""
+            mark["word"] = f"{marks[-1]['word']}, {mark['word']}"
+            marks[-1]["word"] = ""
         marks.append(mark)
     return marks
 
@@ -137,12 +139,13 @@ def _readings(panel: _Panel, readings: Readings | None) -> Iterator[dict[str, An
 
 
 def _residuals(across: AxisScale, readings: Readings, top: float) -> dict[str, Any]:
-    """Measured minus simulated at every reading that has both."""
+    """Draw measured minus simulated deflection at every reading that has both."""
     there = np.isfinite(readings.residual)
     voltage, residual = readings.voltage[there] / 1e3, readings.residual[there] * 1e6
     most = float(np.abs(residual).max(initial=0.0)) or 1.0
     panel = _Panel(across, round_scale(-most, most, 3), top, top + _LOW)
-    lines = [{"kind": "axis", "path": panel.path(np.array([across.low, across.high]), np.zeros(2))}]
+    axis = panel.path(np.array([across.low, across.high]), np.zeros(2))
+    lines = [{"kind": "axis", "path": axis}]
     points = [_point(panel, float(x), float(y), "reading", 2.5)
               for x, y in zip(voltage, residual, strict=True)]
     return panel.parts("measured − simulated (µm)", True, lines, points)

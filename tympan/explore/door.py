@@ -1,7 +1,7 @@
-"""Connections of the explorer's server: strangers are few and soon gone, and every answer is safe.
+"""Connections of the explorer's server: few strangers, for a short time, and safe answers.
 
 A stranger is a connection that has not shown the token. The newest stranger always gets in and the
-oldest has to go, so that nobody can keep the owner out by holding connections.
+oldest is closed, so that nobody can keep the owner out by holding connections.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ from typing import Any
 
 from aiohttp import web
 
-#: Seconds until a stranger's connection ends, whatever it does meanwhile.
+#: Seconds until a stranger's connection is closed, whatever it does.
 PATIENCE = 5.0
-#: Seconds until an idle connection of the owner ends; browsers open another where they need it.
+#: Seconds until an idle connection of the owner is closed; browsers open another when needed.
 _IDLE = 15.0
-#: Strangers at once. The owner's browser shows its token within milliseconds.
+#: Most strangers at once. The owner's browser shows its token within milliseconds.
 STRANGERS = 64
-#: Connections of the owner at once: eight pages of six connections and a websocket, and some more.
+#: Most connections of the owner at once: eight pages of six connections and a websocket, and more.
 _MOST_OWN = 128
-#: Bytes of a request's line and of a header; browsers send a tenth of it.
+#: Most bytes of a request's line and of a header; browsers send a tenth of it.
 _LINE = 4096
-#: Headers of a request; browsers send fifteen.
+#: Most headers of a request; browsers send fifteen.
 _HEADERS = 64
 
-#: What every answer says to a browser beside its policy: keep nothing, guess no type, tell nobody
-#: the address, which holds the token, and be part of no other site's page.
+#: Headers of every answer in addition to its policy: store nothing, guess no type, send nobody the
+#: address, which holds the token, and be part of no other site's page.
 _SAFE = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff",
          "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer",
          "Cross-Origin-Opener-Policy": "same-origin",
          "Cross-Origin-Resource-Policy": "same-origin"}
 
-#: What a page may load and run: this server's files alone.
+#: Sources that a page may load and run: only this server's files.
 _POLICY = {"default-src": "'none'", "script-src": "'self'", "style-src": "'self'",
            "img-src": "data:", "connect-src": "'self'", "base-uri": "'none'",
            "form-action": "'none'", "frame-ancestors": "'none'"}
@@ -43,7 +43,7 @@ Answering = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
 
 
 def policy(host: str = "") -> str:
-    """The Content-Security-Policy of an answer; ``host`` is whom the page talks to by websocket.
+    """Write the Content-Security-Policy of an answer; ``host`` serves the page's websocket.
 
     Browsers differ in whether 'self' covers websockets.
     """
@@ -55,7 +55,7 @@ def policy(host: str = "") -> str:
 class Door(web.Server):
     """The connections of a server, each a stranger's until :meth:`let_in`.
 
-    ``report`` is told in a line what went wrong inside the server.
+    ``report`` gets a line for each fault inside the server.
     """
 
     def __init__(self, answer: Answering, report: Callable[[str], object]) -> None:
@@ -85,7 +85,7 @@ class Door(web.Server):
         self._own.pop(handler, None)
 
     def let_in(self, request: web.BaseRequest) -> None:
-        """The connection of a request is the owner's.
+        """Mark the connection of a request as the owner's.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Door(web.Server):
             self._own[handler] = handler.transport
 
     def is_own(self, handler: web.RequestHandler) -> bool:
-        """Whether a connection has shown the token."""
+        """Check whether a connection has shown the token."""
         return handler in self._own
 
     def _forget(self, handler: web.RequestHandler) -> None:
@@ -112,7 +112,7 @@ class Door(web.Server):
 
 
 class _Connection(web.RequestHandler):
-    """A connection whose answers all are safe, and whose troubles are a line at most."""
+    """A connection with safe answers, and at most one line for a fault."""
 
     def __init__(self, door: Door, **arguments: Any) -> None:
         super().__init__(door, **arguments)
@@ -140,28 +140,28 @@ class _Connection(web.RequestHandler):
         return answer
 
     def log_exception(self, *args: Any, **kw: Any) -> None:
-        """Name a mistake of the server's own; what others send is none."""
+        """Report a fault of the server itself, but not of the other side."""
         error = kw.get("exc_info")
         if isinstance(error, Exception) and not isinstance(error, _OF_OTHERS):
             self._door.report(f"the explorer's server: {type(error).__name__}: {error}")
 
 
-#: Raised by what comes, or does not come, over a connection.
+#: Errors from data that arrive, or fail to arrive, over a connection.
 _OF_OTHERS = (OSError, web.RequestPayloadError, web.PayloadAccessError, asyncio.TimeoutError)
 
 
 def safe(answer: web.StreamResponse, host: str) -> None:
-    """Put the headers of every answer on one."""
+    """Add the headers of every answer."""
     answer.headers.update(_SAFE)
     named = host if _host_name(host) is not None else ""
     answer.headers["Content-Security-Policy"] = policy(named)
 
 
 def check(request: web.BaseRequest, host: str) -> None:
-    """Refuse what is malformed, asked under a foreign name, or asked by a foreign page.
+    """Refuse malformed requests, and requests under a foreign name or by a foreign page.
 
     A foreign name that leads to this machine (DNS rebinding) would make a foreign page one of this
-    server's. Addresses in numbers cannot be rebound; ``host`` is what is listened on.
+    server's. Numeric addresses cannot be rebound; ``host`` is the address listened on.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def check(request: web.BaseRequest, host: str) -> None:
 
 
 def _garbled(text: bytes) -> bool:
-    """Whether it is no UTF-8, or has control characters."""
+    """Check for bytes that are not UTF-8, or are control characters."""
     try:
         decoded = text.decode("utf-8")
     except UnicodeDecodeError:
@@ -199,7 +199,7 @@ def _garbled(text: bytes) -> bool:
 
 
 def _host_name(text: str) -> str | None:
-    """The name in a Host header, without its port; None where it is no name."""
+    """Read the name in a Host header, without its port; None if it is no name."""
     name, colon, port = text.rpartition(":")
     if not colon or text.endswith("]"):
         name, port = text, "0"

@@ -1,4 +1,4 @@
-"""A process that answers the newest question; what nobody asks any more is dropped."""
+"""A process that answers the newest question and drops older ones."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from typing import Any, TypeAlias
 from tympan.base.errors import InputError
 from tympan.base.process.workers import begin_worker, signals_blocked, start_worker
 
-#: Answers a question, in several parts where some come sooner; a :class:`Pause` between them.
+#: Computes an answer, in several parts if some come sooner; a :class:`Pause` between them.
 Answer: TypeAlias = Callable[[Any], Iterator[Any]]
 
-#: What processes hold when they start: to import it takes longer than to start one.
+#: Modules that processes have when they start: importing them takes longer than starting one.
 _PRELOADED = ["cadquery", "gmsh", "tympan.explore.session"]
 
 
 @dataclass(frozen=True)
 class Trouble:
-    """Why a question has no answer."""
+    """Reason why a question has no answer."""
 
     words: str
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Place in an answer where it is given up for a newer question that comes within a time [s]."""
+    """Place in an answer where a newer question within a time [s] ends it."""
 
     seconds: float = 0.0
 
 
 def prepared() -> ForkServerContext:
-    """The context that processes start from; the first call starts what they are forked of."""
+    """Make the context that starts processes; the first call starts the one they fork from."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_PRELOADED)
     with signals_blocked():
@@ -47,12 +47,12 @@ def prepared() -> ForkServerContext:
 
 
 class Latest:
-    """Answers of a process, each to the newest question there was when the last one was done.
+    """Answers of a process, each to the newest question when the last one was done.
 
-    ``make`` is called once in the process and makes what answers there. ``deliver`` gets each part
-    of an answer in this thread's event loop, and whether its question is the newest. A question
-    that is not the newest any more is given up after ``patience`` [s], and its process with it;
-    never without one.
+    ``make`` is called once in the process and makes the function that answers there. ``deliver``
+    gets each part of an answer in this thread's event loop, and whether its question is the newest.
+    An older question is dropped after ``patience`` [s], and its process with it; never if that is
+    None.
     """
 
     def __init__(self, make: Callable[[], Answer], deliver: Callable[[Any, bool], None],
@@ -62,14 +62,14 @@ class Latest:
         self._number = 0
         self._waiting: tuple[int, Any] | None = None
         self._running: int | None = None
-        #: Whether the running answer has come to a pause: the next question is sent at once.
+        #: True if the running answer has come to a pause: the next question is sent at once.
         self._paused = False
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
 
     @property
     def busy(self) -> bool:
-        """Whether an answer is to come."""
+        """Whether an answer is expected."""
         return self._running is not None
 
     def ask(self, question: Any) -> None:
@@ -82,7 +82,7 @@ class Latest:
             self._loop.call_later(self._patience, self._give_up, self._running)
 
     def drop(self) -> None:
-        """Give up whatever was asked."""
+        """Drop every question."""
         self._waiting = None
         self._number += 1
         self._give_up(self._running)
@@ -139,7 +139,7 @@ class Latest:
                           number == self._number)
             return
         if done:
-            # One that paused was perhaps given up for the question that runs now.
+            # An answer that paused may have been dropped for the question that runs now.
             if number == self._running:
                 self._running = None
                 self._send()
@@ -152,7 +152,7 @@ class Latest:
 
 
 def _work(make: Callable[[], Answer], pipe: Connection) -> None:
-    """Work of the process: it ends with its parent, whom alone signals are for."""
+    """Answer questions in the process; it ends with its parent, which alone handles signals."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     begin_worker()
     answer = make()
@@ -173,5 +173,5 @@ def _parts(answer: Answer, question: Any) -> Iterator[Any]:
         yield from answer(question)
     except InputError as error:
         yield Trouble(str(InputError(error.allowed, key=error.key, given=error.given)))
-    except Exception as error:  # the page must go on whatever a solver meets
+    except Exception as error:  # the page must go on after any error of a solver
         yield Trouble(f"{type(error).__name__}: {error}")

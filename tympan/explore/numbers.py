@@ -1,4 +1,4 @@
-"""The numbers of the page, in the units of the bench."""
+"""The numbers of the page, in laboratory units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import Band, Limit
 
-#: What of a result is shown, and what it is called.
+#: Results that are shown, with their names.
 SHOWN = {
     "deflection_m": "deflection", "reading_m": "sensor reads", "reaction_N": "force of the film",
     "tilt_rad": "tilt of the plate", "capacitance_F": "capacitance",
@@ -23,12 +23,12 @@ SHOWN = {
 
 _DIGITS = 5
 
-#: Digits below which the error of a number is said beside it.
+#: Number of certain digits below which the error of a number is written beside it.
 _FEW = 3
 
-#: Half of the last of four digits, relative: an error that is not seen in a limit.
+#: Half of the last of four digits, relative: a smaller error of a limit is not visible.
 _SEEN = 5e-5
-#: Relative error that a limit says itself.
+#: Relative error of a limit whose text includes it.
 _LARGE = 5e-3
 
 #: A row of numbers as the page takes it.
@@ -36,7 +36,7 @@ Row: TypeAlias = dict[str, str | bool]
 
 
 def result_rows(scene: Scene, bands: Mapping[str, Band] | None = None) -> list[Row]:
-    """Numbers of an equilibrium; in brackets 5 and 95 % of films that scatter about it."""
+    """List numbers of an equilibrium; in brackets 5 and 95 % of films that scatter about it."""
     rows, bands = [], bands or {}
     for key, words in SHOWN.items():
         unit, factor = BENCH.get(unit_of(key) or "", ("", 1.0))
@@ -48,14 +48,14 @@ def result_rows(scene: Scene, bands: Mapping[str, Band] | None = None) -> list[R
 
 
 def _spread(band: Band | None, factor: float) -> str:
-    """Edges of a band in brackets; "" of none."""
+    """Write the edges of a band in brackets; "" without a band."""
     if band is None:
         return ""
     return f" ({digits(factor * band.low, _FEW)} to {digits(factor * band.high, _FEW)})"
 
 
 def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
-    """Blocked force of the plate of an equilibrium; ``stale``: of another one."""
+    """List the blocked force of a plate; ``stale``: it belongs to another view."""
     if blocked.force is None:
         return []
     unit, factor = BENCH["N"]
@@ -65,9 +65,9 @@ def blocked_rows(blocked: Blocked, stale: bool = False) -> list[Row]:
 
 def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False,
                band: Band | None = None) -> list[Row]:
-    """Stroke to a deflection [m] of a curve, and its first limit; ``stale``: of another film.
+    """List the stroke to a deflection [m] of a curve, and its first limit.
 
-    ``band``: of the stroke.
+    ``stale``: they belong to another film. ``band`` is that of the stroke.
     """
     line = curve.line
     rows = []
@@ -82,12 +82,12 @@ def curve_rows(curve: FollowedCurve, deflection: float, stale: bool = False,
 
 
 def limit_rows(curve: FollowedCurve) -> list[Row]:
-    """Limits, what readings leave, and α of the circles."""
+    """List limits, residuals of readings, and α of the circles."""
     return [*_limits(curve), *_weights(curve.circles)]
 
 
 def loads_of(scene: Scene) -> str:
-    """Voltage and load of the numbers, in words."""
+    """Write voltage and load of the numbers in words."""
     view = scene.view
     return f"at {view.voltage / 1e3:.6g} kV under {view.mass * 1e3:.6g} g"
 
@@ -119,7 +119,7 @@ def _weights(circles: AlphaResult | str | None) -> Iterator[Row]:
 
 
 def _within(value: float, off: float) -> str:
-    """A number with the digits that are sure; its error where these are hardly any."""
+    """Write a number with its certain digits; with its error if these are few."""
     if not off > 0 or not value:
         return digits(value, _DIGITS)
     sure = floor(log10(abs(value))) - floor(log10(2 * off))
@@ -128,7 +128,7 @@ def _within(value: float, off: float) -> str:
 
 
 def _voltage(limit: Limit, curve: FollowedCurve) -> str:
-    """Voltage of a limit; of a reduced film with its error where that would be seen."""
+    """Write the voltage of a limit; for a reduced film with its error where visible."""
     if curve.off is None or not _SEEN < limit.spread < _LARGE:
         return limit.text
     return f"{limit.text} ± {100 * limit.spread:.1g} %"

@@ -1,4 +1,4 @@
-"""One browser's page: what its controls say becomes a view, what is solved becomes a picture."""
+"""One browser's page: its controls make a view, and the solved view becomes a picture."""
 
 from __future__ import annotations
 
@@ -54,31 +54,31 @@ from tympan.studies.case import Limit
 from tympan.studies.files import write_text
 from tympan.studies.tolerance.given import Tolerances
 
-#: How long a solve that nobody waits for any more may go on [s]; a curve is given up at once.
+#: Time for which an outdated solve may go on [s]; an outdated curve is dropped at once.
 _PATIENCE = 0.7
-#: How long the controls must rest before what takes longer follows them [s].
+#: Time for which the controls must rest before slower results follow them [s].
 _REST = 0.15
-#: How long after that finite elements follow a film whose numbers a reduced film has shown [s].
+#: Further time until finite elements follow a film shown by a reduced one [s].
 _LATER = 0.85
-#: How far the process of curves stands behind, as nice counts.
+#: Niceness of the process of curves.
 _BEHIND = 15
 
-#: Where the slider of the voltage ends before the film's end is known [V].
+#: End of the slider of the voltage before the film's end is known [V].
 _USUAL = 10e3
-#: What a slider of the voltage goes to, over the voltage where the film ends.
+#: End of a slider of the voltage, over the voltage where the film ends.
 _BEYOND = 1.15
 
 
 #: Explanation of the numbers in brackets.
 _SCATTER = "In brackets: 5 and 95 % of films made to the tolerances."
 
-#: Who says a curve that finite elements have not said yet.
+#: Words for a curve that finite elements have not computed yet.
 _BY = "by a reduced film at first"
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A scene whose film is as the page's viewer takes it."""
+    """A scene with its film as the page's viewer needs it."""
 
     scene: Scene
     film: dict[str, Any] | None
@@ -86,9 +86,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Asked:
-    """A view to be shown; its plate's ``blocked`` force may come from elsewhere.
+    """A view to be shown; the ``blocked`` force of its plate may come from elsewhere.
 
-    ``sliding``: its numbers are about to change again, so that a moved mesh will do.
+    ``sliding``: its numbers are about to change again, so that a moved mesh is good enough.
     """
 
     view: FilmView
@@ -97,7 +97,7 @@ class Asked:
 
 
 def scene_answers() -> Answer:
-    """Worker that solves views and draws them, in its own process."""
+    """Make a worker that solves and draws views, in its own process."""
     session = Session()
 
     def answer(asked: Asked) -> Iterator[Picture | Blocked]:
@@ -112,13 +112,13 @@ def scene_answers() -> Answer:
 
 
 def curve_answers() -> Answer:
-    """Worker that follows curves, in its own process, which lets pictures go first."""
+    """Make a worker that follows curves, in its own process, with lower priority than pictures."""
     os.nice(_BEHIND)
     return followed
 
 
 class Page:
-    """Content of one page, its ``state`` as the browser's script knows it."""
+    """Content of one page, with ``state`` as the browser's script has it."""
 
     def __init__(self, subject: Subject, start: FilmView, tolerances: Tolerances | None = None
                  ) -> None:
@@ -126,7 +126,7 @@ class Page:
         self.start = self.base = start
         self.view = start
         self.state: dict[str, Any] = {}
-        #: The parts of the state that each browser has not been told, and a sign that some are.
+        #: Parts of the state that each browser has not received, and an event when there are any.
         self._browsers: list[tuple[set[str], asyncio.Event]] = []
         self.controls: tuple[Control, ...] = controls(start)
         self._number = 0
@@ -139,12 +139,12 @@ class Page:
         self._asked: FilmView | None = None
         self._scenes = Latest(scene_answers, self._solved, _PATIENCE)
         self._curves = Latest(curve_answers, self._followed, 0.0)
-        #: The reduced films about a view, which answer once they are made.
+        #: Reduced films about a view, which answer once they are made.
         self._near: tuple[Neighbours, Latest] | None = None
         self._begin(0)
 
     def close(self) -> None:
-        """End what works for it."""
+        """End the page's processes."""
         if self._resting is not None:
             self._resting.cancel()
         self._scenes.close()
@@ -160,7 +160,7 @@ class Page:
             news.set()
 
     async def news(self) -> AsyncGenerator[str, None]:
-        """The state as JSON, and then whatever of it has changed, for one browser."""
+        """Yield the state as JSON, and then its changes, for one browser."""
         untold, news = set(self.state), asyncio.Event()
         news.set()
         self._browsers.append((untold, news))
@@ -175,7 +175,7 @@ class Page:
             self._browsers.remove((untold, news))
 
     def hear(self, name: str, *words: Any) -> None:
-        """A browser says one of :data:`tympan.explore.talk.SAID`."""
+        """Handle a message of :data:`tympan.explore.talk.SAID` from a browser."""
         getattr(self, f"_{name}")(*words)
 
     def _begin(self, number: int) -> None:
@@ -191,13 +191,13 @@ class Page:
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
         self.scene = self.blocked = self.curve = self.bands = self._asked = None
-        # A shape that was left comes back with its own numbers.
+        # A shape chosen again returns with its own numbers.
         self._outlines = {part: examples() | {shape_of(self.start, part): outline_of(
             self.start, part)} for part in SHAPED}
         self._show(self.start)
 
     def _show(self, view: FilmView) -> None:
-        """Put a view on the controls and have it solved."""
+        """Put a view on the controls and solve it."""
         self.view = self.base = view
         self._list_controls()
         self.tell(errors={}, shapes=[
@@ -211,29 +211,29 @@ class Page:
         self.tell(controls=[asdict(control) | {"unit": control.unit} for control in self.controls])
 
     def _reach(self) -> float:
-        """Voltage where its slider ends [V]."""
+        """Choose the end of the slider of voltage [V]."""
         end = self._end
         return max(_USUAL if end is None else _BEYOND * end.voltage_V, self.start.voltage)
 
     @property
     def _end(self) -> Limit | None:
-        """Limit beyond which the film of the view has no equilibrium, where that is known."""
+        """Limit beyond which the film of the view has no equilibrium, if known."""
         if self.curve is None or not _same_film(self.curve.view, self.view):
             return None
         return self.curve.curve.curves[0].limits.end
 
     def _slid(self, key: str, text: str) -> None:
-        """A slider was moved; it is where it is."""
+        """Handle a moved slider; it is where it is."""
         if control := self._taken(key, text):
             self.state["sliders"][key] = control.position(self.view)
 
     def _typed(self, key: str, text: str) -> None:
-        """A number was typed; the slider follows."""
+        """Handle a typed number; the slider follows."""
         if control := self._taken(key, text):
             self.tell(sliders=self.state["sliders"] | {key: control.position(self.view)})
 
     def _shape(self, part: str, shape: str) -> None:
-        """Another shape of frame or plate was chosen; its sliders reach about where it is."""
+        """Handle another shape of frame or plate; its sliders are centred on the new size."""
         template = self._outlines.get(part, {}).get(shape)
         if template is None:
             return
@@ -247,10 +247,10 @@ class Page:
         self._show(view)
 
     def _taken(self, key: str, text: str) -> Control | None:
-        """The control that was given a value, None where something is wrong with that.
+        """Give a control a value and return it, None if the value is wrong.
 
-        What is wrong is said beside the control. One of the specimen that was shown before is none
-        any more.
+        The error is shown beside the control. A control of the specimen that was shown before no
+        longer exists.
         """
         control = next((control for control in self.controls if control.key == key), None)
         if control is None:
@@ -267,7 +267,7 @@ class Page:
         return control
 
     def _change(self) -> None:
-        """Solve the view; what is not of the picture can wait until the controls rest."""
+        """Solve the view; everything but the picture waits until the controls rest."""
         self.tell(texts={control.key: control.text(self.view) for control in self.controls},
                   following=not self._is_followed)
         self._solve()
@@ -291,17 +291,17 @@ class Page:
 
     @property
     def _is_near(self) -> bool:
-        """Whether the view is one of the reduced films, made or about to be."""
+        """Whether the view is one of the reduced films, made or in preparation."""
         return self._near is not None and self._near[0].row(self.view) is not None
 
     @property
     def _is_beyond(self) -> bool:
-        """Whether the view's film is known to end before its voltage."""
+        """Whether the view's film is known to end below its voltage."""
         end = self._end
         return end is not None and self.view.voltage > end.voltage_V
 
     def _beyond(self) -> None:
-        """Say so in place of a picture."""
+        """Show that the voltage is past the film's end, in place of a picture."""
         assert self.curve is not None
         self._scenes.drop()
         self._say(f"{self.view.voltage / 1e3:.4g} kV is past the film's end: "
@@ -334,12 +334,12 @@ class Page:
         self.tell(film=part.film, loads=loads_of(scene), busy=False,
                   message="; ".join(scene.result.warnings), trouble=False)
         self._list_numbers()
-        # Where the reduced films are about to answer, they have the curve drawn.
+        # If the reduced films are about to answer, their curve is drawn then.
         if self._near is None or not self._near[1].busy or self._is_followed:
             self._draw_curve()
 
     def _list_numbers(self) -> None:
-        """The numbers of the film that is shown; those that are still another one's are stale."""
+        """List the numbers of the film shown; those still of another film are stale."""
         scene, blocked, curve = self.scene, self.blocked, self.curve
         if scene is None:
             return
@@ -366,7 +366,7 @@ class Page:
                   by="" if self.curve.off is None else _BY)
 
     def _rest(self) -> None:
-        """The controls rest: say how the view is written, and follow its curve."""
+        """Write the view's name and follow its curve, as the controls rest."""
         self._resting = None
         self.tell(busy=self._scenes.busy)
         self._name()
@@ -377,7 +377,7 @@ class Page:
 
     @property
     def _is_quick(self) -> bool:
-        """Whether a reduced film says what the view is, or is about to."""
+        """Whether a reduced film shows the view, or is about to."""
         if self._near is None or not self.state["quick"] or not self._is_near:
             return False
         shown = self.curve is not None and self.curve.off is not None and self._is_followed
@@ -385,12 +385,12 @@ class Page:
         return shown or said or self._near[1].busy
 
     def _settle(self) -> None:
-        """Have finite elements say what is not theirs yet."""
+        """Let finite elements compute everything that they have not computed yet."""
         self._resting = None
         guessed = self.scene is not None and self.scene.guessed and not self._is_beyond
         if guessed or (self._is_near and (self.blocked is None or self.blocked.off
                                        or self.blocked.view != self.view)):
-            if self._scenes.busy:  # with the picture, which would be given up
+            if self._scenes.busy:  # with the picture, which would be dropped
                 self._resting = asyncio.get_running_loop().call_later(_LATER, self._settle)
                 return
             self._scenes.ask(Asked(self.view))
@@ -408,7 +408,7 @@ class Page:
             return
         if not isinstance(part, Trouble) and self._is_followed and not _same_film(
                 part.view, self.view):
-            self._asked = None  # the reduced films have gone on meanwhile
+            self._asked = None  # the reduced films have continued meanwhile
             return
         if isinstance(part, Trouble):
             self.curve = None
@@ -423,7 +423,7 @@ class Page:
             self._reduce(part)
 
     def _put(self, curve: FollowedCurve) -> None:
-        """Show a curve; circles that stand for its film stay."""
+        """Show a curve; keep the circles that are equivalent to its film."""
         if curve.circles is None and self.curve is not None and _same_circles(
                 curve.view, self.curve.view):
             curve = replace(curve, circles=self.curve.circles)
@@ -433,7 +433,7 @@ class Page:
         self._draw_curve()
 
     def _put_bands(self, bands: Bands) -> None:
-        """Show how films scatter; what was found of the same film or view stays."""
+        """Show the scatter of films; keep what was found for the same film or view."""
         known = self.bands
         if known is not None and not bands.numbers and known.view == bands.view:
             bands = replace(bands, numbers=known.numbers)
@@ -445,7 +445,7 @@ class Page:
 
     @property
     def _measured(self) -> bool:
-        """Whether there are readings of the specimen, with which finite elements are compared."""
+        """Whether there are readings of the specimen, which are compared with finite elements."""
         return bool(self.subject.masses(self._number))
 
     def _reduce(self, curve: FollowedCurve) -> None:
@@ -461,7 +461,7 @@ class Page:
         self._near[1].ask(self.view)
 
     def _quickened(self, part: QuickCurve | Bands | Trouble, newest: bool) -> None:
-        """The reduced films have answered."""
+        """Handle an answer of the reduced films."""
         self.tell(quick=not isinstance(part, Trouble))
         if isinstance(part, Bands):
             if newest:
@@ -482,9 +482,9 @@ class Page:
         self._put(part.curve)
 
     def _reached(self) -> None:
-        """The film's end is known: its slider goes there, and what is beyond is not searched.
+        """Move the slider's end to the film's end, now known, and search no voltage beyond it.
 
-        Where the sliders stand is the page's to say: one may be moving.
+        The page decides where the sliders stand: one may be moving.
         """
         self._list_controls()
         if self._is_beyond:
@@ -498,7 +498,7 @@ class Page:
         self._show(self.start)
 
     def _name(self) -> None:
-        """Tell a free name to save the view under, and its script and command."""
+        """Choose a free name to save the view under; write its script and command."""
         target = _free(self.view.specimen.name)
         file = self._file or f"{target}.toml"
         self.tell(target=target, command=command_of(self.view, file, self._rig_file(file)),
@@ -506,14 +506,14 @@ class Page:
                   unsaved="" if self._file else f"The command reads {file}: save the film first.")
 
     def _rig_file(self, file: str) -> str:
-        """The file of the rig beside that of a specimen; "" of an ideal rig."""
+        """Name the file of the rig beside that of a specimen; "" for an ideal rig."""
         ideal = self.view.rig == Rig()
         return self.subject.rig_file or (
             "" if ideal else str(Path(file).with_name(f"rig-of-{Path(file).name}")))
 
     @property
     def _file(self) -> str:
-        """The file that holds the actuator as it is, if any."""
+        """File that holds the actuator as it is, if any."""
         actuator = self.view.actuator
         if self._written is not None and self._written[0] == actuator:
             return self._written[1]
@@ -522,7 +522,7 @@ class Page:
         return self.subject.files[self._number] if same else ""
 
     def _save(self, name: str, folder: str) -> None:
-        """Write the actuator, and the rig where it is in no file; never over another file."""
+        """Write the actuator, and the rig if it has no file; never over another file."""
         try:
             named = as_read(replace(self.view.actuator, name=name))
             place = Path(folder).expanduser()
@@ -548,23 +548,23 @@ class Page:
 
 
 def _free(name: str) -> str:
-    """A name under which the current folder has no specimen yet."""
+    """Find a name under which the current folder has no specimen yet."""
     names = chain([name], (f"{name}-{number}" for number in count(2)))
     return next(name for name in names if not Path(f"{name}.toml").exists())
 
 
 def _same_film(view: FilmView, other: FilmView) -> bool:
-    """Whether two views differ in voltage alone."""
+    """Check whether two views differ only in voltage."""
     return replace(view, voltage=0.0) == replace(other, voltage=0.0)
 
 
 def _same_circles(view: FilmView, other: FilmView) -> bool:
-    """Whether two views differ in loads alone."""
+    """Check whether two views differ only in loads."""
     return _same_film(replace(view, mass=0.0), replace(other, mass=0.0))
 
 
 def _drawn_outlines(view: FilmView) -> str:
-    """Outlines that have no controls, and where they are changed."""
+    """Say which outlines have no controls, and where they are changed."""
     keys = [control.key for control in controls(view)]
     parts = [part for part, start in (("frame", "frame."), ("plate", "plate.outline."))
              if not any(key.startswith(start) for key in keys)]
@@ -573,7 +573,7 @@ def _drawn_outlines(view: FilmView) -> str:
 
 
 def _described(scene: Scene) -> str:
-    """Name of a film that nobody sees."""
+    """Describe a film for people who cannot see it."""
     result = scene.result
     return (f"{result.specimen} {loads_of(scene)}, its plate sunk by "
             f"{1e3 * (result.deflection_m or 0.0):.3f} mm")

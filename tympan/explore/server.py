@@ -1,4 +1,4 @@
-"""The server of the pages: on one port, for those who know the token, a page for each browser."""
+"""The server of the pages: one port, a token, a page for each browser."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from tympan.explore.view import FilmView
 from tympan.reports.template import text_of
 from tympan.studies.tolerance.given import Tolerances
 
-#: How long a page whose browser went away is kept for it to come back [s].
+#: Time for which a page is kept for a browser that went away [s].
 _KEPT = 10.0
-#: Pages at once; each has two processes.
+#: Most pages at once; each has two processes.
 _MOST = 8
-#: How long a connection may take to end [s].
+#: Longest time for a connection to end [s].
 _GOODBYE = 1.0
-#: Websockets of one page; a browser has one, and two while it comes back.
+#: Most websockets of one page; a browser has one, and two while it reconnects.
 MOST_SOCKETS = 4
-#: Bytes of a message. The page's longest are numbers that are typed, some 100 bytes.
+#: Most bytes of a message. The page's longest are typed numbers, about 100 bytes.
 _MOST_BYTES = 65_536
 #: Seconds between signs of life.
 _HEART_BEAT = 30.0
 
-#: What the page is made of, by the names that it asks for, and the types of these.
+#: Files of the page by the names that it requests, with their types.
 _FILES = {"index.html": ("explore/page.html", "text/html"),
           "page.css": ("explore/page.css", "text/css"),
           "page.js": ("explore/page.js", "text/javascript"),
@@ -52,9 +52,9 @@ class _Served:
 class Explorer:
     """All pages of a subject.
 
-    ``host`` and ``port`` are what is listened on, port 0 for any that is free; who asks without the
-    ``token`` is refused. ``report`` gets a line where the server itself makes a mistake. With
-    ``tolerances`` pages show how films scatter.
+    ``host`` and ``port`` are the address listened on, port 0 for any free one; requests without the
+    ``token`` are refused. ``report`` gets a line for each fault of the server itself. With
+    ``tolerances`` pages show the scatter of films.
     """
 
     subject: Subject
@@ -76,9 +76,9 @@ class Explorer:
         return f"http://{host}:{self.port}/?token={self.token}"
 
     async def begin(self) -> None:
-        """Listen."""
+        """Start listening."""
         prepared()
-        # It prints what others send, with tracebacks; what is ours is reported in a line.
+        # aiohttp prints data of others, with tracebacks; the server reports its own faults.
         logging.getLogger("aiohttp").addHandler(logging.NullHandler())
         logging.getLogger("aiohttp").propagate = False
         self._door = Door(self._answer, self.report)
@@ -88,14 +88,14 @@ class Explorer:
         self.port = self._runner.addresses[0][1]
 
     async def end(self) -> None:
-        """Close all pages and listen no more."""
+        """Close all pages and stop listening."""
         for name in list(self.pages):
             await self._drop(name)
         if self._runner is not None:
             await self._runner.cleanup()
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
-        """Answer a request of who knows the token; who knew it once has it in a cookie."""
+        """Answer a request with the token, in the address or in a cookie."""
         check(request, self.host)
         given = request.query.get("token") or request.cookies.get(self._cookie, "")
         if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):

@@ -1,4 +1,4 @@
-"""Solve a view into a scene: on the mesh at hand, and from the last equilibrium where possible."""
+"""Solution of a view: on the present mesh, and from the last equilibrium where possible."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ from tympan.studies.limits import CurveResult, curve
 from tympan.studies.tolerance.bands import banded
 from tympan.studies.tolerance.given import Tolerances, of_library
 
-#: By how much numbers may differ, relative, where a mesh moves with them.
+#: Largest relative change of numbers for which a mesh moves with them.
 _LITTLE = 0.2
 
-#: How far an equilibrium may be from that of another film, relative to its motion, while numbers
+#: Largest distance of an equilibrium from another film's, relative to its motion, while numbers
 #: change. A second equilibrium of one film is farther away.
 _ALIKE = 0.5
 
-#: Every element of a film is drawn as so many triangles, squared.
+#: Square root of the number of triangles drawn for every element of a film.
 _PARTS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Blocked:
-    """Force of a view's plate if it is blocked where it rests without voltage [N]; None of none.
+    """Force of a view's plate blocked at its equilibrium without voltage [N]; None without one.
 
-    ``off``: by how much it may be wrong [N].
+    ``off`` is its possible error [N].
     """
 
     view: FilmView
@@ -70,8 +70,8 @@ class Blocked:
 class Scene:
     """The numbers of a view and its film.
 
-    ``film`` is None where there is no equilibrium: ``result.warnings`` say why. ``guessed``:
-    found from another film, perhaps on the mesh of that, moved. On its own mesh the deflection
+    ``film`` is None where there is no equilibrium: ``result.warnings`` say why. ``guessed``: it was
+    found from another film, possibly on that film's mesh, moved. On its own mesh the deflection
     differs by some 1e-7, the largest stress by some 1e-4.
     """
 
@@ -82,11 +82,11 @@ class Scene:
 
 
 class Session:
-    """Solves views; a mesh serves as long as the next film needs the same.
+    """Solver of views; it keeps a mesh as long as the next film needs the same.
 
-    An equilibrium is the start of the next one where only mass or voltage differ, and while numbers
-    slide a guess of it where others do. Where that does not lead to one, the film is loaded anew,
-    as ``tympan solve`` does.
+    An equilibrium is the start of the next one if only mass or voltage differ, and, while numbers
+    slide, the basis of a guess if other numbers do. If that fails, the film is loaded anew, as by
+    ``tympan solve``.
     """
 
     def __init__(self, settings: Settings = Settings()) -> None:
@@ -96,12 +96,12 @@ class Session:
         self._model: Model | None = None
         self._unfolding: Unfolding | None = None
         self._start: tuple[Model, Rig, Solution] | None = None
-        #: Whether that is one of a guess, or of a mesh that was moved.
+        #: True if that start is a guess, or on a moved mesh.
         self._guessed = False
         self._rest: tuple[FilmView, Model, Solution] | None = None
 
     def scene(self, view: FilmView, sliding: bool = False) -> Scene:
-        """The film of a view; while controls are ``sliding`` on the mesh at hand, moved.
+        """Solve the film of a view; while controls are ``sliding`` on the present mesh, moved.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Session:
         return Scene(view, result, film, self._guessed)
 
     def blocked(self, view: FilmView, sliding: bool = False) -> Blocked:
-        """Blocked force of the plate of a view; ``sliding`` as for :meth:`scene`."""
+        """Solve the blocked force of the plate of a view; ``sliding`` as for :meth:`scene`."""
         model, rest = self._modelled(view.case, sliding), replace(view, voltage=0.0)
         if HEAVE not in model.plate_freedoms:
             return Blocked(view, None)
@@ -126,7 +126,7 @@ class Session:
                 rest, model.discretisation):
             start, guessed = self._start, self._guessed
             if model.loading.softening:
-                self._start = None  # from there it may come to rest elsewhere
+                self._start = None  # the plate may come to rest elsewhere from there
             outcome = self._equilibrium(model, rest.case, sliding)
             self._start, self._guessed = start, guessed
             if outcome.status != "equilibrium":
@@ -136,7 +136,7 @@ class Session:
                                            self.settings.path))
 
     def _modelled(self, case: Case, sliding: bool) -> Model:
-        """The model of a case, on its own mesh or, while numbers slide, the one at hand."""
+        """Make the model of a case, on its own mesh or, while numbers slide, the present one."""
         if sliding and self._start is not None and self._start[1] == case.rig and (
                 self._start[0].specimen == case.specimen):
             return self._start[0]
@@ -147,7 +147,7 @@ class Session:
         specimen, loading = case.specimen, case.rig.loading
         needs = loading, needs_mesh(specimen, self.settings, loading)
         if self._model is None or needs != self._needs:
-            self._model, self._needs = None, None  # not half of it where meshing fails
+            self._model, self._needs = None, None  # so that no part remains if meshing fails
             _forget_films()
             self._model = build_model(specimen, self.settings, loading)
             self._unfolding = Unfolding.of(self._model.discretisation)
@@ -156,7 +156,7 @@ class Session:
             self._model, specimen=specimen)
 
     def _moved(self, case: Case) -> Model | None:
-        """The model on the mesh at hand, moved to the lengths of a case; None if it is too far."""
+        """Move the present mesh to the lengths of a case; None if they differ too much."""
         model, specimen, loading = self._model, case.specimen, case.rig.loading
         if model is None or not _is_alike(specimen, model.specimen):
             return None
@@ -192,7 +192,7 @@ class Session:
 
     def _near(self, model: Model, before: Model, solution: Solution, force: float, voltage: float,
               pressure: float) -> Outcome | None:
-        """The equilibrium near that of another film; None where it is not like that."""
+        """Find the equilibrium near that of another film; None if the two differ too much."""
         mesh, settings = model.discretisation, self.settings.path.bounded(model)
         if before.discretisation.unknowns is not mesh.unknowns or model.loading.softening:
             return None
@@ -203,12 +203,12 @@ class Session:
         return None if near is None else Outcome("equilibrium", near)
 
     def _is_own(self, model: Model) -> bool:
-        """Whether a model is on a mesh of its own."""
+        """Check whether a model is on a mesh of its own."""
         return self._model is not None and model.discretisation is self._model.discretisation
 
 
 def _is_alike(specimen: Specimen, other: Specimen) -> bool:
-    """Whether specimens differ in numbers alone, and in these by a little."""
+    """Check whether specimens differ only in numbers, and in these by little."""
     if kind_of(specimen) != kind_of(other) or specimen.mirror_planes != other.mirror_planes:
         return False
     here, there = (np.array([at(one, name.split(".")) for name in varying(one)], dtype=float)
@@ -217,15 +217,15 @@ def _is_alike(specimen: Specimen, other: Specimen) -> bool:
 
 
 def _forget_films() -> None:
-    """Give memory back: outlines hardly come again, and films of all sizes leave it in pieces."""
+    """Free memory: outlines rarely come again, and films of all sizes fragment it."""
     meshed.cache_clear()
-    with suppress(OSError, AttributeError):  # of C libraries that have no such function
+    with suppress(OSError, AttributeError):  # other C libraries lack this function
         ctypes.CDLL(None).malloc_trim(0)
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Readings on a specimen under a mass, in SI, and what the simulation reads there.
+    """Readings on a specimen under a mass, in SI, with the simulated readings.
 
     ``simulated`` is NaN where the film has no equilibrium.
     """
@@ -241,16 +241,16 @@ class Readings:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals that there are [m], NaN of none."""
+        """Root mean square of the residuals that exist [m], NaN without any."""
         residual = self.residual[np.isfinite(self.residual)]
         return float(np.sqrt((residual**2).mean())) if len(residual) else np.nan
 
 
 @dataclass(frozen=True)
 class Question:
-    """Question for a curve: its view, whose voltage is nothing to it, and readings to meet.
+    """Question for a curve: its view, whose voltage is ignored, and readings to compare.
 
-    With ``tolerances`` the curve comes again at last, with the band of films that scatter so.
+    With ``tolerances`` the curve is repeated at last, with the band of films that scatter.
     """
 
     view: FilmView
@@ -262,8 +262,8 @@ class Question:
 class Off:
     """Largest error of a reduced film against finite elements.
 
-    ``deflection`` at the view's voltage [m]; ``whole``: it was followed to its pull-in. Otherwise
-    limits that are not met are not known.
+    ``deflection`` is that at the view's voltage [m]. ``whole``: the film was followed to its
+    pull-in; otherwise limits that are not found are unknown.
     """
 
     deflection: float
@@ -272,10 +272,10 @@ class Off:
 
 @dataclass(frozen=True, eq=False)
 class Bands:
-    """Films made to tolerances about a view, under its mass.
+    """Bands of films made to tolerances about a view, under its mass.
 
-    Bands of the deflection [m] at some ``voltages`` [V], and of ``numbers`` of the view by the keys
-    of a result.
+    Deflections [m] have bands at some ``voltages`` [V], and ``numbers`` of the view by the keys of
+    a result.
     """
 
     view: FilmView
@@ -288,8 +288,8 @@ class Bands:
 class FollowedCurve:
     """The curve of a view, the readings under its mass, if any, and α of its film.
 
-    ``circles`` is a text where there are none, and None where they are still sought; ``off``: of a
-    reduced film.
+    ``circles`` is a text if there are none, and None while they are computed; ``off`` is the error
+    of a reduced film.
     """
 
     view: FilmView
@@ -300,12 +300,12 @@ class FollowedCurve:
 
     @cached_property
     def line(self) -> VoltageCurve:
-        """The curve as it is drawn."""
+        """Curve as it is drawn."""
         line, = voltage_curves(self.curve)
         return line
 
     def banded(self, bands: Bands) -> FollowedCurve:
-        """The curve with bands of films that scatter about it."""
+        """Add bands of films that scatter about the curve."""
         curve, = self.curve.curves
         curve = replace(curve, band_voltage_V=bands.voltages, band_deflection_m=bands.deflections)
         return replace(self, curve=replace(self.curve, curves=(curve,)))
@@ -313,7 +313,7 @@ class FollowedCurve:
 
 def followed(question: Question, settings: Settings = Settings()
              ) -> Iterator[FollowedCurve | Bands]:
-    """The curve to the film's limits, with readings; then the circles that stand for it; bands."""
+    """Follow the curve to the film's limits, with readings; then find its circles; then bands."""
     _forget_films()
     view = question.view
     specimen = view.actuator
@@ -337,7 +337,7 @@ def followed(question: Question, settings: Settings = Settings()
 
 
 def compared(view: FilmView, static: Sheet, settings: Settings, highest: float) -> Readings | None:
-    """Readings of a view's specimen under its mass, beside the simulation's; None if none."""
+    """Compare readings of a view's specimen under its mass with the simulation; None if none."""
     rows = np.flatnonzero((static.specimen == view.specimen.name)
                           & np.isclose(static.mass, view.mass, rtol=1e-6))
     if not len(rows):

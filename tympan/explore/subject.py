@@ -20,7 +20,7 @@ _RIG = "rig.toml"
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """Specimens on a rig with the readings of them, if any.
+    """Specimens on a rig with their readings, if any.
 
     ``files`` are those of specimens that have one, by name, and ``rig_file`` is the rig's.
     """
@@ -33,7 +33,7 @@ class Subject:
     rig_file: str = ""
 
     def masses(self, number: int) -> list[float]:
-        """Masses [kg] under which a specimen was measured, the one with most readings first."""
+        """List the masses [kg] under which a specimen was measured, most frequent first."""
         if self.static is None:
             return []
         mass = self.static.mass[self.static.specimen == self.specimens[number].name]
@@ -41,16 +41,16 @@ class Subject:
         return [float(value) for value in values[np.argsort(-counts, kind="stable")]]
 
     def view(self, number: int, mass: float | None = None) -> FilmView:
-        """View with which one begins: without voltage, under a mass that suits the specimen."""
+        """Make the first view: without voltage, under a mass that suits the specimen."""
         masses = self.masses(number)
         mass = mass if mass is not None else masses[0] if masses else 20e-3
         return FilmView(self.specimens[number], self.rig, mass)
 
 
 def read_subject(path: Path, rig: Path | None = None) -> Subject:
-    """A specimen's file, a dataset's folder, or a folder of specimens with, perhaps, a rig.toml.
+    """Read a specimen's file, a dataset's folder, or a folder of specimens, maybe with rig.toml.
 
-    A ``rig`` that is given is taken for that of the folder.
+    A ``rig`` that is given replaces the folder's.
     """
     if not path.is_dir():
         specimen = load_specimen(path)
@@ -67,7 +67,7 @@ def _dataset(folder: Path) -> Subject:
 
 
 def _folder(folder: Path) -> Subject:
-    extended = folder / "extended"  # what a diagnosis leaves
+    extended = folder / "extended"  # written by a diagnosis
     folder = extended if extended.is_dir() else folder
     files = sorted(file for file in folder.glob("*.toml") if file.name != _RIG)
     if not files:

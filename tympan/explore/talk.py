@@ -11,32 +11,32 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from tympan.explore.page import Page
 
-#: What a browser may say, and what each word after it has to be.
+#: Messages of a browser, with the types of the words after each.
 SAID: dict[str, tuple[type, ...]] = {
     "slid": (str, str), "typed": (str, str), "choose": (int,), "reset": (), "shape": (str, str),
     "save": (str, str)}
 
 
 def checked_message(text: str) -> tuple[str, list[Any]]:
-    """Kind of a browser's message, and the words after it, checked.
+    """Check a browser's message; return its kind, and the words after it.
 
     Raises
     ------
     ValueError
-        When no page says that, with the reason.
+        When no page sends such a message, with the reason.
     """
     message = json.loads(text)
     if not isinstance(message, list) or not message or message[0] not in list(SAID):
         raise ValueError("a message is a list that begins with what is said")
     name, *words = message
-    # To isinstance, true is a number.
+    # isinstance would accept true as a number.
     if tuple(map(type, words)) != SAID[name]:
         raise ValueError(f"{name}: these words cannot be meant")
     return name, words
 
 
 async def talk(page: Page, socket: web.WebSocketResponse) -> None:
-    """Talk to a browser until it goes away or says what no page says."""
+    """Talk to a browser until it goes away or sends a message that no page sends."""
     telling = asyncio.create_task(_tell(page, socket))
     try:
         async for frame in socket:

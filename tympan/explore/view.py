@@ -1,4 +1,4 @@
-"""View of a film at one moment as the page shows it, and the controls that change it."""
+"""View of a film at one moment, as the page shows it, and the controls that change it."""
 
 from __future__ import annotations
 
@@ -20,33 +20,30 @@ from tympan.geometry.outlines import Outline, reshaped
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case
 
-#: Units of the controls, by dimension, and how many of them make the SI unit.
+#: Units of the controls, by dimension, and their number in one SI unit.
 _UNITS = {"": ("", 1.0), "length": ("mm", 1e3), "mass": ("g", 1e3), "voltage": ("kV", 1e-3),
           "angle": ("deg", 180 / 3.141592653589793)}
 
-#: An outline of more numbers is changed in its file.
+#: Most numbers of an outline with controls; an outline with more is changed in its file.
 _MOST_NUMBERS = 8
 
-#: Least value on the sliders of sizes and factors, over the one they begin with.
+#: Least value on the sliders of sizes and factors, over the initial one.
 _LEAST = 0.5
-#: Largest value on the sliders of sizes and factors, over the one they begin with: as many times as
-#: the least is fewer.
+#: Largest value on the sliders of sizes and factors, over the initial one: inverse of the least.
 _MOST = 2.0
 
-#: Largest mass on its slider where nothing else says so [kg]: some twice the source paper's larger
-#: load.
+#: Largest mass on its slider by default [kg]: about twice the source paper's larger load.
 _MASS = 50e-3
-#: Largest voltage on its slider where nothing else says so [V]: the reach of common high-voltage
-#: amplifiers.
+#: Largest voltage on its slider by default [V]: the range of common high-voltage amplifiers.
 _VOLTAGE = 10e3
 
-#: Keys of a view that are none of its specimen.
+#: Keys of a view that do not belong to its specimen.
 _LOADS = ("mass", "voltage", "stiffness")
 
 #: Parts whose shape can be chosen.
 SHAPED = ("frame", "plate.outline")
 
-#: Positions of a slider from end to end, about.
+#: Approximate number of positions of a slider.
 _POSITIONS = 400
 
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*", re.ASCII)
@@ -76,7 +73,7 @@ class FilmView:
 
     @property
     def case(self) -> Case:
-        """Case that is solved."""
+        """Case to solve."""
         return Case(self.actuator, mass=self.mass, voltage=self.voltage, rig=self.rig)
 
 
@@ -97,7 +94,7 @@ class Control:
 
     @property
     def unit(self) -> str:
-        """Unit behind the number."""
+        """Unit after the number."""
         return _UNITS[self.dimension][0]
 
     @property
@@ -106,20 +103,20 @@ class Control:
         return _UNITS[self.dimension][1]
 
     def value(self, view: FilmView) -> float:
-        """Value in a view, in its unit."""
+        """Read the value in a view, in its unit."""
         return self.factor * value_of(view, self.key)
 
     def position(self, view: FilmView) -> float:
-        """Position of its slider."""
+        """Compute the position of its slider."""
         value = min(max(self.value(view), self.low), self.high)
         return _on(value - self.low, self.step, self.low)
 
     def text(self, view: FilmView) -> str:
-        """The number that stands in the field."""
+        """Write the number in the field."""
         return f"{self.value(view):.6g}"
 
     def parsed(self, text: str) -> float:
-        """The SI value of a number in the field's unit, or of a quantity with its own.
+        """Convert a number in the field's unit, or a quantity with its own unit, to SI.
 
         Raises
         ------
@@ -137,19 +134,19 @@ class Control:
 
 
 def value_of(view: FilmView, key: str) -> float:
-    """The value that a control of this key has in a view, in SI."""
+    """Read the value of a control with this key in a view, in SI."""
     if key in _LOADS:
         return float(getattr(view, key))
     return float(at(view.specimen, key.split(".")))
 
 
 def changed(view: FilmView, key: str, value: float) -> FilmView:
-    """A view with another value [SI].
+    """Change a value [SI] of a view.
 
     Raises
     ------
     InputError
-        When such a film cannot be: as reading it from a file would say.
+        When such a film cannot be made, with the message of reading it from a file.
     """
     if key not in _LOADS:
         return replace(view, specimen=as_read(with_number(view.specimen, key.split("."), value)))
@@ -165,28 +162,28 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
 
 
 def as_read(specimen: Specimen) -> Specimen:
-    """A specimen as its own file reads, where all limits of its keys are looked at."""
+    """Read a specimen again from its own file's content, which checks all limits of its keys."""
     return load_specimen(Table("", specimen_content(specimen)))
 
 
 def outline_of(view: FilmView, part: str) -> Outline:
-    """The outline of a part of :data:`SHAPED`."""
+    """Look up the outline of a part of :data:`SHAPED`."""
     outline: Outline = at(view.specimen, part.split("."))
     return outline
 
 
 def shape_of(view: FilmView, part: str) -> str:
-    """The name of its shape."""
+    """Name the shape of a part."""
     return outline_of(view, part).shape
 
 
 def with_shape(view: FilmView, part: str, template: Outline) -> FilmView:
-    """A view whose frame or plate has a template's shape, as large as it was.
+    """Give frame or plate of a view a template's shape, at its size.
 
     Raises
     ------
     InputError
-        When such a film cannot be.
+        When such a film cannot be made.
     """
     outline = reshaped(outline_of(view, part), template)
     return replace(view, specimen=as_read(with_number(view.specimen, part.split("."), outline)))
@@ -194,7 +191,7 @@ def with_shape(view: FilmView, part: str, template: Outline) -> FilmView:
 
 def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 0.0
              ) -> tuple[Control, ...]:
-    """The controls of a film, about where it is; ``most_...`` [SI] end the sliders of its loads."""
+    """Make the controls of a film about its values; ``most_...`` [SI] end the loads' sliders."""
     reach = 1.0 if most_voltage <= 0 else most_voltage
     loads = (_control("voltage", "voltage", "voltage", 0.0, reach),
              _control("mass", "mass", "mass", 0.0, max(2 * view.mass, most_mass) or _MASS))
@@ -204,7 +201,7 @@ def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 
 
 
 def _paths(specimen: Specimen) -> Iterator[str]:
-    """Paths of the numbers that have controls: film, frame, plate."""
+    """List the paths of the numbers that have controls: film, frame, plate."""
     yield "membrane.prestretch.0"
     yield "membrane.prestretch.1"
     yield "membrane.relative_permittivity"
@@ -233,7 +230,7 @@ def _of_number(view: FilmView, path: str) -> Control:
 
 
 def _control(key: str, label: str, dimension: str, low: float, high: float) -> Control:
-    """A control from ``low`` to ``high`` [SI], in round steps."""
+    """Make a control from ``low`` to ``high`` [SI], in round steps."""
     factor = _UNITS[dimension][1]
     low, high = factor * low, factor * high
     step = _round((high - low) / _POSITIONS)
@@ -241,7 +238,7 @@ def _control(key: str, label: str, dimension: str, low: float, high: float) -> C
 
 
 def _round(step: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is not above."""
+    """Round down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** (len(f"{int(step)}") - 1)
     while power > step:
         power /= 10
@@ -249,16 +246,18 @@ def _round(step: float) -> float:
 
 
 def _on(value: float, step: float, start: float = 0.0) -> float:
-    """The nearest multiple of a step, as a browser has it."""
+    """Find the nearest multiple of a step, as a browser does."""
     return float(f"{start + round(value / step) * step:.12g}")
 
 
 def _label(keys: tuple[str, ...], field: Field | None) -> str:
-    """Label of a control: the part, the key, and the axis of a pair."""
+    """Label a control with the part, the key, and the axis of a pair."""
     part = {"membrane": "film"}.get(keys[0], keys[0])
     name = (field.key if field is not None else keys[-1]).replace("_", " ")
-    pair = field is not None and field.count == 2
-    axis = f" {'xy'[int(keys[-1])]}" if pair else f" {int(keys[-1]) + 1}" if (
-        keys[-1].isdecimal()) else ""
+    axis = ""
+    if field is not None and field.count == 2:
+        axis = f" {'xy'[int(keys[-1])]}"
+    elif keys[-1].isdecimal():
+        axis = f" {int(keys[-1]) + 1}"
     plain = name in ("prestretch", "relative permittivity")
     return f"{name}{axis}" if plain else f"{part}: {name}{axis}"

@@ -24,25 +24,28 @@ _LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
 def first_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
-    """I₁ − 3 = λ₁² + λ₂² + λ₃² − 3."""
+    """Compute I₁ − 3 = λ₁² + λ₂² + λ₃² − 3."""
     l3 = 1 / (l1 * l2)
     s3 = l3 * l3
     by1, by2 = s3 / l1, s3 / l2
-    return (l1 * l1 + l2 * l2 + s3 - 3, 2 * (l1 - by1), 2 * (l2 - by2),
-            2 + 6 * (by1 / l1), 4 * (s3 * l3), 2 + 6 * (by2 / l2))
+    value = l1 * l1 + l2 * l2 + s3 - 3
+    slopes = 2 * (l1 - by1), 2 * (l2 - by2)
+    curvatures = 2 + 6 * (by1 / l1), 4 * (s3 * l3), 2 + 6 * (by2 / l2)
+    return value, *slopes, *curvatures
 
 
 def _second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
-    """I₂ − 3 = λ₁⁻² + λ₂⁻² + λ₃⁻² − 3."""
+    """Compute I₂ − 3 = λ₁⁻² + λ₂⁻² + λ₃⁻² − 3."""
     s1, s2 = l1 * l1, l2 * l2
-    return (1 / s1 + 1 / s2 + s1 * s2 - 3, 2 * (l1 * s2 - 1 / (s1 * l1)),
-            2 * (l2 * s1 - 1 / (s2 * l2)),
-            2 * s2 + 6 / s1**2, 4 * l1 * l2, 2 * s1 + 6 / s2**2)
+    value = 1 / s1 + 1 / s2 + s1 * s2 - 3
+    slopes = 2 * (l1 * s2 - 1 / (s1 * l1)), 2 * (l2 * s1 - 1 / (s2 * l2))
+    curvatures = 2 * s2 + 6 / s1**2, 4 * l1 * l2, 2 * s1 + 6 / s2**2
+    return value, *slopes, *curvatures
 
 
 def of_first_invariant(energy: Callable[[Any], tuple[Any, Any, Any]], l1: Any, l2: Any
                        ) -> tuple[Any, ...]:
-    """An energy f of I₁ − 3, given with f′ and f″, as a function of the stretches."""
+    """Convert an energy f of I₁ − 3, given with f′ and f″, to a function of the stretches."""
     excess, i1, i2, i11, i12, i22 = first_invariant(l1, l2)
     f, slope, bend = energy(excess)
     bend1, bend2 = bend * i1, bend * i2
@@ -55,12 +58,12 @@ class FirstInvariantLaw(ABC):
 
     @property
     def locking(self) -> float:
-        """The I₁ − 3 from which on W is +∞ and its derivatives are nan."""
+        """I₁ − 3 above which W is +∞ and its derivatives are nan."""
         return inf
 
     @abstractmethod
     def energy(self, excess: Any) -> tuple[Any, Any, Any]:
-        """f, f′ and f″ at I₁ − 3 below :attr:`locking`."""
+        """Compute f, f′ and f″ at I₁ − 3 below :attr:`locking`."""
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         return of_first_invariant(self._energy_or_infinity, l1, l2)
@@ -195,7 +198,7 @@ class MooneyRivlin:
 
 
 def _polynomial(c: tuple[float, ...], x: Any) -> tuple[Any, Any, Any]:
-    """Σ c_k xᵏ, k = 1, 2, …, and its first two derivatives, by Horner's rule."""
+    """Evaluate Σ c_k xᵏ, k = 1, 2, …, and its first two derivatives, by Horner's rule."""
     value = slope = half_bend = 0.0
     for number in (*reversed(c), 0.0):
         half_bend = half_bend * x + slope

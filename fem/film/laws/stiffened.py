@@ -1,4 +1,4 @@
-"""Laws made of another: one hardens, one has a second invariant, one is as stiff times a factor."""
+"""Laws made from another law: hardened, with a second invariant, or scaled by a factor."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Stiffened:
         return _sum(self.nominal.derivatives(l1, l2), of_first_invariant(self._energy, l1, l2))
 
     def _energy(self, excess: Any) -> tuple[Any, Any, Any]:
-        """φ counted from the virgin film, φ′ and φ″; ``scale`` is S."""
+        """Compute φ counted from the virgin film, φ′ and φ″; ``scale`` is S."""
         h, mounted = self.exponent, self.invariant
         scale = _neo_hookean_slope(self.nominal)
         ratio = (excess + 3) / mounted
@@ -103,7 +103,7 @@ class MooneyShare:
 
 
 def _neo_hookean_slope(law: Any) -> Any:
-    """∂W/∂I₁ of the neo-Hookean law with the modulus of a virgin film's law [Pa]."""
+    """Compute ∂W/∂I₁ of the neo-Hookean law with the modulus of a virgin film's law [Pa]."""
     return law.derivatives(np.ones(()), np.ones(()))[3] / 8
 
 
@@ -112,7 +112,7 @@ def _sum(first: Iterable[Any], second: Iterable[Any]) -> tuple[Any, ...]:
 
 
 def scaled(material: Material, factor: float) -> Material:
-    """The law with every stress, and so the energy, times a factor.
+    """Multiply every stress of a law, and so its energy, by a factor.
 
     Examples
     --------

@@ -13,28 +13,26 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
 from tympan.studies.effects.effect import Quantity
 
-#: Where a film is solved: numbers of some axes and the sizes there, the others 0.
+#: A point at which a film is solved: numbers of some axes with their sizes, the others 0.
 Sample = tuple[tuple[int, float], ...]
 
-#: The largest size at which a film is sampled first, in standard deviations of the prior. Set by
-#: trial.
+#: Largest size at which a film is sampled first, in standard deviations of the prior. Set by trial.
 FIRST_SPAN = 3.0
 
 #: First sizes of a parameter with two signs, in standard deviations, on either side.
 _FIRST_SIGNED = (1.3, FIRST_SPAN)
-#: First sizes of a parameter with one sign, or whose sign changes nothing.
+#: First sizes of a parameter with one sign, or with a sign that changes nothing.
 _FIRST = (1.4, FIRST_SPAN)
 
-#: The largest size that is sought, in standard deviations: less than a thousandth of any prior is
-#: beyond.
+#: Largest size searched, in standard deviations: less than a thousandth of any prior is beyond.
 _FAR = 1e3
-#: How closely that size is found, relative to it. A film is meshed a little before it in any case.
+#: Relative accuracy of that size. A film is meshed a little before it in any case.
 _CLOSE = 1e-3
 
-#: How near to the largest size that can be built a film is still meshed, as a share.
+#: Share of the largest size that can be built at which a film is still meshed.
 _MESHED = 0.97
 
-#: The least size a film must bear for its parameter to be an axis, in standard deviations.
+#: Least size that a film must bear for its parameter to be an axis, in standard deviations.
 _LEAST = 0.05
 
 
@@ -42,11 +40,11 @@ _LEAST = 0.05
 class Axis:
     """One parameter of an effect that changes the film.
 
-    ``places``: the sizes, ascending and without 0, at which the film is sampled; ``reachable``:
-    the smallest and the largest size it could be sampled at, as far as known; ``ends``: why there
-    are none beyond these, "" where the parameter's own limits say so. On a ``folded`` axis a sign
-    changes nothing and the film depends on the square. A ``modulus`` is taken relative to the
-    film's stiffness scale.
+    ``places`` are the sizes, ascending and without 0, at which the film is sampled. ``reachable``
+    are the smallest and the largest size at which it could be sampled, as far as known; ``ends``
+    say why not beyond, "" where the parameter's own limits do. On a ``folded`` axis a sign changes
+    nothing and the film depends on the square. A ``modulus`` is relative to the film's stiffness
+    scale.
     """
 
     effect: str
@@ -65,37 +63,37 @@ class Axis:
         return self.parameter.dimension == "stress"
 
     def nominal_size(self, size: float, stiffness: float = 1.0) -> float:
-        """The size that does the same on the nominal film.
+        """Convert a size on a film ``stiffness`` times as stiff to that on the nominal film.
 
-        As on a film ``stiffness`` times as stiff; without its sign where that changes nothing.
+        The result has no sign where that changes nothing.
         """
         size = size / stiffness if self.modulus else size
         return abs(size) if self.folded else size
 
     def coordinate(self, size: float) -> float:
-        """Interpolation coordinate: size over prior scale, squared if its sign changes nothing."""
+        """Compute the interpolation coordinate: size over prior scale, squared if folded."""
         share = size / self.parameter.deviation
         return share**2 if self.folded else share
 
     def side(self, sense: int) -> tuple[float, ...]:
-        """The places above 0, or below for ``sense`` -1, from 0 on."""
+        """List the places above 0, or below for ``sense`` -1, from 0 on."""
         return tuple(sorted((place for place in self.places if place * sense > 0), key=abs))
 
     def span(self, side: int) -> float:
-        """The largest size sampled on side +1 or -1, without its sign."""
+        """Find the largest size sampled on side +1 or -1, without its sign."""
         places = self.side(1 if self.folded else side)
         return abs(places[-1]) if places else 0.0
 
     def reach(self, side: int) -> float:
-        """The largest size that could be, without its sign."""
+        """Find the largest size that could be sampled, without its sign."""
         return abs(self.reachable[side > 0 or self.folded])
 
     def with_place(self, size: float) -> Axis:
-        """The axis with one place more."""
+        """Add a place to the axis."""
         return replace(self, places=tuple(sorted({*self.places, size})))
 
     def ended(self, side: int, reason: str) -> Axis:
-        """The axis that reaches no further than where it is sampled."""
+        """End the axis at its last sample on a side, with a reason."""
         last = side * self.span(side)
         why = f"cannot be solved beyond {_shown(self.parameter, last)}: {reason}"
         (low, high), (below, above) = self.reachable, self.ends
@@ -111,7 +109,7 @@ def _shown(parameter: EffectParameter, size: float) -> str:
 
 @dataclass(frozen=True)
 class HeldFilm:
-    """Specimen as finite elements see it: how its plate is held, and gas pressure [Pa].
+    """Specimen as the finite elements need it: how its plate is held, and gas pressure [Pa].
 
     Without a plate its centre is held, by gas.
     """
@@ -122,10 +120,11 @@ class HeldFilm:
 
     @classmethod
     def of(cls, setup: Setup, name: str) -> HeldFilm:
-        """A specimen of a setup.
+        """Take a specimen of a setup.
 
-        Mechanisms between plate and ground act on the heave alone and are left out, and so is the
-        electrodes' mass, which acts as one on the plate, and what no film at rest feels.
+        Mechanisms between plate and ground depend on the deflection alone and are left out. So is
+        the electrodes' mass, which acts like one on the plate, and all that does not affect a film
+        at rest.
         """
         specimen, loading = setup.specimen(name), replace(setup.rig.loading, biases=())
         if specimen.electrode.mass:
@@ -142,12 +141,12 @@ class HeldFilm:
 
     @property
     def odd(self) -> bool:
-        """Whether its force is odd in the heave: no weight, no gas, no mass beside the centre."""
+        """Whether its force is odd in the deflection: no weight, no gas, no mass off the centre."""
         return not self.loading.gravity and not self.gas_pressure and self.loading.arm == (0.0, 0.0)
 
 
 def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) -> HeldFilm:
-    """A specimen's film at a sample; parameters of the same effect are applied together.
+    """Make a specimen's film at a sample; parameters of the same effect are applied together.
 
     An :class:`InputError` where it cannot be built.
     """
@@ -163,10 +162,10 @@ def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) 
 
 
 def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]:
-    """The axes of a specimen's film, with their first places.
+    """Find the axes of a specimen's film, with their first places.
 
-    With ``shapes`` those of effects, too, that only the film's shape shows; in it no sign changes
-    nothing.
+    With ``shapes`` effects that only the film's shape shows are included; then no axis is folded,
+    since every sign changes the shape.
     """
     nominal = HeldFilm.of(setup, name)
     axes = [axis for effect in EFFECTS.values()
@@ -179,9 +178,10 @@ def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]
 
 
 def acting_together(axes: Sequence[Axis]) -> list[tuple[Sample, ...]]:
-    """Samples, by meshes, of effects one of whose axes only says how the others act.
+    """Choose samples, by meshes, of effects with an axis that only modifies the other axes.
 
-    At the least places of these: each with the ends of that one, and every two together.
+    They are at the least places of these axes: each with the ends of the modifying axis, and every
+    two together.
     """
     groups: list[tuple[Sample, ...]] = []
     for effect in dict.fromkeys(axis.effect for axis in axes if axis.parameter.spread):
@@ -203,7 +203,7 @@ def _ascending(*places: tuple[int, float]) -> Sample:
 
 
 def _axis(setup: Setup, name: str, effect: Effect, index: int, shapes: bool) -> Axis:
-    """The axis of a parameter, as far as the specimen can be built."""
+    """Make the axis of a parameter, as far as the specimen can be built."""
     parameter = effect.parameters[index]
     planes = frozenset() if shapes else setup.specimen(name).mirror_planes
     folded = parameter.sign == "even" and parameter.name[-1] in planes
@@ -238,7 +238,7 @@ def _axis(setup: Setup, name: str, effect: Effect, index: int, shapes: bool) -> 
 
 
 def _largest(buildable: Callable[[float], bool], limit: float, deviation: float) -> float:
-    """The largest size up to a limit of which a film can be built; 0 if there is hardly any."""
+    """Find the largest size up to a limit of which a film can be built; 0 if hardly any can."""
     if buildable(limit):
         return limit
     low, high = 0.0, limit

@@ -1,15 +1,16 @@
-"""Memory of films in their runs, as a hardening: for a while a film is as a stiffer one.
+"""Memory of films in their runs, as hardening: for a while a film acts like a stiffer one.
 
-A film with viscous branches that goes through a voltage's history stands, at any time, where a film
-at rest would that is 1 + η times as stiff. That η comes from the film reduced to a few points
-(:mod:`tympan.studies.films.film`) with its own law, branches and voltages in time; the place
-of rest from the force law with all that a hypothesis changes. So a hypothesis that leaves branches
-as they are costs no run, and where nothing is remembered readings in time are those at rest.
+A film with viscous branches that follows a voltage's history has, at any time, the deflection of a
+film at rest that is 1 + η times as stiff. η comes from the film reduced to a few points
+(:mod:`tympan.studies.films.film`) with its own law, branches and voltages in time. The deflection
+at rest comes from the force law, with all effects of a hypothesis. So a hypothesis that does not
+change branches needs no run, and a film without memory has its readings at rest.
 
-η depends on a branch's modulus and time, and on the time since mounting. It is solved on a lattice
-of their logarithms, where it is asked, and interpolated by cubics; small moduli, whose η is in
-proportion to them, lie evenly. What two branches do beyond each alone is little, and lines between
-nodes do for it. On load and voltage η depends less: a slope at every node tells how.
+η depends on a branch's modulus and time, and on the time since mounting. It is solved where needed
+on a lattice of their logarithms, and interpolated by cubics; small moduli, to which η is
+proportional, are spaced linearly. The joint effect of two branches beyond that of each alone is
+small, and interpolated linearly. On load and voltage η depends less: every node has a slope by
+them.
 """
 
 from __future__ import annotations
@@ -42,38 +43,38 @@ from tympan.studies.trace import Trace
 
 #: Spacing of the lattice in logarithms, a factor of two. Set by trial.
 _SPACING = 0.7
-#: Largest modulus of a branch over the law's: a stiffer one holds the film as well.
+#: Largest modulus of a branch over the law's: a stiffer branch holds the film just as well.
 _STIFFEST = 1e4
-#: Shortest and longest time of a branch over those of the runs: beyond, it has relaxed at once or
-#: never does.
+#: Shortest and longest time of a branch over those of the runs: beyond these it relaxes at once or
+#: never.
 _TIMES = (1e-2, 1e3)
 
-#: The lattice's first number, at which the softest modulus stands.
+#: Lowest index of the lattice, that of the softest modulus.
 _FIRST = -4
-#: The same of two branches, below which what they do together is in proportion to both moduli: of
-#: softer ones it is less than the runs' own errors.
+#: The same for two branches. Below it their joint effect is taken as proportional to both moduli:
+#: for softer ones it is less than the runs' own errors.
 _FIRST_OF_TWO = -2
-#: The softest modulus of a branch over the law's: what a softer one does is in proportion.
+#: Softest modulus of a branch over the law's: the effect of a softer one is proportional to it.
 _SOFTEST = 5e-3
 
 _ADDED = np.exp(_SPACING * _FIRST) - _SOFTEST
 
-#: Change of load, voltage and modulus by which slopes are taken, as a share.
+#: Relative change of load, voltage and modulus for slopes.
 _CHANGE = 0.02
-#: How far slopes are trusted, in logarithms.
+#: Largest change, in logarithms, over which slopes are used.
 _FAR = 0.5
 
-#: Of the highest voltage what the reduced film is made for, until it does not pull in.
+#: Shares of the highest voltage for the reduced film, tried until it does not pull in.
 _HIGHEST = (1.03, 1.0, 0.9, 0.75, 0.5)
 
-#: How often the η of a heave is corrected.
+#: Number of corrections of η for a deflection.
 _ROUNDS = 4
 
-#: Branches beside the nominal ones whose doing together is counted: three do hardly more than every
-#: two of them.
+#: Most additional branches whose joint effect counts: that of three is hardly more than that of
+#: every two of them.
 _SIDE_BY_SIDE = 2
 #: Nodes on each axis of the lattice, by the number of additional branches: cubics, and lines for
-#: what two do beyond each alone, a tenth of it.
+#: the joint effect of two beyond that of each alone, which is a tenth of it.
 _NODES = (4, 4, 2)
 
 _Corner = tuple[int, ...]
@@ -82,10 +83,11 @@ _Item = TypeVar("_Item")
 
 @dataclass(frozen=True, eq=False)
 class RememberingFilm:
-    """A specimen's reduced film and the runs it went through.
+    """A specimen's reduced film and its runs.
 
-    ``runs``: masses [kg] with histories; ``asked``: number of the run of each state, and its
-    ``passages``; ``rig`` as it is nominally; ``branch``: a modulus of the size of the law's [Pa].
+    ``runs`` are masses [kg] with histories; ``asked`` is the run of each state, and ``passages``
+    are its readings; ``rig`` is the nominal one; ``branch`` is a modulus of the size of the law's
+    [Pa].
     """
 
     film: ReducedFilm
@@ -102,7 +104,7 @@ class RememberingFilm:
 
     @cached_property
     def shortest(self) -> float:
-        """The shortest time that matters [s]."""
+        """Shortest time that matters [s]."""
         signals = [history.whole for _, history in self.runs]
         steps = np.concatenate([np.diff(signal.breaks) for signal in signals])
         parts = self.passages[self.passages.end > self.passages.switched]
@@ -111,14 +113,14 @@ class RememberingFilm:
 
     @cached_property
     def longest(self) -> float:
-        """The longest of the runs [s]."""
+        """Duration of the longest run [s]."""
         return max(float(history.whole.end) for _, history in self.runs)
 
     def hardening(self, branches: Sequence[ViscousBranch], mounted: float | None, scale: float
                   ) -> Array:
-        """η and its slopes by the logarithms of load, U² and moduli, shape (4, asked).
+        """Compute η and its slopes by the logarithms of load, U² and moduli, shape (4, asked).
 
-        Of nominal ``branches`` and more; ``scale``: what the moduli of these are taken times.
+        ``branches`` are the nominal ones and more; ``scale`` multiplies the moduli of the latter.
         """
         nominal = self.specimen.membrane.branches
         if tuple(branches[:len(nominal)]) != nominal:
@@ -131,7 +133,7 @@ class RememberingFilm:
 
     def _interpolated(self, extra: Sequence[ViscousBranch], mounted: float | None, scale: float
                       ) -> Array:
-        """Hardening by additional branches together beyond what fewer of them do."""
+        """Interpolate the joint hardening by additional branches beyond that of fewer of them."""
         ratios, axes = [branch.modulus * scale / self.branch for branch in extra], []
         first = _FIRST if len(extra) < 2 else _FIRST_OF_TWO
         for branch, ratio in zip(extra, ratios, strict=True):
@@ -144,14 +146,14 @@ class RememberingFilm:
         for corner, weight in _corners(tuple(axes), _NODES[len(extra)]):
             places = tuple(zip(corner[:2 * len(extra):2], corner[1::2], strict=False))
             total += weight * self._node(places, corner[2 * len(extra):])
-        # What a branch adds grows as its modulus.
+        # The effect of a branch is proportional to its modulus.
         return prod(ratios) * total
 
     def _node(self, places: tuple[_Corner, ...], age: _Corner) -> Array:
-        """The same at nodes of modulus and time of each branch, over their moduli.
+        """Compute that hardening at nodes of modulus and time of each branch, over their moduli.
 
-        Without additional branches what nominal ones do. ``age``: the node of the time since
-        mounting, if it is one.
+        Without additional branches it is that of the nominal ones. ``age`` is the node of the time
+        since mounting, if it is an axis.
         """
         key = tuple(sorted(places)), age
         if key not in self.nodes:
@@ -166,7 +168,7 @@ class RememberingFilm:
         return self.nodes[key]
 
     def solved(self, branches: tuple[ViscousBranch, ...], mounted: float | None) -> Array:
-        """Solve :meth:`hardening` of any branches, by runs with these very ones."""
+        """Solve :meth:`hardening` of any branches, by runs with exactly these."""
         film = self._with(branches, mounted)
         result = np.zeros((4, len(self.asked)))
         for numbers in self._alike():
@@ -191,18 +193,18 @@ class RememberingFilm:
         return self._with((), None)
 
     def _alike(self) -> list[list[int]]:
-        """Numbers of the runs that may share their steps."""
+        """Group the numbers of runs that may share their steps."""
         groups: dict[tuple[bytes, float], list[int]] = {}
         for number, (_, history) in enumerate(self.runs):
             groups.setdefault((history.whole.breaks.tobytes(), history.rest), []).append(number)
         return list(groups.values())
 
     def _hardened(self, film: ReducedFilm, numbers: list[int], asked: Numbers) -> Array:
-        """η of some runs' states, and its slopes by the logarithms of load and U²: (3, asked)."""
+        """Compute η of some runs' states, slopes by the logarithms of load and U²: (3, asked)."""
         histories = [self.runs[number][1] for number in numbers]
         mounted = film.specimen.membrane.mounted
         if mounted is not None and histories[0].rest == inf:
-            # Loaded since it was mounted.
+            # The film has been under load since it was mounted.
             histories = [replace(history, rest=mounted) for history in histories]
             film = self._with(film.specimen.membrane.branches, 0.0)
         motion = self._motion(film, numbers, histories)
@@ -212,15 +214,15 @@ class RememberingFilm:
         except (NoBalance, Stopped):
             return np.zeros((3, len(asked)))
         time = np.array([moment.time for moment in moments])
-        # By variant and run.
+        # The axes are time, variant and run.
         heave = np.array([moment.heave for moment in moments]).reshape(len(time), 3, -1)
         lines = np.array([numbers.index(run) for run in self.asked[asked].tolist()])
         times = np.clip(self.passages.times[asked] + histories[0].begins, time[0], time[-1])
         path = Trace(time).at(heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
         values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
+        force = motion.force.reshape(3, -1)[:, lines].T
         squared = np.multiply.outer(self._squares[asked], [1.0, 1.0, 1 + _CHANGE])
-        etas = self._eta(values.ravel(), motion.force.reshape(3, -1)[:, lines].T.ravel(),
-                         squared.ravel()).reshape(-1, 3).T
+        etas = self._eta(values.ravel(), force.ravel(), squared.ravel()).reshape(-1, 3).T
         etas[1:] = (etas[1:] - etas[0]) / np.log1p(_CHANGE)
         return etas
 
@@ -235,7 +237,7 @@ class RememberingFilm:
 
     def _motion(self, film: ReducedFilm, numbers: list[int], histories: Sequence[VoltageHistory]
                 ) -> ReducedMotion:
-        """Motion of runs; then of these under more load, then of these under more U²."""
+        """Set up the motion of runs three times: as they are, under more load, under more U²."""
         stronger = replace(self.rig, amplifier_gain=(1 + self.rig.amplifier_gain)
                            * (1 + _CHANGE)**0.5 - 1)
         force = np.array([float(self.rig.force(self.runs[number][0])) for number in numbers])
@@ -246,9 +248,9 @@ class RememberingFilm:
 
     @cached_property
     def _tangents(self) -> tuple[Array, Array] | None:
-        """Tangents at each state's equilibrium, relaxed; and what a branch of 1 Pa adds at once.
+        """Tangents at each state's equilibrium, relaxed; and the part that a branch of 1 Pa adds.
 
-        Shapes (asked, shapes, shapes); None where one of them has no rest.
+        Shapes are (asked, shapes, shapes); None if one of the states has no equilibrium.
         """
         force = np.array([float(self.rig.force(self.runs[run][0])) for run in self.asked.tolist()])
         film, probe = self._relaxed, self._with((ViscousBranch(self.branch, 1.0),), None)
@@ -261,9 +263,9 @@ class RememberingFilm:
         return relaxed, (probe.pull(q, self._squares, flow)[1] - relaxed) / self.branch
 
     def swing(self, branches: Sequence[ViscousBranch], scale: float, rate: Array) -> Array:
-        """Complex stiffness of the heave over that at rest at angular rates [1/s], (asked,).
+        """Compute the complex dynamic stiffness over that at rest at angular rates [1/s], (asked,).
 
-        ``scale``: what the branches' moduli are taken times.
+        It is that against deflection. ``scale`` multiplies the branches' moduli.
         """
         if self._tangents is None:
             return np.ones(len(rate), complex)
@@ -274,7 +276,7 @@ class RememberingFilm:
         return np.linalg.inv(relaxed)[:, 0, 0] / np.linalg.inv(whole)[:, 0, 0]
 
     def _eta(self, heave: Array, force: Array, squared: Array) -> Array:
-        """Relative stiffening that puts a film's equilibrium at a deflection under these loads."""
+        """Find the relative stiffening that gives a film's equilibrium this deflection."""
         film, eta = self._relaxed, np.zeros(len(heave))
         load = force - self.rig.spring * heave
         q = np.zeros((len(heave), film.count))
@@ -293,26 +295,26 @@ class RememberingFilm:
 
 
 def _fewer(items: tuple[_Item, ...], most: int) -> Iterator[tuple[_Item, ...]]:
-    """All choices of at most so many."""
+    """List all choices of at most this number of items."""
     return chain.from_iterable(combinations(items, count) for count in range(most + 1))
 
 
 def _place(number: int) -> float:
-    """A coordinate of the lattice."""
+    """Compute a coordinate of the lattice."""
     return float(np.exp(_SPACING * number))
 
 
 def _ratio(number: int) -> float:
-    """The modulus over the law's that stands there."""
+    """Compute the modulus at a lattice index, over the law's."""
     return float(_place(number) - _ADDED)
 
 
 @lru_cache(maxsize=1024)
 def _corners(axes: tuple[tuple[float, float], ...], nodes: int
              ) -> tuple[tuple[_Corner, float], ...]:
-    """Lattice points about a place with their weights, by polynomials through so many on each axis.
+    """Find lattice points about a place with the weights of polynomials through ``nodes`` points.
 
-    Of each axis the place and the lattice's first number.
+    ``axes`` has the place and the lattice's lowest index for each axis.
     """
     parts = []
     for value, first in axes:
@@ -321,16 +323,19 @@ def _corners(axes: tuple[tuple[float, float], ...], nodes: int
         x = number - low
         parts.append([(low + k, prod((x - j) / (k - j) for j in range(nodes) if j != k))
                       for k in range(nodes)])
-    return tuple((tuple(place for place, _ in combined), prod(weight for _, weight in combined))
-                 for combined in product(*parts))
+    corners = []
+    for combined in product(*parts):
+        places, weights = zip(*combined, strict=True)
+        corners.append((places, prod(weights)))
+    return tuple(corners)
 
 
 @dataclass(frozen=True, eq=False)
 class FilmMemory:
-    """The films of a setup that remember the runs of a table, about a fit.
+    """The films of a setup with memory of the runs of a table, about a fit.
 
-    ``stiffness`` and ``permittivity``: factors of the fit; ``films`` by specimen, None of those
-    that no run is of; ``places`` of states by what they are told apart by.
+    ``stiffness`` and ``permittivity`` are factors of the fit; ``films`` by specimen, None without
+    runs; ``places`` are the indices of states by their keys.
     """
 
     films: tuple[RememberingFilm | None, ...]
@@ -342,7 +347,7 @@ class FilmMemory:
     @classmethod
     def of(cls, setup: Setup, table: ReadingTable, settings: Settings, stiffness: float,
            permittivity: float) -> FilmMemory:
-        """Memory for the states in time of a table, films scaled by a fit's factors."""
+        """Set up memory for the states in time of a table, with films scaled by a fit's factors."""
         states, places = table.states, dict[StateKey, int]()
         films: list[RememberingFilm | None] = []
         for number, specimen in enumerate(setup.specimens):
@@ -362,7 +367,7 @@ class FilmMemory:
 
     def hardening(self, setup: Setup, states: States, load: Array, stiffness: float,
                   permittivity: float) -> Array:
-        """1 + η of each state, shape (states,), under a setup, loads [N] and factors of a fit."""
+        """Compute 1 + η of each state, (states,), under a setup, loads [N] and factors of a fit."""
         result, scale = np.ones(len(states)), self.stiffness / stiffness
         for film, membrane, rows, place in self._of(setup, states):
             eta, by_load, by_square, by_modulus = film.hardening(
@@ -380,7 +385,7 @@ class FilmMemory:
         return result
 
     def swing(self, setup: Setup, states: States, stiffness: float, rate: Array) -> Array:
-        """Complex stiffness of each state's heave over that at rest, at angular rates [1/s]."""
+        """Compute complex stiffness against deflection over that at rest; rates [1/s]."""
         result = np.ones(len(states), complex)
         for film, membrane, rows, place in self._of(setup, states):
             rates = np.zeros(len(film.asked))
@@ -390,7 +395,7 @@ class FilmMemory:
 
     def _of(self, setup: Setup, states: States
             ) -> Iterator[tuple[RememberingFilm, Film, Numbers, Numbers]]:
-        """Films with branches, with the states they remember and the places of these."""
+        """List films with branches, with the states they have and the places of these."""
         place = np.array([self.places.get(key, -1) for key in states.keys_in_time], dtype=np.int64)
         for number, film in enumerate(self.films):
             membrane = setup.specimens[number].membrane

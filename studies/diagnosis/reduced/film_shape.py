@@ -1,10 +1,10 @@
 """The shape of a film as a reduced model: displacements on a lattice between plate and frame.
 
-Rays from the plate's centre meet plate and frame; Chebyshev points along each and cubic splines
-around are the lattice. It follows a plate that sits elsewhere, so that what lattice points do is a
-smooth function of everything that changes the film, and no reading crosses the plate's edge in
-it. What a sensor that looks down on a place of the table sees is a point of the film that was
-elsewhere when the film was flat: it is found on the deformed lattice.
+Rays from the plate's centre meet plate and frame; the lattice has Chebyshev points along each ray
+and cubic splines around. It moves with a plate that is off centre, so that displacements of its
+points are a smooth function of all parameters that change the film, and no point crosses the
+plate's edge. A sensor that looks down on a place of the table sees a point of the film that was
+elsewhere in the flat film: it is found on the deformed lattice.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from tympan.geometry.outlines import Outline
 from tympan.geometry.rays import exits, outside
 from tympan.geometry.specimen import Plate
 
-#: Points along each ray from plate to frame, both ends included. Set by trial.
+#: Number of points along each ray from plate to frame, with both ends. Set by trial.
 ALONG = 12
-#: Rays around the plate. Set by trial.
+#: Number of rays around the plate. Set by trial.
 AROUND = 48
 
-#: Numbers of a lattice: three components at each point.
+#: Number of values of a lattice: three components at each point.
 COUNT = 3 * ALONG * AROUND
 
 #: Most steps of Newton's method on the lattice.
 _STEPS = 12
-#: A step that is the last, in the lattice's coordinates over the number of rays: the next one is
+#: Length of the last step, in the lattice's coordinates over the number of rays: the next one is
 #: its square.
 _SMALL = 1e-9
-#: How far beyond plate and frame the lattice is continued, as a share of a ray: places are read no
-#: more exactly.
+#: Distance beyond plate and frame to which the lattice is continued, as a share of a ray: places
+#: are not read more exactly.
 _BEYOND = 0.02
 
 
@@ -43,7 +43,7 @@ _BEYOND = 0.02
 class Lattice:
     """Points of a flat film on rays from its plate's ``centre`` [m].
 
-    ``points``: shape (2, ALONG, AROUND) [m], from plate to frame. ``plate`` lies within them.
+    ``points`` have the shape (2, ALONG, AROUND) [m], from plate to frame; ``plate`` is within them.
     """
 
     plate: Plate
@@ -61,22 +61,23 @@ class Lattice:
 
 @lru_cache(maxsize=256)
 def lattice_of(frame: Outline, plate: Plate) -> Lattice:
-    """The lattice of a film between two outlines.
+    """Make the lattice of a film between two outlines.
 
-    An :class:`InputError` where some of the film is not seen from the plate's centre.
+    An :class:`InputError` where part of the film is not visible from the plate's centre.
     """
     angle = 2 * np.pi * np.arange(AROUND) / AROUND
     way = np.stack([np.cos(angle), np.sin(angle)])
     centre = np.array(plate.offset)[:, None]
     inner = _crossing(plate, centre, way, 2.5 * max(plate.outline.semi_axes))
-    outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + float(np.abs(centre).max()))
+    away = float(np.abs(centre).max())
+    outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + away)
     share = (1 - np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))) / 2
     radius = inner + share[:, None] * (outer - inner)
     return Lattice(plate, centre[:, None] + way[:, None] * radius)
 
 
 def _crossing(outline: Outline | Plate, centre: Array, way: Array, far: float) -> Array:
-    """Distances at which rays leave an outline [m], shape (AROUND,)."""
+    """Find the distances at which rays leave an outline [m], shape (AROUND,)."""
     beyond = outside(outline, centre, way, far)
     if np.any(np.diff(beyond.astype(int), axis=0) < 0) or not beyond[-1].all():
         raise InputError("must be one whose whole edge is seen from the plate's centre, for "
@@ -86,22 +87,23 @@ def _crossing(outline: Outline | Plate, centre: Array, way: Array, far: float) -
 
 @lru_cache
 def _rules() -> tuple[Array, Array]:
-    """Matrices from values to coefficients: Chebyshev polynomials, and periodic cubic splines."""
+    """Make matrices from values to coefficients: Chebyshev polynomials, periodic cubic splines."""
     nodes = -np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))
     rays = np.eye(AROUND)
-    around = 4 / 6 * rays + (np.roll(rays, 1, axis=0) + np.roll(rays, -1, axis=0)) / 6
+    beside = np.roll(rays, 1, axis=0) + np.roll(rays, -1, axis=0)
+    around = 4 / 6 * rays + beside / 6
     along = np.asarray(np.linalg.inv(chebyshev.chebvander(nodes, ALONG - 1)), float)
     return along, np.asarray(np.linalg.inv(around), float)
 
 
 def coefficients(values: Array) -> Array:
-    """Coefficients of lattice values, shape (..., ALONG, AROUND)."""
+    """Compute coefficients of lattice values, shape (..., ALONG, AROUND)."""
     along, around = _rules()
     return np.asarray(along @ values @ around.T)
 
 
-#: Chebyshev polynomials by powers of their variable, a column each; and so the four splines at a
-#: place between the second and the third.
+#: Chebyshev polynomials by powers of their variable, a column each; and likewise the four splines
+#: at a place between the second and the third.
 _CHEBYSHEV = np.stack([np.r_[row, np.zeros(ALONG - len(row))]
                        for row in map(chebyshev.cheb2poly, np.eye(ALONG))], axis=1)
 _SPLINES = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6
@@ -109,18 +111,18 @@ _NEIGHBOURS = np.arange(-1, 3)
 
 
 def _along(share: Array) -> tuple[Array, Array]:
-    """Chebyshev polynomials of places on rays, 0 at the plate, 1 at the frame; and derivatives."""
+    """Evaluate Chebyshev polynomials on rays, 0 at the plate, 1 at the frame, and derivatives."""
     return _with_slope(2 * share - 1, _CHEBYSHEV, 2.0)
 
 
 def _around(turn: Array) -> tuple[Numbers, Array, Array]:
-    """The four splines at places around, counted in rays: numbers, values and derivatives."""
+    """Evaluate the four splines at places around, in rays: numbers, values and derivatives."""
     first = np.floor(turn).astype(np.int64)
     return (first[:, None] + _NEIGHBOURS) % AROUND, *_with_slope(turn - first, _SPLINES)
 
 
 def _with_slope(x: Array, polynomials: Array, rate: float = 1.0) -> tuple[Array, Array]:
-    """Values of polynomials, a column each by powers of x, and ``rate`` times their derivatives."""
+    """Evaluate polynomials, a column each by powers of x, and ``rate`` times their derivatives."""
     powers = np.ones((len(polynomials), len(x)))
     np.multiply.accumulate(np.broadcast_to(x, (len(powers) - 1, len(x))), out=powers[1:])
     slopes = rate * np.arange(1, len(powers))[:, None] * polynomials[1:]
@@ -129,10 +131,10 @@ def _with_slope(x: Array, polynomials: Array, rate: float = 1.0) -> tuple[Array,
 
 @dataclass(frozen=True, eq=False)
 class FilmShape:
-    """A film as it stands: coefficients of the flat lattice (2) and its displacements (3).
+    """A deformed film: coefficients of the flat lattice (2) and its displacements (3).
 
-    ``coefficients``: shape (5, ALONG, AROUND) [m]; ``rim``: displacement of the plate's edge at the
-    rays, (3, AROUND) [m].
+    ``coefficients`` have the shape (5, ALONG, AROUND) [m]; ``rim`` is the displacement of the
+    plate's edge at the rays, (3, AROUND) [m].
     """
 
     lattice: Lattice
@@ -141,14 +143,15 @@ class FilmShape:
 
     @classmethod
     def of(cls, lattice: Lattice, displacement: Array) -> FilmShape:
-        """Shape by displacements [m] at the lattice's points, shape (3, ALONG, AROUND)."""
+        """Fit the shape to displacements [m] at the lattice's points, shape (3, ALONG, AROUND)."""
         values = np.concatenate([lattice.points, displacement])
         return cls(lattice, coefficients(values), displacement[:, 0])
 
     @cached_property
     def plane(self) -> Array:
-        """Plane of the plate: its edge's heights are these times 1, x, y."""
-        design = np.stack([np.ones(AROUND), *(self.lattice.points[:, 0] + self.rim[:2])], axis=1)
+        """Plane of the plate: its coefficients times 1, x, y are the heights of the edge."""
+        x, y = self.lattice.points[:, 0] + self.rim[:2]
+        design = np.stack([np.ones(AROUND), x, y], axis=1)
         return np.asarray(np.linalg.lstsq(design, self.rim[2], rcond=None)[0])
 
     @cached_property
@@ -157,19 +160,19 @@ class FilmShape:
         return np.ascontiguousarray(self.coefficients.transpose(2, 1, 0)).reshape(AROUND, -1)
 
     def heights(self, places: Array) -> Array:
-        """Heights that a sensor above places of the table reads [m]; places (n, 2) [m]."""
+        """Compute heights that a sensor above places of the table reads [m]; places (n, 2) [m]."""
         share, turn = self._sought(places, moved=True)
         film = self._at(share, turn)[0][4]
         plate = self.plane[0] + places @ self.plane[1:]
         return np.where(share < 0, plate, np.where(share > 1, 0.0, film))
 
     def origins(self, places: Array) -> tuple[Array, Mask]:
-        """Places in the flat film of what now stands at places (n, 2) [m]; which is film."""
+        """Find the flat places of the points that are now at places (n, 2) [m]; which are film."""
         share, turn = self._sought(places, moved=True)
         return self._at(share, turn)[0][:2].T, (share > 0) & (share < 1)
 
     def displacements(self, places: Array) -> Array:
-        """Those of the points that lay there in the flat film [m], shape (3, n)."""
+        """Compute displacements of the points that were at places of the flat film [m], (3, n)."""
         share, turn = self._sought(places, moved=False)
         film = self._at(share, turn)[0][2:]
         moved = self.rim[:2].mean(axis=1)
@@ -178,7 +181,7 @@ class FilmShape:
         return np.where(share < 0, on_plate, np.where(share > 1, 0.0, film))
 
     def _at(self, share: Array, turn: Array) -> tuple[Array, Array, Array]:
-        """Flat place and displacement, (5, n), and derivatives by share and turn."""
+        """Evaluate flat place and displacement, (5, n), and derivatives by share and turn."""
         along, slope = _along(share)
         number, around, rate = _around(turn)
         local = self._by_ray[number]
@@ -188,27 +191,27 @@ class FilmShape:
                 np.einsum("na,naf->fn", along, by_turn))
 
     def _edges(self, turn: Array) -> Array:
-        """Flat places at the plate and at the frame, shape (2, n, 2)."""
+        """Evaluate flat places at the plate and at the frame, shape (2, n, 2)."""
         number, around, _ = _around(turn)
         ends = _along(np.array([0.0, 1.0]))[0] @ self.coefficients[:2].transpose(2, 1, 0)
         return np.asarray(np.einsum("nr,nrek->enk", around, ends[number]))
 
     def _sought(self, places: Array, moved: bool) -> tuple[Array, Array]:
-        """Lattice coordinates of places, on the film as it stands or, else, on the flat one.
+        """Find lattice coordinates of places, on the deformed (``moved``) or the flat film.
 
-        Below 0 on the plate, above 1 beyond the frame.
+        They are below 0 on the plate, above 1 beyond the frame.
         """
         away = places - self.lattice.centre
         turn = np.arctan2(away[:, 1], away[:, 0]) * AROUND / (2 * np.pi) % AROUND
         rim, edge = (np.hypot(*(ends - self.lattice.centre).T) for ends in self._edges(turn))
         share = (np.hypot(*away.T) - rim) / (edge - rim)
-        # A plate that slid bares film where it was.
+        # A plate that was displaced sideways uncovers film where it was.
         slid = moved * np.hypot(*self.rim[:2]).max() / (edge - rim)
         near = (share > -_BEYOND - slid) & (share < 1 + _BEYOND)
         if not near.any():
             return share, turn
-        share[near], turn[near] = self._newton(share[near].clip(0, 1), turn[near], places[near],
-                                               moved)
+        start = share[near].clip(0, 1)
+        share[near], turn[near] = self._newton(start, turn[near], places[near], moved)
         return share, turn
 
     def _newton(self, share: Array, turn: Array, places: Array, moved: bool
@@ -219,10 +222,11 @@ class FilmShape:
             missing = places.T - value
             determinant = by_share[0] * by_turn[1] - by_share[1] * by_turn[0]
             step = np.stack([by_turn[1] * missing[0] - by_turn[0] * missing[1],
-                             by_share[0] * missing[1] - by_share[1] * missing[0]]) / determinant
+                             by_share[0] * missing[1] - by_share[1] * missing[0]])
+            step /= determinant
             before, share = share, np.clip(share + step[0], -2 * _BEYOND, 1 + 2 * _BEYOND)
             turn = (turn + step[1]) % AROUND
-            # A place on the plate or beyond the frame stays at the bound, and is sought no further.
+            # A place on the plate or beyond the frame stays at the bound, without further search.
             if np.abs(np.where(share == before, 0.0, step)).max(initial=0.0) < _SMALL * AROUND:
                 break
         return share, turn

@@ -26,46 +26,46 @@ from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.effects import Setup
 
-#: Force and its derivative by the heave, at heaves, shape (..., states) each.
+#: Force and its derivative by deflection, at deflections, shape (..., states) each.
 Balance = Callable[[Array], tuple[Array, Array]]
 
-#: How far below no heave a force law is trusted, as a share of the largest.
+#: Negative deflection down to which a force law is valid, as a share of the largest.
 _BELOW = 0.2
 
-#: Least stiffness that missing force is over, as a share of the flat film's, so that the
+#: Least stiffness that divides a missing force, as a share of the flat film's, so that the
 #: continuation stays near.
 _SOFT = 0.1
-#: Least stiffness [N/m], so that nothing is divided by 0.
+#: Least stiffness [N/m], to avoid division by 0.
 _LEAST = 1e-6
-#: Heave that a film certainly has at its limit, as a share of a linear film's: voltage softens it.
+#: Least deflection of a film at its limit, as a share of a linear film's: voltage softens it.
 _LINEAR = 1.0
 
-#: How near derivatives by U² are taken, as a share of the largest.
+#: Step of U² for derivatives, as a share of the largest.
 _TINY = 1e-4
 
-#: Places on the way between which a crossing is looked for.
+#: Number of places between which a crossing is sought.
 _PLACES = 17
 
-#: Halvings that leave nothing of a bracket, by the digits of a number.
+#: Halvings that exhaust a bracket, by the digits of a number.
 _HALVINGS = 60
-#: A step of Newton's method [m] after which the next is nothing: its square.
+#: Step of Newton's method [m] after which the next one, its square, is negligible.
 _SMALL = 1e-9
 
-#: A difference of heaves that is none [m].
+#: Differences of deflections below this are zero [m].
 _STAYS = 1e-10
 
 
 class FilmsAtRest:
-    """States of films at some unknowns: the forces on their plates, and where those rest.
+    """States of films at some unknowns: the forces on their plates, and their equilibria.
 
-    Force laws reach a little beyond their grids; from there they are continued by lines. A state in
-    which the plate nowhere comes to rest is ``extended`` in proportion to the force that is missing
-    at its limit point. So a fit can come back from where it asks for too much.
+    Force laws reach a little beyond their grids; from there they are continued by lines. A state
+    without equilibrium is ``extended`` in proportion to the force that is missing at its limit
+    point. So a fit can come back from unknowns without equilibrium.
     """
 
     def __init__(self, films: ReducedFilms, hypothesis: Hypothesis, unknowns: Array,
                  states: States, like: FilmsAtRest | None = None) -> None:
-        """``like``: the same films under nearly the same voltages."""
+        """Prepare the states; ``like`` has the same films under nearly the same voltages."""
         self.films, self.hypothesis, self.states = films, hypothesis, states
         self.unknowns, self._like = unknowns, like
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
@@ -79,9 +79,9 @@ class FilmsAtRest:
 
     @cached_property
     def load(self) -> Array:
-        """Pull on each plate beside its film, springs and friction [N], shape (states,).
+        """Pull on each plate other than film, springs and friction [N], shape (states,).
 
-        On a film without plate that of the gas, along the deflection [Pa].
+        On a film without plate it is the gas pressure along the deflection [Pa].
         """
         areas = np.array([specimen.plate_area if self.rig.plate_pressure else 0.0
                           for specimen in self.films.setup.specimens])
@@ -93,16 +93,15 @@ class FilmsAtRest:
 
     @cached_property
     def _plate(self) -> Mask:
-        """States of films with a plate, on which alone mechanisms act."""
+        """States of films with a plate; mechanisms act only on these."""
         there = np.array([specimen.plate is not None for specimen in self.films.setup.specimens])
         return there[self.states.specimen]
 
     @cached_property
     def _film_weight(self) -> Array | float:
-        """Share of its film's own weight that each plate carries, less lifting gas [N], (states,).
+        """Share of its film's own weight that each plate carries, minus lifting gas [N], (states,).
 
-        A stiffer film weighs no more and is lifted no more, and the force that was sampled is less
-        both.
+        It does not grow with the film's stiffness; the sampled force does not include it.
         """
         if self.films.masses is None:
             return 0.0
@@ -112,7 +111,7 @@ class FilmsAtRest:
 
     @cached_property
     def hardening(self) -> Array | float:
-        """Factor on the stiffness by what films remember."""
+        """Factor on the stiffness by the films' memory."""
         if self.films.memory is None:
             return 1.0
         return self.films.memory.hardening(self.setup, self.states, self.load, self.stiffness,
@@ -120,7 +119,7 @@ class FilmsAtRest:
 
     @cached_property
     def voltage_squared(self) -> Array:
-        """U² [V²] at which nominal films are as they are in each state, shape (states,)."""
+        """U² [V²] at which nominal films have the same state, shape (states,)."""
         seen = np.asarray(self.rig.film_voltage(self.states.voltage,
                                                 self.states.voltage_direction))
         return (self.permittivity / self.stiffness / self.hardening
@@ -141,9 +140,9 @@ class FilmsAtRest:
 
     @cached_property
     def powers(self) -> Array:
-        """Coefficients of the films' forces by powers of the heave's coordinate.
+        """Coefficients of the films' forces by powers of the deflection's coordinate.
 
-        Shape (powers, states).
+        The shape is (powers, states).
         """
         if self._like is None:
             return self._powers(self.voltage_squared)
@@ -164,7 +163,7 @@ class FilmsAtRest:
                 - self._powers(self.voltage_squared - tiny)) / (2 * tiny)
 
     def changes_films(self, number: int) -> bool:
-        """Whether an unknown changes more of the films' force laws than the voltage."""
+        """Check whether an unknown changes the films' force laws, not only through the voltage."""
         if number == STIFFNESS:
             return any(parameter.dimension == "stress" for cause in self.hypothesis
                        if cause.name not in self.films.outer_effects
@@ -177,7 +176,7 @@ class FilmsAtRest:
 
     @cached_property
     def _came(self) -> tuple[Numbers, Array, Array, Mask]:
-        """Index and way as ``came``; where plates stand that move that way; whether at rest."""
+        """Index and direction as in ``came``; equilibria in that direction; whether they exist."""
         states = self.states
         rubs = any(cause.name in self.films.rubbing_effects for cause in self.hypothesis)
         if not (rubs or self.rig.friction):
@@ -190,9 +189,9 @@ class FilmsAtRest:
 
     @property
     def came(self) -> tuple[Numbers, Array]:
-        """Index of the state whose deflection a sticking plate keeps, and the way it came there.
+        """Index of the state whose deflection a sticking plate keeps, and its direction of motion.
 
-        1 down, -1 up, 0 and itself where nothing rubs.
+        The direction is 1 down, -1 up; without friction it is 0, and the index is the state's own.
         """
         return self._came[:2]
 
@@ -203,7 +202,7 @@ class FilmsAtRest:
     def _rest(self) -> tuple[Array, Mask]:
         """Equilibria of plates within the laws' reach in deflection, or the nearest to it.
 
-        If they move: one that rubs may stay where it was.
+        They are those of moving plates: one with friction may stay where it was.
         """
         _, _, at, rests = self._came
         return np.where(self.free, at, self.states.heave), rests | ~self.free
@@ -215,32 +214,33 @@ class FilmsAtRest:
 
     @cached_property
     def short(self) -> Mask:
-        """States that are none, but might be by force laws that reach further in heave or U²."""
+        """States without equilibrium, which may have one if force laws reach further."""
         at, rests = self._rest
         ended = ~rests & ((at <= self.low) | (at >= self.high))
         return ended[self._came[0]] | (self.voltage_squared > self.top)
 
     @cached_property
     def heave(self) -> Array:
-        """Heave of each state [m], nan where it is not possible."""
+        """Deflection of each state [m], nan where it is not possible."""
         return np.where(self.possible, self.extended_heave, np.nan)
 
     @cached_property
     def extended_heave(self) -> Array:
-        """Heave of each state [m]; where the plate nowhere rests, its continuation."""
+        """Deflection of each state [m]; without equilibrium its continuation."""
         return self._moved[self._came[0]]
 
     @cached_property
     def _moved(self) -> Array:
-        """Heave of each state if the plate moves there [m], or its continuation."""
+        """Deflection of each state if the plate moves there [m], or its continuation."""
         at, rests = self._rest
         if rests.all():
             return at
-        # Where the film pulls in at less and less heave, force is missing of a heave that stays.
+        # Where pull-in comes at smaller and smaller deflection, force is missing at a constant one.
         flat = self._flat_stiffness
         least = -_LINEAR * self.balance(np.zeros_like(at))[0] / flat
-        at = np.where(rests, at, np.where(least > 0, np.maximum(at, np.minimum(least, self.high)),
-                                          np.minimum(at, np.maximum(least, self.low))))
+        beyond = np.where(least > 0, np.maximum(at, np.minimum(least, self.high)),
+                          np.minimum(at, np.maximum(least, self.low)))
+        at = np.where(rests, at, beyond)
         force, rate = self.balance(at)
         return np.where(rests, at, at - force / np.maximum(rate, _SOFT * flat))
 
@@ -262,20 +262,20 @@ class FilmsAtRest:
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
     def stiffness_at(self, heave: Array) -> Array:
-        """Stiffness of film and rig at the states' deflections [m] [N/m], positive, (states,)."""
+        """Compute the stiffness of film and rig at deflections [m] [N/m], positive, (states,)."""
         return np.maximum(self.balance(heave, 0.0)[1], _LEAST)
 
     @cached_property
     def _about(self) -> tuple[Array, Array]:
-        """Force that is missing where plates move to [N], and a positive stiffness there [N/m]."""
+        """Missing force at the deflections of moving plates [N], and positive stiffness [N/m]."""
         force, stiffness = self.balance(self._moved)
         return force, np.maximum(stiffness, _LEAST)
 
     def shift(self, there: FilmsAtRest) -> Array:
-        """Distance of heaves of nearby unknowns from these [m], shape (states,).
+        """Compute the change of deflections to those at nearby unknowns [m], shape (states,).
 
-        By the implicit function theorem where a plate rests: differences are taken of the balance
-        of forces at fixed heaves only.
+        At an equilibrium it follows from the implicit function theorem: only the balance of forces
+        at fixed deflections is differenced.
         """
         (place, way, *_), (force, stiffness) = self._came, self._about
         missing = there.balance(self._moved, way)[0] - force
@@ -286,10 +286,10 @@ class FilmsAtRest:
         return np.where(rests, shift, there.extended_heave - self.extended_heave)
 
     def balance(self, heave: Array, way: Array | float | None = None) -> tuple[Array, Array]:
-        """Force that is missing [N], and the stiffness of film and rig [N/m].
+        """Compute the missing force [N], and the stiffness of film and rig [N/m].
 
-        At heaves [m] of the states, shape (..., states), to which a plate that rubs moves down (1)
-        or up (-1); left out: as it came to its own.
+        The deflections [m] of the states have the shape (..., states). A plate with friction moves
+        to them down (1) or up (-1); by default as it came to its own.
         """
         force, rate = self._film_force(heave)
         stiffness = self.stiffness * self.hardening
@@ -304,12 +304,13 @@ class FilmsAtRest:
 
     @cached_property
     def _biases(self) -> tuple[Bias, ...]:
-        """Mechanisms between plate and ground, but for the rig's spring."""
+        """Mechanisms between plate and ground, without the rig's spring."""
         return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity)
 
     def _film_force(self, heave: Array) -> tuple[Array, Array]:
-        """Force of films of nominal stiffness [N], with its derivative by the deflection [N/m]."""
-        at, reach, odd = np.clip(heave, self.low, self.high), self._reached.heave, self._reached.odd
+        """Compute the force of films of nominal stiffness [N], and its derivative [N/m]."""
+        at = np.clip(heave, self.low, self.high)
+        reach, odd = self._reached.heave, self._reached.odd
         share = at / reach
         x = 2 * share - 1 if odd is None else np.where(odd, 2 * share**2, 2 * share) - 1
         force, rate = np.broadcast_to(self.powers[-1], x.shape), np.zeros_like(x)
@@ -325,17 +326,17 @@ class FilmsAtRest:
 
 @lru_cache(maxsize=32)
 def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float) -> tuple[Bias, ...]:
-    """Mechanisms with their joined films solved; kept, since a fit asks thousands of times."""
+    """Solve the joined films of mechanisms once, since a fit needs them thousands of times."""
     return solved_loading(Loading(biases, guide=guide, gravity=gravity), COARSE).biases
 
 
 @dataclass(frozen=True, eq=False)
 class _Reach:
-    """Part of the force laws that states are in, shape (states,) each.
+    """Reach of the force laws at the states, shape (states,) each.
 
     ``heave`` [m] and ``top``, a U² [V²], are the largest; ``low`` and ``high`` [m] bound where the
-    laws are trusted. ``odd``: states whose force changes its sign with the heave, None for no such
-    state.
+    laws are valid. ``odd`` marks states whose force changes its sign with the deflection, None for
+    no such state.
     """
 
     heave: Array
@@ -346,22 +347,22 @@ class _Reach:
 
     @classmethod
     def of(cls, films: ReducedFilms, states: States) -> _Reach:
-        """Reach of each state's film."""
+        """Find the reach of each state's film."""
         grids = [law.grid for law in films.laws]
         heave = np.array([grid.heave for grid in grids])[states.specimen]
         odd = np.array([grid.odd for grid in grids])[states.specimen]
         voltage_squared = np.array([grid.voltage_squared for grid in grids])[states.specimen]
-        # What is odd is known on both sides.
+        # An odd force is known on both sides.
         high = (1 + BEYOND) * heave
         return cls(heave, odd if odd.any() else None, -np.where(odd, high, _BELOW * heave), high,
                    (1 + BEYOND) * voltage_squared)
 
 
 def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mask]:
-    """First equilibria of plates let go at no deflection, and which of them have one.
+    """Find the first equilibria of plates released at no deflection, and which of them have one.
 
-    ``balance`` is the force that holds the plate less the load [N]; ``low`` < 0 < ``high`` [m],
-    shape (states,), say how far it is sought. Of a plate that nowhere rests, the heave at which the
+    ``balance`` is the force that holds the plate minus the load [N]; ``low`` < 0 < ``high`` [m],
+    shape (states,), bound the search. Without equilibrium the result is the deflection at which the
     least force is missing: a limit point, or ``low`` or ``high``.
     """
     shares, far, way = np.linspace(0.0, 1.0, _PLACES)[:, None], high, np.ones_like(high)
@@ -376,9 +377,10 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
         far = np.where(force[0] > 0, low, high)
         force, rate = along(shares)
     crossed = force >= 0
-    rests = np.asarray(crossed.any(axis=0))
+    rests: Mask = np.any(crossed, axis=0)
     place = np.where(rests, crossed.argmax(0), force.argmax(0))
-    before, after = shares[np.maximum(place - 1, 0), 0], shares[place, 0]
+    earlier = np.maximum(place - 1, 0)
+    before, after = shares[earlier, 0], shares[place, 0]
     last, rising = place == _PLACES - 1, rate >= 0
     limited = ~rests & np.where(last, ~rising[-1], rising[0] | (place > 0))
     if limited.any():
@@ -388,22 +390,23 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
             return -along(share)[1], -(ahead - behind) / (2 * tiny)
 
         beyond = shares[np.minimum(place + 1, _PLACES - 1), 0]
-        after = crossing(falling, np.where(limited, before, after),
-                         np.where(limited, beyond, after), after)
+        nearest = np.where(limited, before, after)
+        farthest = np.where(limited, beyond, after)
+        after = crossing(falling, nearest, farthest, after)
         rests = rests | (limited & (along(after)[0] >= 0))
     before = np.where(rests, before, after)
-    ends = np.take_along_axis(force, np.stack([np.maximum(place - 1, 0), place]), 0)
+    start, end = np.take_along_axis(force, np.stack([earlier, place]), 0)
     with np.errstate(all="ignore"):
-        secant = before + ends[0] / (ends[0] - ends[1]) * (after - before)
+        secant = before + start / (start - end) * (after - before)
     return crossing(along, before, after, secant) * far, rests
 
 
 def play(first: Array, last: Array, runs: Iterable[Numbers],
          begun: Array) -> tuple[Numbers, Array]:
-    """Index of the state whose deflection a rubbing plate keeps, and the way it came there.
+    """Find the state whose deflection a plate with friction keeps, and its direction of motion.
 
-    ``first`` and ``last`` are the heaves between which it stays where it is, shape (states,). The
-    ``runs`` are states in their order; ``begun`` says which way the first came: 1 down, -1 up.
+    ``first`` and ``last`` are the deflections between which it sticks, shape (states,). The
+    ``runs`` are states in their order; ``begun`` is the direction of the first one: 1 down, -1 up.
     """
     at, way = np.arange(len(first)), np.ones(len(first))
     for run in runs:
@@ -424,10 +427,10 @@ def play(first: Array, last: Array, runs: Iterable[Numbers],
 
 
 def crossing(function: Balance, low: Array, high: Array, start: Array) -> Array:
-    """Roots below ``high`` of functions not positive at ``low``: Newton in brackets.
+    """Find roots below ``high`` of functions not positive at ``low``: Newton in brackets.
 
-    ``function`` answers values and derivatives, shape (n,) each. It begins at ``start`` where that
-    is between them.
+    ``function`` computes values and derivatives, shape (n,) each. The search begins at ``start``
+    where that is between the bounds.
     """
     lower, upper = low.copy(), high.copy()
     point = np.where((start >= low) & (start <= high), start, (low + high) / 2)

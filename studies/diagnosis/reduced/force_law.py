@@ -1,11 +1,11 @@
-"""A reduced model of one film: the force that holds its plate at a heave, as a smooth function.
+"""A reduced model of one film: the force that holds its plate, smooth over deflection and U².
 
-Force over heave is a smooth function of the heave and of U², through pull-in and beyond, where the
-heave is not one of the force. So equilibria, limit points included, are roots of a polynomial. All
+The force is a smooth function of deflection and U² through pull-in and beyond, where the deflection
+is no function of the force. So equilibria, limit points included, are roots of a polynomial. All
 forces scale with the film's stiffness once U² is divided by it, so that stiffness and permittivity
-need no further solutions. What effects change is smoother still and sampled at fewer heaves and
-U²: along each effect's parameter by rational interpolation between the sizes sampled, which may be
-as large as the film bears, and of several parameters together what they add to that (a truncated
+need no further solutions. Changes by effects are smoother still, and sampled at fewer deflections
+and U². Along one effect's parameter they are interpolated rationally between the sizes sampled,
+which may be as large as the film bears. Joint changes by several parameters are added (a truncated
 ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25, 1999).
 """
 
@@ -23,31 +23,31 @@ from numpy.polynomial import chebyshev
 from tympan.base.arrays import Array, Numbers
 from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, Sample
 
-#: Which of the nominal film's nodes by heave are those of effects, which change a film smoothly.
+#: Indices of the nominal film's nodes by deflection that serve effects, whose changes are smooth.
 _SOME_HEAVES = np.array([0, 2, 4])
-#: Which of its nodes by U² are those of effects.
+#: Indices of its nodes by U² that serve effects.
 _SOME_VOLTAGES = np.array([0, 2, 3, 5])
 
-#: Degree of the polynomials that Floater's and Hormann's interpolant blends, at most.
+#: Largest degree of the polynomials that Floater's and Hormann's interpolant blends.
 _DEGREE = 4
 
-#: Ratio of the next larger to a largest heave or U² to which grids are rounded.
+#: Ratio between successive largest deflections or U² to which grids are rounded.
 _STEP = 1.15
 
-#: How far beyond its largest heave and U² a force law is trusted, as a share. Further out it goes
-#: on by a line.
+#: Share beyond its largest deflection and U² up to which a force law is valid. Further out it is
+#: continued by a line.
 BEYOND = 0.15
-#: How near to that U² the slope of the line is taken, as a share.
+#: Distance from that U² at which the slope of the line is taken, as a share.
 _NEAR = 1e-4
 
-#: Place of the force [N] among what is sampled at a node.
+#: Index of the force [N] among the values sampled at a node.
 FORCE = 0
-#: Place of the capacitance [F].
+#: Index of the capacitance [F].
 CAPACITANCE = 1
-#: Place of the square of the plate's tilt [rad²].
+#: Index of the square of the plate's tilt [rad²].
 TILT = 2
 
-#: Where displacements of a film's lattice begin, if they are sampled, component by component.
+#: First index of displacements of a film's lattice, if they are sampled, component by component.
 SHAPE = 3
 
 
@@ -55,8 +55,8 @@ SHAPE = 3
 class Grid:
     """Chebyshev points up to a ``heave`` [m] and a ``voltage_squared`` [V²].
 
-    An ``odd`` force (no weight, no gas) is sampled over the heave, as a function of its square.
-    With ``some`` not all of the points are nodes.
+    An ``odd`` force (without weight and gas) is sampled over the deflection, as a function of its
+    square. With ``some`` not all of the points are nodes.
     """
 
     heave: float
@@ -68,7 +68,7 @@ class Grid:
 
     @property
     def numbers(self) -> tuple[Numbers, Numbers]:
-        """Indices of the Chebyshev points that are nodes, of heave and of U²."""
+        """Indices of the Chebyshev points that are nodes, by deflection and by U²."""
         if self.some:
             return _SOME_HEAVES, _SOME_VOLTAGES
         return np.arange(self.heaves), np.arange(self.voltages)
@@ -81,14 +81,14 @@ class Grid:
 
     @cached_property
     def nodes(self) -> tuple[Array, Array]:
-        """Heaves [m] and U² [V²]."""
+        """Deflections [m] and U² [V²] of the nodes."""
         shares, squares = ((1 + points) / 2 for points in self.points)
         heaves = self.heave * (np.sqrt(shares) if self.odd else shares)
         return heaves, self.voltage_squared * squares
 
     @property
     def coarse(self) -> Grid:
-        """The same with the nodes at which what effects change is sampled."""
+        """The grid with only the nodes at which changes by effects are sampled."""
         return replace(self, some=True)
 
     @property
@@ -98,7 +98,7 @@ class Grid:
                        voltage_squared=_rounded(self.voltage_squared))
 
     def coefficients(self, values: Array) -> Array:
-        """Chebyshev coefficients of values at the nodes, shape (..., heaves, voltages)."""
+        """Compute Chebyshev coefficients of values at the nodes, shape (..., heaves, voltages)."""
         rows, columns = (np.linalg.inv(chebyshev.chebvander(points, len(points) - 1))
                          for points in self.points)
         full = np.zeros((*values.shape[:-2], self.heaves, self.voltages))
@@ -106,7 +106,7 @@ class Grid:
         return np.asarray(full)
 
     def of_heave(self, heave: Array) -> tuple[Array, Array]:
-        """Chebyshev polynomials of heaves [m] and their derivatives by it, each (n, count)."""
+        """Evaluate Chebyshev polynomials of deflections [m] and derivatives, each (n, count)."""
         share = heave / self.heave
         x, rate = 2 * share - 1, np.full_like(share, 2 / self.heave)
         if self.odd:
@@ -115,31 +115,31 @@ class Grid:
         return values, values @ _derivative(self.heaves) * rate[:, None]
 
     def values(self, coefficients: Array, other: Grid) -> Array:
-        """Values of polynomials at the nodes of another grid."""
+        """Evaluate polynomials at the nodes of another grid."""
         heaves, voltages_squared = other.nodes
         return np.asarray(self.of_heave(heaves)[0] @ coefficients
                           @ self.of_voltage(voltages_squared).T)
 
     def of_voltage(self, voltage_squared: Array) -> Array:
-        """Chebyshev polynomials of U² [V²], shape (n, count)."""
+        """Evaluate Chebyshev polynomials of U² [V²], shape (n, count)."""
         return _polynomials(2 * voltage_squared / self.voltage_squared - 1, self.voltages)
 
 
 class Solver(Protocol):
     """Solver of films with their plates held.
 
-    Answers have the shape (3, heaves, voltages) of a grid's nodes: force [N], capacitance [F],
-    squared tilt [rad²]; nan where there is none. Below them there may be displacements [m] of a
-    :class:`~tympan.studies.diagnosis.reduced.film_shape.Lattice`.
+    Results have the shape (3, heaves, voltages) of a grid's nodes: force [N], capacitance [F],
+    squared tilt [rad²]; nan where there is none. Displacements [m] of a
+    :class:`~tympan.studies.diagnosis.reduced.film_shape.Lattice` may follow.
     """
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
-        """Values that are at hand at once."""
+        """Look up values that are known already."""
 
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
         """Solve at the nodes, from films ``near`` that have been solved, the nearest last.
 
-        An ArithmeticError where there are too few answers to go by.
+        An ArithmeticError where too few nodes have a solution.
         """
 
 
@@ -153,13 +153,13 @@ def _polynomials(x: Array, count: int) -> Array:
 
 
 def _points(count: int) -> Array:
-    """Chebyshev points of the first kind, ascending."""
+    """Compute Chebyshev points of the first kind, ascending."""
     return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 @lru_cache
 def _derivative(count: int) -> Array:
-    """D with T'(x) = T(x) D for the first Chebyshev polynomials."""
+    """Compute D with T'(x) = T(x) D for the first Chebyshev polynomials."""
     matrix = np.zeros((count, count))
     matrix[: count - 1] = chebyshev.chebder(np.eye(count))
     return matrix
@@ -171,18 +171,18 @@ def _rounded(value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Force [N], capacitance [F], squared tilt [rad²] of a film and, if asked for, its shape.
+    """Force [N], capacitance [F], squared tilt [rad²] of a film and, if requested, its shape.
 
-    ``values``: (3, heaves, voltages) or more.
+    ``values`` have the shape (3, heaves, voltages) or more.
     """
 
     grid: Grid
     values: Array
 
     def coefficients(self, grid: Grid, less: Array | None = None) -> Array:
-        """Coefficients of polynomials on a grid, ``less`` some others.
+        """Compute coefficients of polynomials on a grid, minus those of ``less``.
 
-        What is odd in the deflection is divided by it first.
+        Values that are odd in the deflection are divided by it first.
         """
         values = self.values.copy()
         if self.grid.odd:
@@ -194,7 +194,7 @@ class Sampled:
 
 
 def odd_values(count: int) -> Numbers:
-    """Indices of the values, of so many, whose sign changes with the heave as the force's does."""
+    """List the indices of the values, of ``count``, that change sign with the deflection."""
     deflections = np.arange(SHAPE + 2 * (count - SHAPE) // 3, count)
     return np.append(FORCE, deflections)
 
@@ -203,8 +203,8 @@ def odd_values(count: int) -> Numbers:
 class ForceLaw:
     """Force of a film at a deflection, a U² and sizes of the effects that change it.
 
-    ``samples``: films solved, the one without effects on the law's own grid. ``solver`` made them
-    and makes more.
+    ``samples`` are films solved, the one without effects on the law's own grid. ``solver`` solved
+    them and solves more.
     """
 
     solver: Solver
@@ -213,7 +213,7 @@ class ForceLaw:
     samples: Mapping[Sample, Sampled]
 
     def at(self, sizes: Array) -> ForceSurface:
-        """The law at some sizes of the axes' parameters on the nominal film, shape (axes,)."""
+        """Evaluate the law at sizes of the axes' parameters on the nominal film, shape (axes,)."""
         return _force_surface(self, tuple(sizes.tolist()))
 
     @cached_property
@@ -223,7 +223,7 @@ class ForceLaw:
 
     @cached_property
     def terms(self) -> Mapping[tuple[int, ...], Term]:
-        """Terms that are added to the nominal film, by the axes that do so together."""
+        """Terms that are added to the nominal film, by the axes that they depend on."""
         groups: dict[tuple[int, ...], list[Sample]] = {}
         for sample in sorted(self.samples, key=len):
             if sample:
@@ -244,7 +244,7 @@ class ForceLaw:
         return Term(group, at, added)
 
     def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, Sampled]) -> ForceLaw:
-        """The law through more samples; those no longer at places of the axes are dropped."""
+        """Add samples to the law; drop those no longer at places of the axes."""
         kept = {sample: values for sample, values in {**self.samples, **more}.items()
                 if len(sample) != 1 or sample[0][1] in axes[sample[0][0]].places}
         return replace(self, axes=axes, samples=kept)
@@ -252,10 +252,10 @@ class ForceLaw:
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """Term that the axes of a ``group`` add together, through samples.
+    """Term that depends on all axes of a ``group`` together, through samples.
 
-    ``at``: their coordinates, shape (samples, axes); ``added``: coefficients there, shape (samples,
-    3, heaves, voltages).
+    ``at`` are their coordinates, shape (samples, axes); ``added`` are coefficients there, shape
+    (samples, 3, heaves, voltages).
     """
 
     group: tuple[int, ...]
@@ -263,7 +263,7 @@ class Term:
     added: Array
 
     def value(self, coordinates: Sequence[float]) -> Array:
-        """Coefficients at coordinates, shape (3, heaves, voltages)."""
+        """Interpolate the coefficients, shape (3, heaves, voltages)."""
         at = np.asarray(coordinates)
         weights = self._along(float(at[0])) if len(self.group) == 1 else self._among(at)
         return np.asarray(np.tensordot(weights, self.added, 1))
@@ -278,7 +278,7 @@ class Term:
         return nodes, weights
 
     def _along(self, at: float) -> Array:
-        """Weights of the samples of one axis; beyond the last ones along straight lines."""
+        """Compute weights of the samples of one axis; beyond the last ones along straight lines."""
         nodes, weights = self._rule
         end = float(np.clip(at, nodes.min(), nodes.max()))
         values = _cardinal(nodes, weights, end)
@@ -287,9 +287,10 @@ class Term:
         return values[1:]
 
     def _among(self, at: Array) -> Array:
-        """Weights of the samples of several axes.
+        """Compute weights of the samples of several axes.
 
-        The product of the coordinates over the sample's own; those near count most (Shepard).
+        The weight is the product of the coordinates over the sample's own; near samples count most
+        (Shepard).
         """
         apart = ((np.arcsinh(self.at) - np.arcsinh(at)) ** 2).sum(1)
         apart = apart / apart.max(initial=1e-300)
@@ -298,9 +299,10 @@ class Term:
 
 
 def _floater_hormann(nodes: Array) -> Array:
-    """Barycentric weights of Floater's and Hormann's rational interpolant, nodes ascending.
+    """Compute barycentric weights of Floater's and Hormann's interpolant, nodes ascending.
 
-    Without poles, through all nodes; a polynomial where they are few (Numer. Math. 107, 2007).
+    It is rational without poles, through all nodes, and a polynomial if they are few (Numer. Math.
+    107, 2007).
     """
     last, degree = len(nodes) - 1, min(len(nodes) - 1, _DEGREE)
     unit = (nodes[-1] - nodes[0]) / 4
@@ -314,9 +316,9 @@ def _floater_hormann(nodes: Array) -> Array:
 
 
 def _cardinal(nodes: Array, weights: Array, at: float) -> Array:
-    """Weight of each node's value at a place."""
+    """Compute the weight of each node's value at a place."""
     apart = at - nodes
-    # So near to a node its share overflows.
+    # So close to a node its share would overflow.
     if (hit := np.abs(apart) <= np.finfo(float).eps * np.ptp(nodes)).any():
         return np.asarray(hit, float)
     shares = weights / apart
@@ -324,7 +326,7 @@ def _cardinal(nodes: Array, weights: Array, at: float) -> Array:
 
 
 def _slopes(nodes: Array, weights: Array, at: float) -> Array:
-    """Derivatives of the cardinal functions at a node."""
+    """Differentiate the cardinal functions at a node."""
     here = int(np.flatnonzero(nodes == at)[0])
     slopes = np.zeros(len(nodes))
     others = np.arange(len(nodes)) != here
@@ -335,34 +337,34 @@ def _slopes(nodes: Array, weights: Array, at: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ForceSurface:
-    """A force law with everything but heave and U² given."""
+    """A force law in which everything but deflection and U² is given."""
 
     grid: Grid
     coefficients: Array
 
     def by_heave(self, voltage_squared: Array) -> Array:
-        """Coefficients of the force by the heave's polynomials at U² [V²], shape (n, heaves)."""
+        """Compute the force's coefficients by polynomials of deflection at U² [V²], (n, heaves)."""
         return np.asarray(self.grid.of_voltage(voltage_squared) @ self.coefficients[FORCE].T)
 
     def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
-        """Force [N] and stiffness [N/m] at heaves [m], shape (n,), from :meth:`by_heave`."""
+        """Compute force [N] and stiffness [N/m] at deflections [m], (n,), from :meth:`by_heave`."""
         v, slope = self.grid.of_heave(heave)
         value, rate = (v * by_heave).sum(1), (slope * by_heave).sum(1)
         return (heave * value, value + heave * rate) if self.grid.odd else (value, rate)
 
     def capacitance(self, heave: Array, voltage_squared: Array) -> Array:
-        """Capacitance [F] at heaves [m] and U² [V²]."""
+        """Compute the capacitance [F] at deflections [m] and U² [V²]."""
         return self._value(CAPACITANCE, heave, voltage_squared)
 
     def tilt_squared(self, heave: Array, voltage_squared: Array) -> Array:
-        """Square of the angle between the plate's normal and the load [rad²].
+        """Compute the square of the angle between the plate's normal and the load [rad²].
 
-        At heaves [m] and U² [V²]; by the errors of interpolation it may lie a little below 0.
+        It depends on deflections [m] and U² [V²]; interpolation may make it slightly negative.
         """
         return self._value(TILT, heave, voltage_squared)
 
     def shape(self, heave: float, voltage_squared: float) -> Array:
-        """Displacements of the lattice [m] at a heave [m] and a U² [V²], shape (3, points)."""
+        """Compute the lattice's displacements [m] at a deflection [m], a U² [V²], (3, points)."""
         v, _ = self.grid.of_heave(np.array([heave]))
         u = self.grid.of_voltage(np.array([voltage_squared]))
         values = np.asarray(v[0] @ (self.coefficients[SHAPE:] @ u[0]).T).reshape(3, -1)
@@ -378,7 +380,7 @@ class ForceSurface:
 
 @lru_cache(maxsize=64)
 def _force_surface(law: ForceLaw, sizes: tuple[float, ...]) -> ForceSurface:
-    """The law at some sizes; kept, since most of what a fit varies is no axis."""
+    """Evaluate the law once for sizes, since most of the unknowns of a fit are no axes."""
     coordinates = {number: law.axes[number].coordinate(size)
                    for number, size in enumerate(sizes) if size != 0}
     return ForceSurface(law.grid, law.nominal + _sum_of(law.terms, coordinates))
@@ -386,7 +388,7 @@ def _force_surface(law: ForceLaw, sizes: tuple[float, ...]) -> ForceSurface:
 
 def _sum_of(terms: Mapping[tuple[int, ...], Term], coordinates: Mapping[int, float]
             ) -> Array | float:
-    """Sum of all terms of some axes and their groups, coordinates by number ascending."""
+    """Sum all terms of some axes and their groups, coordinates by number ascending."""
     groups = (group for count in range(1, len(coordinates) + 1)
               for group in combinations(coordinates, count) if group in terms)
     return sum((terms[group].value([coordinates[number] for number in group])
@@ -395,13 +397,13 @@ def _sum_of(terms: Mapping[tuple[int, ...], Term], coordinates: Mapping[int, flo
 
 @lru_cache
 def in_powers(count: int) -> Array:
-    """Chebyshev polynomials by powers, shape (polynomials, powers)."""
+    """Write Chebyshev polynomials by powers, shape (polynomials, powers)."""
     return np.stack([np.pad(chebyshev.cheb2poly(row), (0, count - 1 - degree))
                      for degree, row in enumerate(np.eye(count))])
 
 
 def continued(surface: ForceSurface, voltage_squared: Array) -> Array:
-    """Coefficients of the force by the heave's polynomials, continued by a line in U²."""
+    """Compute the force's coefficients by the deflection's polynomials, linear in high U²."""
     top = (1 + BEYOND) * surface.grid.voltage_squared
     within = np.minimum(voltage_squared, top)
     coefficients = surface.by_heave(within)

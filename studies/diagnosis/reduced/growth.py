@@ -1,4 +1,4 @@
-"""Force laws made as far as readings ask for: the first sizes of each effect, then larger ones."""
+"""Growth of force laws to the reach of readings: first sizes of each effect, then larger ones."""
 
 from __future__ import annotations
 
@@ -31,37 +31,38 @@ AnyFilms = TypeVar("AnyFilms", bound=ReducedFilms)
 Progress = Callable[[int, int], None]
 Solve = Callable[[HeldFilm, Grid, Sequence[HeldFilm]], Array]
 
-#: By what factor the largest size sampled grows at once. Set by trial.
+#: Factor by which the largest size sampled grows in one step. Set by trial.
 _GROWTH = 1.8
-#: Share of the largest size reachable from which on it grows to that at once.
+#: Share of the largest size reachable from which on it grows to that in one step.
 _ALMOST = 0.8
 
-#: Where a film that cannot be solved is tried instead, as shares of the way to there.
+#: Shares of the step at which a film is tried instead if it cannot be solved.
 _SHARES = (0.5, 0.25, 0.1)
 
-#: Sizes this close, relative, are the same beyond the first places.
+#: Relative difference within which sizes beyond the first places are equal.
 _ALIKE = 0.05
-#: Sizes this close, relative, are the same between the first places, where interpolation is better.
+#: The same between the first places, where interpolation is better.
 _ALIKE_INSIDE = 0.2
-#: Sizes below this many standard deviations are none.
+#: Standard deviations below which sizes count as none.
 _NONE = 0.02
 
-#: The lowest of the grid's highest U² up to which a film with effects must be solved, as a share.
+#: Least share of the grid's highest U² up to which a film with effects must be solved.
 _LOWEST = 0.4
 
-#: Samples that take less time than the start of processes.
+#: Number of samples that take less time than the start of processes.
 _FEW = 24
 
-#: Most samples of several effects together: those far away count little.
+#: Most samples of several effects together: distant ones have little weight.
 _MOST = 12
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Samples of one film to solve one after the other, each near those before.
+    """Samples of one film to solve one after another, each from those before.
 
-    ``behind`` have been solved before. On one that fails the chain ends, ``patient`` after samples
-    nearer to the last. If ``exact``, all nodes of the grid are solved whatever the sizes.
+    ``behind`` have been solved before. The chain ends at a sample that fails; a ``patient`` one
+    tries samples nearer to the last one first. If ``exact``, all nodes of the grid are solved for
+    any size.
     """
 
     solver: Solver
@@ -77,16 +78,16 @@ class Chain:
     @classmethod
     def along(cls, base: Chain, number: int, places: Iterable[float],
               behind: Iterable[float] = ()) -> Chain:
-        """Sizes of one axis."""
+        """Set up a chain over sizes of one axis."""
         return replace(base, samples=tuple(((number, place),) for place in places),
                        behind=((), *(((number, place),) for place in behind)), patient=True)
 
     def run(self) -> Solved:
-        """Everything solved."""
+        """Solve all samples."""
         return self._followed(self.solver.solved)
 
     def at_once(self) -> Solved | None:
-        """The same, if all of it is at hand."""
+        """Look up all samples; None if one of them is not stored."""
         def stored(film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
             values = self.solver.stored(film, grid)
             if values is None:
@@ -123,7 +124,7 @@ class Chain:
 
     def _sampled(self, solve: Solve, film: HeldFilm, grid: Grid,
                  near: Sequence[HeldFilm]) -> Sampled:
-        """A film on the grid, or up to a lower voltage if it cannot be solved at the highest."""
+        """Solve a film on the grid, or up to a lower voltage if it fails at the highest."""
         least = _LOWEST * grid.voltage_squared if near else 0.0
         while True:
             values = solve(film, grid, near)
@@ -132,7 +133,7 @@ class Chain:
                 return Sampled(grid, values)
             squares = grid.nodes[1]
             reached = squares[failing[0] - 1] if failing[0] else 0.0
-            # Half way to where it failed; the nodes end somewhat below the grid.
+            # The next attempt ends half way to the failure; the nodes end somewhat below the grid.
             top = (reached + squares[failing[0]]) / 2 * grid.voltage_squared / squares[-1]
             grid = replace(grid, voltage_squared=min(top, 0.9 * grid.voltage_squared))
             if grid.voltage_squared < max(least, 1.0):
@@ -140,7 +141,7 @@ class Chain:
                                       f"{squares[failing[0]] ** 0.5:.4g} V")
 
     def _grid(self, sample: Sample) -> Grid:
-        """Small effects change the film smoothly; large ones and the film itself need all nodes."""
+        """Choose the grid: few nodes for small effects, all for large ones and the film itself."""
         if self.exact:
             return self.grid
         small = all(abs(size) <= 1.01 * FIRST_SPAN * self.axes[number].parameter.deviation
@@ -153,7 +154,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Answer of a chain: values by sample, and what ended it before its end."""
+    """Answer of a chain: values by sample, and the failure that ended it early."""
 
     chain: Chain
     answers: dict[Sample, Sampled]
@@ -161,7 +162,7 @@ class Solved:
 
 
 def _between(start: Sample, end: Sample, share: float) -> Sample:
-    """A sample of one axis on the way to another."""
+    """Make a sample of one axis on the way to another."""
     (number, far), = end
     near = start[0][1] if start else 0.0
     return ((number, near + share * (far - near)),)
@@ -173,7 +174,7 @@ def _run(chain: Chain) -> Solved:
 
 def solve_chains(chains: Sequence[Chain], workers: int,
                  progress: Progress = lambda done, all_of_them: None) -> list[Solved]:
-    """Chains solved in processes, but for what is at hand."""
+    """Solve chains in processes, except those that are stored."""
     solved = [chain.at_once() for chain in chains]
     missing = [chain for chain, answer in zip(chains, solved, strict=True) if answer is None]
     count = sum(len(chain.samples) for chain in missing)
@@ -185,7 +186,7 @@ def solve_chains(chains: Sequence[Chain], workers: int,
 
 
 def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
-    """A law with the answers of chains; an axis whose chain ended early ends there."""
+    """Add the answers of chains to a law; an axis whose chain ended early ends there."""
     axes, more = list(law.axes), dict[Sample, Sampled]()
     for answer in solved:
         more |= answer.answers
@@ -203,9 +204,9 @@ def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
 def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int = 1,
                progress: Progress = lambda done, all_of_them: None, shapes: bool = False
                ) -> tuple[ForceLaw, ...]:
-    """The force law of every specimen of a setup, each effect alone at its first sizes.
+    """Sample the force law of every specimen of a setup, each effect alone at its first sizes.
 
-    With ``shapes`` the axes of effects, too, that only the films' shapes show.
+    With ``shapes`` the axes include effects that only the films' shapes show.
     """
     laws = [ForceLaw(solver, grid, film_axes(setup, specimen.name, shapes), {})
             for specimen, grid in zip(setup.specimens, grids, strict=True)]
@@ -213,7 +214,7 @@ def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int
 
 
 def regridded(simulation: AnyFilms, grids: Sequence[Grid], workers: int = 1) -> AnyFilms:
-    """The same samples on other grids, as far as the films can be solved there."""
+    """Solve the same samples on other grids, as far as the films can be solved there."""
     laws = [replace(law, grid=grid) for law, grid in zip(simulation.laws, grids, strict=True)]
     joint = [[(sample,) for sample in law.samples if len(sample) > 1] for law in laws]
     return replace(simulation, laws=_sampled(simulation.setup, laws, joint, workers))
@@ -222,12 +223,12 @@ def regridded(simulation: AnyFilms, grids: Sequence[Grid], workers: int = 1) -> 
 def _sampled(setup: Setup, laws: Sequence[ForceLaw],
              joint: Sequence[Sequence[tuple[Sample, ...]]], workers: int,
              progress: Progress = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
-    """Laws with everything at their axes' places, and further samples of a kind, solved."""
+    """Solve laws at all places of their axes, and joint samples."""
     chains: list[Chain] = []
     for number, (specimen, law) in enumerate(zip(setup.specimens, laws, strict=True)):
         base = _base(setup, specimen.name, law)
         chains.append(replace(base, samples=((),), behind=()))
-        # Films on meshes of their own, which take longest, are those of the last effects.
+        # Films on meshes of their own take longest; they belong to the last effects.
         chains += [Chain.along(base, axis, places) for axis in reversed(range(len(law.axes)))
                    for sense in (1, -1) if (places := law.axes[axis].side(sense))]
         chains += [replace(base, samples=samples) for samples in joint[number]]
@@ -244,7 +245,7 @@ def _sampled(setup: Setup, laws: Sequence[ForceLaw],
 
 
 def _base(setup: Setup, name: str, law: ForceLaw) -> Chain:
-    """A chain of a law's film without samples."""
+    """Make a chain of a law's film without samples."""
     return Chain(law.solver, setup, name, law.grid, law.axes, ())
 
 
@@ -252,7 +253,7 @@ def grown(simulation: AnyFilms, cause: Cause, index: int, side: int,
           workers: int = 1) -> AnyFilms:
     """Sample films at a larger size of a parameter of an effect, on side +1 or -1.
 
-    The same object where nothing changes: the parameter changes no film, or no film bears more.
+    The same object is returned if the parameter changes no film, or no film bears more.
     """
     places = affected(simulation, cause, index)
     if not places:
@@ -278,7 +279,7 @@ def refined(simulation: AnyFilms, hypothesis: Hypothesis, unknowns: Array,
             workers: int = 1) -> AnyFilms:
     """Solve the films at the sizes of a hypothesis' unknowns, and their pairs.
 
-    The same object where they are, or cannot be.
+    The same object is returned if they are solved already, or cannot be.
     """
     chains = []
     for law_number, law in enumerate(simulation.laws):
@@ -298,9 +299,10 @@ def refined(simulation: AnyFilms, hypothesis: Hypothesis, unknowns: Array,
 
 def coupled(simulation: AnyFilms, hypotheses: Sequence[Hypothesis],
             unknowns: Sequence[Array], workers: int = 1) -> AnyFilms:
-    """Solve a film of every two parameters where none tells what they add to each other.
+    """Solve a film for every two parameters whose joint effect is not known.
 
-    At the sizes of the hypotheses' unknowns. The same object where there are, or can be, none.
+    They have the sizes of the hypotheses' unknowns. The same object is returned if there are none,
+    or none can be solved.
     """
     chains = []
     for law_number, law in enumerate(simulation.laws):
@@ -317,7 +319,7 @@ def coupled(simulation: AnyFilms, hypotheses: Sequence[Hypothesis],
 
 
 def _single(base: Chain, law: ForceLaw, number: int, size: float) -> list[Chain]:
-    """A place at a size; where there is one near, that, if not all nodes were solved there."""
+    """Choose a place at a size, or one near it, if not all nodes were solved there."""
     axis, sense = law.axes[number], 1 if size > 0 else -1
     side = axis.side(sense)
     size = sense * min(abs(size), axis.reach(sense))
@@ -334,7 +336,7 @@ def _single(base: Chain, law: ForceLaw, number: int, size: float) -> list[Chain]
 
 
 def _near_another(law: ForceLaw, sample: Sample) -> bool:
-    """Whether the same axes have a sample near this one, or enough of them."""
+    """Check whether the same axes have a sample near this one, or enough of them."""
     group = [number for number, _ in sample]
     others = [other for other in law.samples if [number for number, _ in other] == group]
     return len(others) >= _MOST or any(

@@ -1,8 +1,8 @@
-"""Readings of runs in time besides those at rest: charging, damping, late sensors.
+"""Readings of runs in time in addition to those at rest: charging, damping, late sensors.
 
-A block's mean is read whole swings after a jump of the voltage. By then a swing leaves no trace but
-that the plate was behind its place: for c/k on average where it is damped, and for the sensor's lag
-where that follows late. A film that charges through a resistance has less voltage for a while.
+A block's mean is read whole swings after a jump of the voltage. By then the only effect of the
+swing is that the plate was late: by c/k on average where it is damped, and by the sensor's lag. A
+film that charges through a resistance has less voltage for a while.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from tympan.studies.diagnosis.reading_table import States
 
 
 def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Array:
-    """U² [V²] that the films have of what the supply gives at rest, shape (states,).
+    """Compute U² [V²] of the films from what the supply gives at rest, shape (states,).
 
-    ``capacitance`` of the film of each state [F].
+    ``capacitance`` is that of the film of each state [F].
     """
     rows, passages = states.in_time, states.passages
     if not rig.series_resistance or not len(rows):
@@ -30,14 +30,14 @@ def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Arr
 
 
 def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance: Array) -> Array:
-    """Share of the last jump by which states in time are read late, shape (states,).
+    """Compute the share of the last jump that states in time have not reached, shape (states,).
 
-    Beside what :func:`charged` says. ``mass`` that swings [kg], ``stiffness`` of film and rig [N/m]
-    and ``capacitance`` [F] of each state, positive.
+    It comes in addition to :func:`charged`. Each state has a moving ``mass`` [kg], a ``stiffness``
+    of film and rig [N/m] and a ``capacitance`` [F], all positive.
 
-    By the poles of plate and sensor and those by which the film's U² rises: of each the mean of its
-    exponential over the block. Blocks begin and end whole swings after the jump, where a swing's
-    phase is 0.
+    It follows from the poles of plate and sensor and those of the rise of the film's U²: for each
+    the mean of its exponential over the block. Blocks begin and end whole swings after the jump,
+    where a swing's phase is 0.
     """
     rows, passages, share = states.in_time, states.passages, np.zeros(len(states))
     mass, stiffness, capacitance = (values[rows] for values in (mass, stiffness, capacitance))
@@ -48,7 +48,7 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
         poles.append(np.full(len(rows), -1 / rig.sensor_lag, complex))
 
     def transfer(s: Array, without: int = -1) -> Array:
-        """Transfer function of plate and sensor, but for a pole."""
+        """Compute the transfer function of plate and sensor, without one pole."""
         gain = inertial / rig.sensor_lag if rig.sensor_lag else inertial
         return np.asarray(gain / np.prod([s - pole for number, pole in enumerate(poles)
                                           if number != without], axis=0))
@@ -59,14 +59,14 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
         force = 1 / pole - sum(part / (pole - slow) for part, slow in risen)
         total -= transfer(pole, number) * force * _mean(pole, *passages.after)
     for part, slow in risen:
-        # What plate and sensor do to it beside following.
+        # The response of plate and sensor beyond following it.
         total += part * (transfer(slow) - 1) * _mean(slow, *passages.after)
     share[rows] = total.real
     return share
 
 
 def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, Array]]:
-    """Exponentials by which U² comes to its last value after a jump: shares, rates [1/s]."""
+    """Write the rise of U² to its last value as exponentials: shares, rates [1/s]."""
     if not rig.series_resistance:
         return []
     before, after = (np.asarray(rig.film_voltage(voltage)) for voltage in jump)
@@ -78,7 +78,7 @@ def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, Array]
 
 
 def _mean(pole: Array, begin: Array, end: Array) -> Array:
-    """Mean of an exponential from begin to end [s], where its phase is 0."""
+    """Average an exponential from begin to end [s], where its phase is 0."""
     real = pole.real
     there = np.isfinite(begin)
     begin, end = np.where(there, begin, 0.0), np.where(there, end, 1.0)

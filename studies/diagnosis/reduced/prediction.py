@@ -1,4 +1,4 @@
-"""Readings of a rig's sensors: of films at rest, swinging and after jumps of their voltages."""
+"""Readings of a rig's sensors, on films at rest, in vibration and after jumps of voltage."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_
 from tympan.studies.diagnosis.reduced.scans import scanned
 from tympan.studies.diagnosis.reduced.swinging import Sag
 
-#: Of a film by its heaves [m] and U² [V²].
+#: A quantity of a film by its deflections [m] and U² [V²].
 Quantity = Callable[[ForceSurface, Array, Array], Array]
 
-#: The least that swings with a plate [kg].
+#: Least mass that moves with a plate [kg].
 _LIGHTEST = 1e-6
 
-#: How near derivatives are taken: by unknowns as a share of their usual size, by heaves of theirs.
+#: Step for derivatives: share of the usual size of unknowns, and of deflections.
 _STEP = 1e-6
 
 
@@ -34,7 +34,7 @@ class Prediction:
 
     def __init__(self, films: ReducedFilms, hypothesis: Hypothesis, unknowns: Array,
                  table: ReadingTable, like: Prediction | None = None) -> None:
-        """``like``: the same films under nearly the same voltages."""
+        """Predict from unknowns; ``like`` has the same films under nearly the same voltages."""
         self.films, self.hypothesis, self.unknowns = films, hypothesis, unknowns
         self.table = table
         self.rest: FilmsAtRest = FilmsAtRest(films, hypothesis, unknowns, table.states,
@@ -48,17 +48,17 @@ class Prediction:
 
     @property
     def short(self) -> Mask:
-        """States that are none, but might be by force laws that reach further in heave or U²."""
+        """States without equilibrium, which may have one if force laws reach further."""
         return self.rest.short
 
     @property
     def heave(self) -> Array:
-        """Heave of each state [m], nan where it is not possible."""
+        """Deflection of each state [m], nan where it is not possible."""
         return self.rest.heave
 
     @property
     def impossible_rows(self) -> Mask:
-        """Rows that are of a state that is not possible."""
+        """Rows that depend on a state that is not possible."""
         state, since = self.table.state, self.table.since
         return ~self.possible[state] | ((since >= 0) & ~self.possible[since])
 
@@ -68,7 +68,7 @@ class Prediction:
         return not self.impossible_rows.any()
 
     def beyond(self, before: Prediction) -> bool:
-        """Whether a search must not go here: never, for extended heaves lead back."""
+        """Say whether a search must not go here: never, for extended deflections lead back."""
         return False
 
     @cached_property
@@ -96,10 +96,10 @@ class Prediction:
         return np.stack(columns, axis=1)
 
     def _change(self, there: Prediction) -> Array:
-        """Change from the extended rows to those of nearby unknowns, to first order."""
+        """Compute the change from the extended rows to those at nearby unknowns, to first order."""
         table, shift = self.table, self.rest.shift(there.rest)
         change = self._by_heave * shift[table.state]
-        # What is counted from another state, or read late, is between two.
+        # A reading counted from another state, or read late, depends on two states.
         both = table.since >= 0
         here, origin = REST.shares(self, both)
         change[both] = (1 + self.rig.sensor_gain) * (
@@ -108,12 +108,12 @@ class Prediction:
 
     @cached_property
     def _by_heave(self) -> Array:
-        """Derivatives of rows of one state by its heave; ranges and transients are of two."""
+        """Derivatives of rows of one state by its deflection; ranges and transients have two."""
         heave, tiny = self.rest.extended_heave, _STEP * np.mean(self.rest.high)
         return (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
 
     def shown(self, heave: Array) -> Array:
-        """Readings of the rows when the states have these deflections [m]."""
+        """Compute readings of the rows when the states have these deflections [m]."""
         shown = np.empty(len(self.table))
         for kind, rows in self.table.rows_of.items():
             shown[rows] = BY_ROWS[kind].shown(self, kind, rows, heave)
@@ -145,13 +145,13 @@ class Prediction:
         return values
 
     def _within(self, heave: Array) -> tuple[Array, Array]:
-        """Heaves [m] and U² [V²] of the states, no further than the laws reach."""
+        """Limit deflections [m] and U² [V²] of the states to the laws' reach."""
         rest = self.rest
         return (np.clip(heave, rest.low, rest.high), np.minimum(rest.voltage_squared, rest.top))
 
     @property
     def moving(self) -> Array:
-        """Mass that swings with the plate [kg], shape (states,)."""
+        """Mass that moves with the plate [kg], shape (states,)."""
         mass = self.table.states.mass + self.rig.unaccounted_mass + self.rig.added_mass
         if self.films.masses is not None:
             mass = self.films.masses.moving(self.rest.setup, self.table.states.specimen, mass)
@@ -159,7 +159,7 @@ class Prediction:
 
     @cached_property
     def behind(self) -> Array:
-        """Share of the last jump by which each state is read late."""
+        """Share of the last jump that each state has not reached."""
         states, rig = self.table.states, self.rig
         late = rig.plate_damping or rig.sensor_lag or rig.series_resistance
         if not late or not len(states.in_time):
@@ -176,7 +176,7 @@ class Prediction:
 
     @cached_property
     def _pressure(self) -> Array:
-        """The electrodes' weight [Pa] over the flat films' tension, shape (states,)."""
+        """Weight of the electrodes [Pa] over the flat films' tension, shape (states,)."""
         mass = np.array([specimen.electrode.mass for specimen in self.rest.setup.specimens])
         if not mass.any():
             return np.zeros(len(self.table.states))

@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.reduced.scans import FlatLattices
 from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
 from tympan.studies.effects import EFFECTS, Setup, extended
 
-#: The logarithm of the largest factor on stiffness or permittivity.
+#: Logarithm of the largest factor on stiffness or permittivity.
 _FACTOR = np.log(20.0)
 
 
@@ -33,7 +33,7 @@ _FACTOR = np.log(20.0)
 class ReducedFilms:
     """A setup with the force laws of its films.
 
-    What of them swings where that is read, and what films remember of the runs that were read.
+    ``masses`` move with the plates where vibrations are read; ``memory`` is that of the runs read.
     """
 
     setup: Setup
@@ -43,7 +43,7 @@ class ReducedFilms:
 
     @cached_property
     def flat_lattices(self) -> tuple[FlatLattices, ...]:
-        """Place of each film's lattice."""
+        """Lattice of each flat film."""
         return tuple(FlatLattices(self.setup, specimen.name, law.axes) for specimen, law in zip(
             self.setup.specimens, self.laws, strict=True))
 
@@ -70,12 +70,12 @@ class ReducedFilms:
 
     @cached_property
     def rubbing_effects(self) -> frozenset[str]:
-        """Effects by which plates rub."""
+        """Effects with friction of the plates."""
         return frozenset(name for name, rig in self._rigs.items() if rig.friction)
 
     @cached_property
     def _rigs(self) -> dict[str, Rig]:
-        """The rig with each effect at its usual size; none of those on one specimen edits it."""
+        """Rig with each effect at its usual size; effects on one specimen do not change it."""
         bare = Setup((), self.setup.rig)
         return {name: effect.at(bare, [item.deviation for item in effect.parameters]).rig
                 for name, effect in EFFECTS.items() if not effect.on_one}
@@ -86,17 +86,17 @@ class ReducedFilms:
         return self.rig_effects | mass_effects(self.setup)
 
     def outer(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-        """The setup with the effects that change no film with its plate held."""
+        """Apply the effects that change no film with its plate held."""
         uses = zip(hypothesis, uses_of(hypothesis, unknowns), strict=True)
         return extended(self.setup, [use for cause, use in uses
                                      if cause.name in self.outer_effects])
 
     def surface(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> ForceSurface:
-        """A specimen's film with the effects that change it."""
+        """Evaluate a specimen's force law with the effects that change it."""
         return self.laws[number].at(self.axis_sizes(number, hypothesis, unknowns))
 
     def axis_sizes(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> Array:
-        """Sizes of the axes of a specimen's law on the nominal film, from the unknowns."""
+        """Find the sizes of a law's axes on the nominal film from the unknowns."""
         law, name = self.laws[number], self.setup.specimens[number].name
         stiffness = float(np.exp(unknowns[STIFFNESS]))
         sizes = np.zeros(len(law.axes))
@@ -110,7 +110,7 @@ class ReducedFilms:
 
 
 def affected(films: ReducedFilms, cause: Cause, index: int) -> list[tuple[int, int]]:
-    """The films that a parameter of a cause changes: numbers of law and axis; none without laws."""
+    """List the films that a parameter of a cause changes: numbers of law and axis, if any."""
     if not films.laws:
         return []
     return [(number, place) for number, (specimen, law)
@@ -121,12 +121,12 @@ def affected(films: ReducedFilms, cause: Cause, index: int) -> list[tuple[int, i
 
 
 def bounds_of(films: ReducedFilms, hypothesis: Hypothesis) -> Array:
-    """Smallest and largest unknowns, shape (2, p): sizes at which the films are sampled."""
+    """Find smallest and largest unknowns, (2, p), within the sizes at which films are sampled."""
     return _bounds(films, hypothesis, Axis.span)
 
 
 def limits_of(films: ReducedFilms, hypothesis: Hypothesis) -> Array:
-    """Smallest and largest unknowns, shape (2, p), that could be sampled, as far as known."""
+    """Find smallest and largest unknowns, (2, p), that could be sampled, as far as known."""
     return _bounds(films, hypothesis, Axis.reach)
 
 
@@ -140,7 +140,7 @@ def _bounds(films: ReducedFilms, hypothesis: Hypothesis,
             least, most = parameter.limits
             least = max([least, *(-largest(axis, -1) for axis in axes)])
             most = min([most, *(largest(axis, 1) for axis in axes)])
-            # On no specimen does the sign of such a parameter change anything.
+            # The sign of such a parameter changes nothing on any specimen.
             folded = parameter.sign == "even" and all(axis.folded for axis in axes)
             low.append(max(least, 0.0) if folded else least)
             high.append(most)

@@ -31,27 +31,27 @@ from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 from tympan.studies.kept.store import Store, digest
 
-#: The mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
+#: Mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
 COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
-#: The mesh they are checked on.
+#: Mesh on which they are checked.
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
-#: From node to node, forces to 1e-6; where such steps do not get there is hardly ever a state.
+#: Newton steps from node to node, with forces to 1e-6; where they fail there is rarely a state.
 _NEAR = NewtonSettings(correction=1e-5, residual=1e-6, iterations=12, damping=0.05)
 
-#: Steps to where Newton's method does not get at once; shorter ones are seldom worth their time.
+#: Path steps where Newton's method fails at once; shorter ones are rarely worth their time.
 _BOLD = PathSettings(shortest=0.1)
 
-#: Fewest heaves and voltages with a solution.
+#: Least number of deflections and of voltages with a solution.
 _FEWEST = 2
 
-#: Values of solved films on disk, some 20 MB.
+#: Values of solved films on disk, about 20 MB.
 _FILMS = Store("films", 30_000)
 
-#: Those with their shapes, some 100 MB.
+#: Values with shapes, about 100 MB.
 _SHAPES = Store("shapes", 1000)
 
-#: How many films' states this process keeps for others to begin with.
+#: Most films whose states this process keeps as starts for others.
 _MOST = 24
 
 
@@ -60,7 +60,7 @@ class NotSampled(ArithmeticError):
 
     @property
     def voltage_squared(self) -> float:
-        """The U² there [V²]."""
+        """U² there [V²]."""
         return float(self.args[0])
 
     def __str__(self) -> str:
@@ -72,11 +72,11 @@ class NotSampled(ArithmeticError):
 class Nodes:
     """A film's model, force [N], capacitance [F] and squared tilt [rad²], and its states.
 
-    Without a plate the pressure [Pa] that holds its centre is the force.
+    Without a plate the force is the pressure [Pa] that holds its centre.
 
-    ``values``: shape (3, heaves, voltages), nan beyond the voltage at which it could not be solved,
-    and where shapes were asked for the lattice's displacements below them; ``states`` by the
-    numbers of the grid's Chebyshev points.
+    ``values`` have the shape (3, heaves, voltages), nan beyond the voltage at which it could not be
+    solved; where shapes are wanted the lattice's displacements follow. ``states`` have the numbers
+    of the grid's Chebyshev points.
     """
 
     model: Model
@@ -88,9 +88,9 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
              shapes: bool = False) -> Nodes:
     """Solve a film at the nodes of a grid, beginning from a similar one on the same mesh.
 
-    With ``shapes`` also where the film is. Beyond the lowest voltage that has none at some heave
-    no node is tried. A :class:`NotSampled` where hardly any node has a solution, or, if ``strict``,
-    where one has none.
+    With ``shapes`` displacements are included. Beyond the lowest voltage without solution at some
+    deflection no node is tried. A :class:`NotSampled` where hardly any node has a solution, or, if
+    ``strict``, where one has none.
     """
     if near is not None:
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
@@ -99,11 +99,12 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     heaves, voltages_squared = grid.nodes
     rows, columns = grid.numbers
     nodes = Nodes(model, np.full((SHAPE, len(heaves), len(voltages_squared)), np.nan))
+    row_numbers, column_numbers = rows.tolist(), columns.tolist()
     reached = len(voltages_squared)
     for i, heave in enumerate(heaves.tolist()):
         for j, voltage_squared in enumerate(voltages_squared[:reached].tolist()):
-            guess = _guess(nodes, near, rows[: i + 1].tolist(), columns[: j + 1].tolist())
-            last = nodes.states.get((int(rows[i]), int(columns[j - 1]))) if j else None
+            guess = _guess(nodes, near, row_numbers[: i + 1], column_numbers[: j + 1])
+            last = nodes.states.get((row_numbers[i], column_numbers[j - 1])) if j else None
             solution = _solved(model, guess, last, heave, voltage_squared, film.gas_pressure)
             if solution is None:
                 if strict:
@@ -113,7 +114,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
             state = solution.state
             push = state.force if film.specimen.plate is not None else -state.pressure
             nodes.values[:, i, j] = push, model.capacitance(state), state.plate.tilt**2
-            nodes.states[int(rows[i]), int(columns[j])] = state
+            nodes.states[row_numbers[i], column_numbers[j]] = state
     fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
     if fewest.sum() < _FEWEST:
         raise NotSampled(voltages_squared[_FEWEST - 1])
@@ -121,7 +122,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
 
 
 def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
-    """Add the displacements of the lattice's points, shape (3 + COUNT, deflections, voltages)."""
+    """Add the displacements of the lattice's points, (3 + COUNT, deflections, voltages)."""
     model, (rows, columns) = nodes.model, grid.numbers
     specimen = model.specimen
     lattice = _lattice_places(model.discretisation, specimen.frame, specimen.plate)
@@ -136,30 +137,35 @@ def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
 
 @lru_cache(maxsize=32)
 def _lattice_places(mesh: Discretisation, frame: Outline, plate: Plate) -> Places:
-    """The lattice's points in a mesh; kept, since an effect on the film alone moves neither."""
+    """Locate the lattice's points in a mesh, once for all effects on the film alone."""
     return Places.of(mesh, lattice_of(frame, plate).flat)
 
 
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
-    """All a specimen's mesh depends on."""
+    """Collect everything that a specimen's mesh depends on."""
     electrode = specimen.electrode
     return (specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate,
             electrode.outline, specimen.mirror_planes)
 
 
 def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]) -> State | None:
-    """A similar film's state with what it missed before, or the states before continued."""
+    """Guess a state from a similar film's, corrected by its last error, or from states before."""
     i, j = rows[-1], columns[-1]
-    before = ((i, columns[-2]) if len(columns) > 1 else (rows[-2], j) if len(rows) > 1 else None)
+    before = None
+    if len(columns) > 1:
+        before = i, columns[-2]
+    elif len(rows) > 1:
+        before = rows[-2], j
     last = None if before is None else nodes.states.get(before)
     if near is not None and (i, j) in near.states:
-        similar, there = near.states[i, j], None if before is None else near.states.get(before)
+        similar = near.states[i, j]
+        there = None if before is None else near.states.get(before)
         if last is None or there is None:
             return similar
         return replace(similar, positions=similar.positions + last.positions - there.positions)
     if last is None or before is None:
         return last
-    # Along the voltage as at the heave before.
+    # The change with voltage is that at the deflection before.
     if len(columns) > 1 and len(rows) > 1:
         end, start = (nodes.states.get((rows[-2], column)) for column in (j, columns[-2]))
         if end is not None and start is not None:
@@ -193,7 +199,7 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """The solver of films as they are, with their ``shapes``; what it solved is kept on disk."""
+    """The solver of films by finite elements, with ``shapes``; solutions are kept on disk."""
 
     shapes: bool = False
 
@@ -214,7 +220,7 @@ class FiniteElements:
                                               shapes=self.shapes))
 
     def kept(self, film: HeldFilm, grid: Grid, nodes: Nodes) -> Array:
-        """The values of a film, kept on disk, its states in this process."""
+        """Keep the values of a film on disk, and its states in this process."""
         _states[film, grid.heave] = nodes
         _states.move_to_end((film, grid.heave))
         while len(_states) > _MOST:
@@ -225,7 +231,7 @@ class FiniteElements:
         return nodes.values
 
     def _similar(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Nodes | None:
-        """The nearest film on the same mesh that has been solved, else the farthest, solved now."""
+        """Find the nearest solved film on the same mesh, else solve the farthest now."""
         mesh = meshed_outlines(film.specimen)
         alike = [other for other in near if meshed_outlines(other.specimen) == mesh]
         for other in reversed(alike):
@@ -238,12 +244,12 @@ class FiniteElements:
         return nodes
 
 
-#: By film and largest heave, the last used last.
+#: Nodes by film and largest deflection, the last used last.
 _states: OrderedDict[tuple[HeldFilm, float], Nodes] = OrderedDict()
 
 
 def _key(film: HeldFilm, grid: Grid) -> bytes | None:
-    """Key by all that a film's values depend on; its name is not among it."""
+    """Make a key from everything that a film's values depend on, without its name."""
     nameless = replace(film, specimen=replace(film.specimen, name="film"))
     with suppress(TypeError):
         return digest(nameless, grid.nodes, COARSE, (ALONG, AROUND),
@@ -253,9 +259,9 @@ def _key(film: HeldFilm, grid: Grid) -> bytes | None:
 
 def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float,
                 solver: FiniteElements = FiniteElements()) -> ForceLaw:
-    """The force law of a film without effects up to a heave [m] and a U² [V²], or less.
+    """Sample the force law of a film without effects up to a deflection [m] and a U² [V²], or less.
 
-    Or a little more: the grid is :attr:`Grid.rounded`.
+    It may reach a little further: the grid is :attr:`Grid.rounded`.
     """
     film = HeldFilm.of(setup, name)
     grid = Grid(heave, voltage_squared, film.odd).rounded
@@ -277,12 +283,12 @@ def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float,
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
                progress: Callable[[int, int], None] = lambda done, all_of_them: None,
                shapes: bool = False) -> tuple[ForceLaw, ...]:
-    """The force law of every specimen, with the axes of every effect in the library.
+    """Sample the force law of every specimen, with the axes of every effect in the library.
 
-    With ``shapes`` also where the films are, and the axes of effects that only these show.
+    With ``shapes`` displacements are included, and the axes of effects that only they show.
 
-    Each effect alone, at sizes about its prior's; :mod:`growth` adds larger ones and several
-    together.
+    Each effect is sampled alone, at sizes about its prior's; :mod:`growth` adds larger ones and
+    several together.
 
     Raises
     ------

@@ -27,26 +27,26 @@ from tympan.studies.diagnosis.reduced.force_law import ForceSurface
 from tympan.studies.diagnosis.reduced.swinging import Sag
 from tympan.studies.effects import Setup
 
-#: Halvings of sizes of which together no specimen can be built.
+#: Most halvings of sizes with which together no specimen can be built.
 _TRIES = 20
 
 
 @dataclass(frozen=True, eq=False)
 class FlatLattices:
-    """The flat lattices of a specimen of that name, whatever the sizes of its law's axes."""
+    """The flat lattices of a specimen of that name, for any sizes of its law's axes."""
 
     setup: Setup
     name: str
     axes: tuple[Axis, ...]
 
     def lattice(self, sizes: Array) -> Lattice:
-        """Lattice at sizes of the axes on the nominal film, shape (axes,)."""
+        """Make the lattice at sizes of the axes on the nominal film, shape (axes,)."""
         return _lattice(self, tuple((number, float(sizes[number])) for number in self._moving
                                     if sizes[number]))
 
     @cached_property
     def _moving(self) -> tuple[int, ...]:
-        """Axes along which frame or plate are elsewhere."""
+        """Axes along which frame or plate are displaced."""
         nominal = self.setup.specimen(self.name)
         films = [self.film(((number, axis.places[-1]),)) for number, axis in enumerate(self.axes)]
         return tuple(number for number, film in enumerate(films)
@@ -70,9 +70,9 @@ def _lattice(lattices: FlatLattices, sample: Sample) -> Lattice:
 @lru_cache(maxsize=1024)
 def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan, heave: float,
             voltage_squared: float, pressure: float) -> Array:
-    """Displacements at a scan's places [m], shape (3, n), deflections last.
+    """Compute displacements at a scan's places [m], shape (3, n), deflections last.
 
-    nan where there is no heave.
+    They are nan without equilibrium.
     """
     if not np.isfinite(heave):
         return np.full((3, len(scan)), np.nan)
@@ -89,9 +89,9 @@ def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan
 
 def scanned_exactly(specimen: Specimen, rig: Rig, mass: float, voltage: float, scan: Scan,
                     settings: Settings) -> Array | None:
-    """The same by finite elements of a specimen at rest under a mass [kg] and a voltage [V].
+    """Compute a scan by finite elements of a specimen at rest under a mass [kg], a voltage [V].
 
-    The lattice only finds what stands where. None where there is no equilibrium.
+    The lattice serves only to find material points. None where there is no equilibrium.
     """
     model = build_model(specimen, settings, rig.loading)
     force = rig.force(mass, model.plate_area)

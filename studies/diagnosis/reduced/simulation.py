@@ -1,4 +1,4 @@
-"""Readings under hypotheses: each kind of evidence asks the films, or itself."""
+"""Readings under hypotheses: each kind of evidence predicts by the films, or by itself."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of, limits_of
 from tympan.studies.effects import Setup
 
-#: By what factor heaves and U² reach further at once.
+#: Factor by which deflections and U² reach further in one step.
 _FURTHER = 1.4
 
 
 class Together:
-    """Readings of rows of several kinds, with the states of the first."""
+    """Readings of rows of several kinds, with the states of the first kind."""
 
     def __init__(self, parts: list[Shown], rows: list[Mask]) -> None:
         self.parts, self.rows = parts, rows
@@ -31,16 +31,16 @@ class Together:
 
     @property
     def complete(self) -> bool:
-        """Whether all that was read is possible."""
+        """Whether everything that was read is possible."""
         return all(part.complete for part in self.parts)
 
     def beyond(self, before: Together) -> bool:
-        """Whether a search must not go here."""
+        """Check whether a search must not go here."""
         return any(part.beyond(other) for part, other in zip(self.parts, before.parts, strict=True))
 
     @cached_property
     def extended(self) -> Array:
-        """Reading of each row, going on where there is no equilibrium."""
+        """Reading of each row, continued where there is no equilibrium."""
         return self._joined([part.extended for part in self.parts])
 
     @cached_property
@@ -62,24 +62,24 @@ class Together:
 
 @dataclass(frozen=True, eq=False)
 class Simulation(ReducedFilms):
-    """The films of a setup by their force laws, as the model that inference asks.
+    """The films of a setup by their force laws, as the model for inference.
 
-    Without plates under loads there are no force laws. A result is of the first kind, and of those
-    that are loaded as it is.
+    Without plates under loads there are no force laws. A result is of the first kind of evidence,
+    and of the kinds that agree with it in having loads.
     """
 
     evidence: tuple[Evidence, ...] = PLATES
 
     @property
     def loaded(self) -> bool:
-        """Whether all that is read is of plates under loads."""
+        """Whether all readings are of plates under loads."""
         return all(kind.loaded for kind in self.evidence)
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         return self.prediction(hypothesis, unknowns, table).values
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        # The films are asked once for all that is read of plates under loads.
+        # The films are evaluated once for all readings of plates under loads.
         kinds = [[kind for kind in self.evidence if kind.loaded],
                  *([kind] for kind in self.evidence if not kind.loaded)]
         parts = [(some[0], rows) for some in kinds if (rows := rows_of(some, table)).any()]
@@ -118,7 +118,7 @@ class Simulation(ReducedFilms):
                  for law in self.laws]
         try:
             return regridded(self, grids, workers)
-        except ArithmeticError:  # the films go no further
+        except ArithmeticError:  # the films cannot be solved further
             return self
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:

@@ -1,8 +1,8 @@
-"""Masses that swing with the plates: films, electrodes and air, as masses on the plates.
+"""Masses that move with the plates: films, electrodes and air, as masses on the plates.
 
-The films follow as the flat ones do without voltage (:mod:`tympan.fem.vibration.heave`): where the
-plate is some ten times as heavy as its film, deflection and voltage change frequencies by 1e-6
-through it. The electrodes' weight acts on the plate by the same motion, to first order, and lets
+The films follow as flat ones without voltage (:mod:`tympan.fem.vibration.heave`): where the plate
+is some ten times as heavy as its film, deflection and voltage change frequencies by only 1e-6
+through it. To first order, the electrodes' weight acts on the plate by the same motion, and makes
 the film sag between plate and frame.
 """
 
@@ -25,19 +25,19 @@ from tympan.studies.diagnosis.reduced.axes import HeldFilm
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, lattice_of
 from tympan.studies.effects import EFFECTS, Effect, Setup
 
-#: Mass of electrodes [kg/m²] to whose sag that of others is in proportion.
+#: Mass of electrodes [kg/m²] for which the sag is solved; others are proportional.
 _WEIGHED = 0.05
 
 
-#: What follows no plate.
+#: The film without plate, which follows none.
 _ALONE = FollowingFilm((0.0, 0.0), ((0.0, 0.0), (0.0, 0.0)), 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Sag:
-    """Sag of a flat film under a pressure on what is covered, its plate held, without voltage.
+    """Sag of a flat film under a pressure on the covered part, its plate held, without voltage.
 
-    ``by_pressure`` [m/Pa] at its lattice's points, shape (ALONG, AROUND).
+    ``by_pressure`` [m/Pa] is given at its lattice's points, shape (ALONG, AROUND).
     """
 
     by_pressure: Array
@@ -45,7 +45,7 @@ class Sag:
 
 @dataclass(frozen=True, eq=False)
 class SwingingMasses:
-    """Mass of each specimen's film that follows its plate, as ``settings`` mesh it."""
+    """Mass of each specimen's film that follows its plate, meshed by ``settings``."""
 
     films: tuple[FollowingFilm, ...]
     setup: Setup
@@ -53,7 +53,7 @@ class SwingingMasses:
 
     @classmethod
     def of(cls, setup: Setup, settings: Settings) -> SwingingMasses:
-        """Solve what follows each plate, by one linear solution of its flat film."""
+        """Solve the film that follows each plate, by one linear solution of the flat film."""
         def film(specimen: Specimen) -> FollowingFilm:
             if specimen.plate is None:
                 return _ALONE
@@ -79,7 +79,7 @@ class SwingingMasses:
         return Sag(lower.reshape(ALONG, AROUND) / (_WEIGHED * loading.gravity))
 
     def moving(self, setup: Setup, number: Numbers, mass: Array) -> Array:
-        """Mass that swings with plates [kg] of given masses on specimens' numbers, each (n,)."""
+        """Add the masses [kg] that move with plates of given masses, by specimen, (n,)."""
         moving = np.empty(len(mass))
         for index, (film, specimen) in enumerate(zip(self.films, setup.specimens, strict=True)):
             moving[number == index] = film.mass(mass[number == index], _per_area(specimen),
@@ -87,9 +87,9 @@ class SwingingMasses:
         return moving
 
     def weight(self, setup: Setup) -> Array:
-        """Share of the electrodes' weight that the plates carry [N], shape (specimens,).
+        """Compute the share of the electrodes' weight on the plates [N], shape (specimens,).
 
-        Of a film without plate its own weight and theirs, as a pressure [Pa].
+        For a film without plate it is its own weight and theirs, as a pressure [Pa].
         """
         return np.array([setup.rig.gravity * (
             film.lifted * _grease(specimen) if specimen.plate is not None
@@ -113,12 +113,12 @@ def _per_area(specimen: Specimen) -> float:
 
 
 def _grease(specimen: Specimen) -> float:
-    """Mass of all layers' electrodes per mounted area [kg/m²]."""
+    """Sum the mass of all layers' electrodes per mounted area [kg/m²]."""
     return specimen.membrane.layers * specimen.electrode.mass
 
 
 def mass_effects(setup: Setup) -> frozenset[str]:
-    """Effects that edit specimens, but no film with its plate held."""
+    """List effects that change specimens, but no film with its plate held."""
     return frozenset(name for name, effect in EFFECTS.items()
                      if any(_only_masses(setup, effect, which) for which in effect.choices(setup)))
 

@@ -1,4 +1,4 @@
-"""Families of effects that readings at rest do not tell apart, each with one name for them all."""
+"""Families of effects that readings at rest cannot distinguish, each with a common name."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from tympan.geometry.sectors import covered_share
 from tympan.geometry.specimen import Specimen
 from tympan.studies.effects.effect import EffectParameter, Family, Quantity
 
-#: A band, spots or a sector without field: plates alone do not tell one from another. Missing
-#: quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, do as much as bands
-#: whose area is 0.8 to 1.3 times theirs.
-#: Of the paper's three actuators sectors of 6 to 33 % do as much as bands of 0.8 to 1.1 of their
-#: area. Of three round films the fitted permittivity takes up more of a sector: what is left of it
-#: a band of 0.4 to 0.7 of its area does, but for a fifth to a half of χ². There limits are too low.
+#: A band, spots or a sector without field: readings of plates alone cannot distinguish them.
+#: Missing quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, have the
+#: readings of bands with 0.8 to 1.3 times their area. On the paper's three actuators sectors of 6
+#: to 33 % have those of bands with 0.8 to 1.1 of their area. On three round films the fitted
+#: permittivity takes up more of a sector: the rest equals a band of 0.4 to 0.7 of its area, except
+#: for a fifth to a half of χ². There limits are too low.
 BARE_FILM = Family(
     "bare_film", "The electrodes cover less of the film than stated: {share} less",
     check="look through the films against a light, or photograph them: the electrode may end short "
@@ -29,11 +29,11 @@ BARE_FILM = Family(
 
 
 def _carried(specimen: Specimen, rig: Rig) -> float:
-    """Mass beyond the labels that pulls on the film at its plate, as its weight would [kg].
+    """Sum the mass beyond the labels that pulls on the film at its plate, as its weight would [kg].
 
-    Of the electrodes what the plate lifts: where a round film of the same areas deflects as the
-    logarithm of the distance, 1/ln k − 1/(k − 1) of them, k the frame's area over the plate's.
-    A film without plate carries all of them.
+    The plate lifts a part of the electrodes: where a round film of the same areas deflects as the
+    logarithm of the distance, it is 1/ln k − 1/(k − 1) of them, k the frame's area over the
+    plate's. A film without plate carries all of them.
     """
     if specimen.plate is None:
         return specimen.electrode.mass * float(np.real(specimen.frame.curve.area))
@@ -44,9 +44,10 @@ def _carried(specimen: Specimen, rig: Rig) -> float:
             - rig.friction / rig.gravity)
 
 
-#: A load with another mass than its label, electrodes that weigh, a plate that rubs: on one film,
-#: or with voltages that only rise, the same readings to within 0.01 in χ² of 20. Masses that do as
-#: much are equal; of electrodes on a round film, on an ellipse of 7.5 by 4.5 cm 0.92 times.
+#: A load with another mass than its label, electrodes with weight, a plate with friction: on one
+#: film, or with voltages that only rise, their readings agree to within 0.01 in χ² of 20.
+#: Equivalent masses are equal; those of electrodes on a round film, and 0.92 times on an ellipse of
+#: 7.5 by 4.5 cm.
 CARRIED_LOAD = Family(
     "carried_load", "The film carries {share} {size:more/less} than the labels of its loads say",
     check="weigh plate, hook, lead and every load on one balance, and a film before and after its "
@@ -58,7 +59,7 @@ CARRIED_LOAD = Family(
 
 
 def _stiffening(specimen: Specimen, rig: Rig) -> float:
-    """Relative growth of a mounted film's tension with its stretch along x, electrodes and all."""
+    """Compute the relative growth of a mounted film's tension along x, with electrodes."""
     film = specimen.membrane
     x, y = np.array(film.prestretch)
     _, slope, _, bend, *_ = film.material.derivatives(x, y)
@@ -66,9 +67,9 @@ def _stiffening(specimen: Specimen, rig: Rig) -> float:
     return float(np.real((bend * x + 4 * specimen.electrode.stiffness / x) / slope))
 
 
-#: A law that hardens, electrodes that are stiff: to within 0.5 in χ² of 10 up to 30 kPa, ten usual
-#: exponents, on three films. What they add to the tension of a mounted film is then 0.86 to 1.63
-#: times as much, for the law hardens on.
+#: A law that hardens, electrodes that are stiff: their readings agree to within 0.5 in χ² of 10 up
+#: to 30 kPa, ten typical exponents, on three films. Their contribution to the tension of a mounted
+#: film then differs by a factor of 0.86 to 1.63, for the law continues to harden.
 STIFFER_FILM = Family(
     "stiffer_film", "The film's tension grows {size:more/less} with stretch than stated, by "
                     "{share} for a tenth more along one axis",
@@ -83,24 +84,24 @@ STIFFER_FILM = Family(
 
 
 def _unmoved(specimen: Specimen, rig: Rig) -> float:
-    """Logarithm of a mounted film's tension over the part of it that 1 V takes away.
+    """Compute the logarithm of a mounted film's tension over the part of it that 1 V takes away.
 
     That part is ε₀ε_r over the mounted thickness, times the share that electrodes cover.
     """
     film = specimen.membrane
     x, y = np.array(film.prestretch)
     _, along_x, along_y, *_ = film.material.derivatives(x, y)
-    # A force over a mounted length, the mean of both axes.
+    # Tension is a force over a mounted length, the mean of both axes.
     tension = film.thickness * (along_x / y + along_y / x) / 2
     taken = film.relative_permittivity * covered_share(specimen) / (film.thickness / (x * y))
     return float(np.log(np.real(tension / taken)))
 
 
 #: A film that slipped in its frame, or whose electrode has holes or misses a sector: the voltage
-#: acts less on this specimen than on the others. Of three shapes and three round films a slip takes
-#: 97 % of χ² away that a permittivity 5 to 10 % lower makes, with 0.9 to 1 times its measure, and
-#: 94 % of what sectors of 15° and 45° make, with 1.05 to 1.5 times. A thicker film deflects less
-#: without voltage, too: of 3 % a slip takes 70 % away.
+#: acts less on this specimen than on the others. On three shapes and three round films a slip
+#: explains 97 % of the χ² of a permittivity lower by 5 to 10 %, with 0.9 to 1 times its measure,
+#: and 94 % of that of sectors of 15° and 45°, with 1.05 to 1.5 times. A thicker film also deflects
+#: less without voltage: for one thicker by 3 % a slip explains 70 %.
 LESS_MOVED = Family(
     "less_moved", "A voltage takes {share} less tension from the film of {which} than it should: "
                   "this film slipped in its frame, or has less electrode than stated",

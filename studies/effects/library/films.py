@@ -28,6 +28,7 @@ def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
             "Gent's law with J_lim has h = I_m/(J_lim + 3 - I_m) about the mounted I_m = 10: 0.1 "
             "for the 110 of the library's VHB 4910, 0.3 for 40, against 0 for neo-Hooke: sources "
             "on one tape differ so"))]) -> Setup:
+    """Harden the law of all films by an exponent about their mounted state."""
     def change(film: Film) -> Film:
         mounted = float(np.real(first_invariant(*film.prestretch)[0])) + 3
         return replace(film, material=Stiffened(film.material, h, mounted))
@@ -48,6 +49,7 @@ def second_invariant(setup: Setup, s: Annotated[float, EffectParameter(
             "of vulcanised rubber ∂W/∂I₂ is about 1/8 of ∂W/∂I₁ at small stretches, a share of "
             "0.11, and falls from there (Rivlin, Saunders, Phil. Trans. R. Soc. A 243, 251, 1951, "
             "as commonly quoted, not read again)"), told_in="%")]) -> Setup:
+    """Replace a share of the stress of all films by Mooney's second invariant."""
     return setup.with_films(lambda film: replace(
         film, material=MooneyShare(film.material, s, film.area_prestretch)))
 
@@ -63,6 +65,7 @@ def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
             "Actuators A 138, 2007, as commonly quoted, not read again) make n = "
             "ln(4.7/2.6)/ln(25) = 0.18; others find no dependence"),
         told_in="%", tell=lambda n: 1 - 1.1**-n)]) -> Setup:
+    """Let the permittivity of all films fall with their area."""
     return setup.with_films(
         lambda film: replace(film, permittivity_exponent=film.permittivity_exponent + n))
 
@@ -76,6 +79,7 @@ def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
         "stretch λ(1+a) along x and λ/(1+a) along y", "", width=0.02, low=-0.5, high=1.0,
         reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source",
         told_in="%")]) -> Setup:
+    """Stretch all films more along x and less along y, at the same area."""
     def change(film: Film) -> Film:
         x, y = film.prestretch
         return replace(film, prestretch=(x * (1 + a), y / (1 + a)))
@@ -93,6 +97,7 @@ def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
         "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.9, reason=(
             "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no "
             "source"), told_in="%")], which: str) -> Setup:
+    """Reduce the prestretch of one specimen along both axes."""
     def change(film: Film) -> Film:
         x, y = film.prestretch
         return replace(film, prestretch=(x * (1 - delta), y * (1 - delta)))
@@ -115,6 +120,7 @@ def _uneven(axis: str) -> EffectParameter:
         shows_in=(Quantity.SHAPE,))
 def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],
                        gy: Annotated[float, _uneven("y")]) -> Setup:
+    """Make all films thicker on one side of the frame."""
     def change(film: Film) -> Film:
         x, y = film.thickness_gradient
         return replace(film, thickness_gradient=(x + gx, y + gy))
@@ -131,8 +137,9 @@ def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
             "grease is brushed by hand and kept clear of a frame against flashover, about 1 mm per "
             "few kV; no source. A specimen can have a band from 1 % of the gap between plate and "
             "frame on"))]) -> Setup:
+    """Leave a bare band along the frame of all specimens."""
     def banded(specimen: Specimen) -> Specimen:
-        # A band too narrow to be built is none, or the narrowest, whichever is nearer.
+        # A band too narrow to be built becomes none, or the narrowest, whichever is nearer.
         least = NARROWEST * specimen.gap
         width = d if d >= least or d <= 0 else least if d > least / 2 else 0.0
         changed: Specimen = with_change(specimen, ("electrode", "margin_frame"), width)
@@ -161,6 +168,7 @@ def electrode_patch(setup: Setup, dx: Annotated[float, _wide("x")],
                         low=0.05, high=1.0, spread=log(1.5),
                         reason="between plate and frame no place is likelier than others",
                         told_in="%")], which: str) -> Setup:
+    """Leave a bare spot between plate and frame of one specimen."""
     diameter = float(np.hypot(dx, dy))
     if not diameter:
         return setup
@@ -183,5 +191,6 @@ def electrode_stiffness(setup: Setup, mu_e: Annotated[float, EffectParameter(
         width=1e3, low=0.0, high=1e7, reason=(
             "dried grease of 20 kPa, 25 µm on both sides of a virgin film of 1 mm, is 1 kPa; no "
             "source"))]) -> Setup:
+    """Give the electrodes a stiffness of their own."""
     return setup.with_specimens(
         lambda specimen: with_change(specimen, ("electrode", "stiffness"), mu_e))

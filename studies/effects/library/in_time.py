@@ -1,4 +1,4 @@
-"""Effects that take time: memory, damping, lag, masses that swing."""
+"""Effects that take time: memory, damping, lag, moving masses."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def creep(setup: Setup, mu: Annotated[float, EffectParameter(
             "source"))], tau: Annotated[float, EffectParameter(
                 "time in which it relaxes", "s", width=10.0, low=1e-3, high=1e6, spread=log(10),
                 reason="branches fitted to VHB 4910 have times of 0.1 to 1000 s")]) -> Setup:
+    """Add a viscous branch to all films."""
     if not mu:
         return setup
     return setup.with_films(
@@ -35,6 +36,7 @@ def mounting_age(setup: Setup, t: Annotated[float, EffectParameter(
         "time since the film was stretched; infinite where it is relaxed", "h", width=24 * 3600.0,
         low=3.6, high=inf, power=-1, reason="films are measured on the day after they are made, or "
         "later; no source")]) -> Setup:
+    """Set the time since the films were stretched, if they have branches."""
     def change(film: Film) -> Film:
         if isinf(t) or not film.branches:
             return film
@@ -51,6 +53,7 @@ def plate_damping(setup: Setup, c: Annotated[float, EffectParameter(
         "force on the plate over its speed", "N s/m", width=0.05, low=0.0, high=1e4, reason=(
             "a plate of 20 g on 80 N/m that fades within ten swings has 2 % of the critical "
             "damping of 2.5 N s/m"))]) -> Setup:
+    """Damp the plate's motion."""
     return setup.with_rig(plate_damping=setup.rig.plate_damping + c)
 
 
@@ -62,6 +65,7 @@ def plate_damping(setup: Setup, c: Annotated[float, EffectParameter(
 def series_resistance(setup: Setup, R: Annotated[float, EffectParameter(
         "through which the film charges", "MOhm", width=10e6, low=0.0, high=1e15, reason=(
             "high-voltage supplies protect their users by 1 to 100 MOhm; no source"))]) -> Setup:
+    """Add a resistance through which the film charges."""
     return setup.with_rig(series_resistance=setup.rig.series_resistance + R)
 
 
@@ -72,6 +76,7 @@ def series_resistance(setup: Setup, R: Annotated[float, EffectParameter(
 def sensor_lag(setup: Setup, t_s: Annotated[float, EffectParameter(
         "time in which the sensor follows, by a factor e", "ms", width=5e-3, low=0.0, high=1e4,
         reason="averages of 16 to 256 samples at 10 kHz; no source")]) -> Setup:
+    """Delay the sensor by a time constant."""
     return setup.with_rig(sensor_lag=setup.rig.sensor_lag + t_s)
 
 
@@ -82,6 +87,7 @@ def sensor_lag(setup: Setup, t_s: Annotated[float, EffectParameter(
 def electrode_mass(setup: Setup, rho: Annotated[float, EffectParameter(
         "mass of both electrodes per mounted area", "g/m^2", width=0.05, low=0.0, high=100.0,
         reason="25 µm of carbon grease of 1 g/cm³ on both sides; no source")]) -> Setup:
+    """Add mass to the electrodes."""
     return setup.with_specimens(lambda specimen: replace(specimen, electrode=replace(
         specimen.electrode, mass=specimen.electrode.mass + rho)))
 
@@ -96,6 +102,7 @@ def added_mass(setup: Setup, m_a: Annotated[float, EffectParameter(
         "inertia without weight", "g", width=1e-3, low=0.0, high=10.0, reason=(
             "a third of a copper lead of 0.5 mm² and 30 cm moves with its end: 0.4 g; a linear "
             "guide's slide weighs grams; no source"))]) -> Setup:
+    """Add inertia without weight to the plate."""
     return setup.with_rig(added_mass=setup.rig.added_mass + m_a)
 
 
@@ -109,4 +116,5 @@ def air_mass(setup: Setup, rho_a: Annotated[float, EffectParameter(
         "kg/m^3", width=1.2, low=0.0, high=1000.0, reason=(
             "air of 20 °C and 1 bar: 8/3 ρ r³ on each side of a piston in a baffle (Rayleigh, "
             "The Theory of Sound II, 1896, § 302), half of it on a free disc"))]) -> Setup:
+    """Add air that moves with film and plate."""
     return setup.with_rig(air=setup.rig.air + rho_a)

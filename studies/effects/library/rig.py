@@ -1,4 +1,4 @@
-"""Effects of plate, loads, what touches them, supply and sensor."""
+"""Effects of plate, loads, contacts, supply and sensor."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def _offset(axis: str) -> EffectParameter:
         check="measure the gaps between plate and frame on all four sides with a calliper")
 def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
                        dy: Annotated[float, _offset("y")]) -> Setup:
+    """Move the plates off the centre of their frames."""
     def change(specimen: Specimen) -> Specimen:
         x, y = specimen.needed_plate().offset
         return replace(specimen, plate=replace(specimen.needed_plate(), offset=(x + dx, y + dy)))
@@ -38,6 +39,7 @@ def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
         "every load is m + m_0", "g", width=1e-3, low=-10.0, high=10.0, reason=(
             "plate, screw, hook and glue weigh 0.5 to 3 g and leads carry some of it; no "
             "source"))]) -> Setup:
+    """Add a mass to every load."""
     return setup.with_rig(unaccounted_mass=setup.rig.unaccounted_mass + m_0)
 
 
@@ -48,6 +50,7 @@ def parallel_spring(setup: Setup, k: Annotated[float, EffectParameter(
         "stiffness against the deflection", "N/m", width=5.0, low=0.0, high=1e6,
         reason="a copper lead of 0.3 mm and 30 mm, built in at one end: 3 E I/L^3 = 5 N/m"
         )]) -> Setup:
+    """Add a spring between plate and ground."""
     return setup.with_rig(spring=setup.rig.spring + k)
 
 
@@ -63,6 +66,7 @@ def amplifier_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "the film sees (1+k) U", "", width=0.02, low=-0.9, high=9.0, reason=(
             "converter modules set by a control voltage, without calibration, to a few per cent; "
             "no source"), told_in="%")]) -> Setup:
+    """Multiply every voltage by a constant factor."""
     return setup.with_rig(amplifier_gain=_compounded(setup.rig.amplifier_gain, k))
 
 
@@ -77,7 +81,8 @@ def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
             "25 kV is 7 % less at 7 kV: what a leaking film takes from a small unregulated "
             "converter; no source"),
         told_in="%", tell=lambda U_s: 1 - 1 / (1 + (5e3 / U_s) ** 2))]) -> Setup:
-    small, large = sorted((U_s, setup.rig.sag_voltage))  # 1/U_s² add up
+    """Reduce high voltages by the sag of the supply."""
+    small, large = sorted((U_s, setup.rig.sag_voltage))  # 1/U_s² of both are added
     both = small if isinf(large) else small / sqrt(1 + (small / large) ** 2)
     return setup.with_rig(sag_voltage=both)
 
@@ -95,6 +100,7 @@ def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
         width=0.1e3, low=0.0, high=1e6, reason=(
             "a film with a share g of its response delayed by τ lags a slow ramp by g τ dU/dt: "
             "with 0.1, 100 s and 10 V/s, 5 kV in 8 min, 0.1 kV; no source"))]) -> Setup:
+    """Let the film lag behind the voltage, up and down."""
     return setup.with_rig(lag_voltage=setup.rig.lag_voltage + H)
 
 
@@ -109,6 +115,7 @@ def friction(setup: Setup, F: Annotated[float, EffectParameter(
         high=10.0, reason=(
             "a guide or probe pressed against the plate by a tenth of a load of 0.2 N, with a "
             "coefficient of friction of 0.2, rubs with 4 mN; no source"))]) -> Setup:
+    """Add friction at the plate."""
     return setup.with_rig(friction=setup.rig.friction + F)
 
 
@@ -121,6 +128,7 @@ def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "readings are (1+k) y", "", width=0.01, low=-0.9, high=9.0, reason=(
             "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor "
             "is better than that"), told_in="%")]) -> Setup:
+    """Multiply all readings of the sensor by a constant factor."""
     return setup.with_rig(sensor_gain=_compounded(setup.rig.sensor_gain, k))
 
 
@@ -131,6 +139,7 @@ def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
 def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
         "readings are y + y_0", "um", width=50e-6, low=-1.0, high=1.0,
         reason="the zero is set by hand on a plate that is not yet loaded; no source")]) -> Setup:
+    """Shift all readings of the sensor by a length."""
     return setup.with_rig(sensor_zero=setup.rig.sensor_zero + y_0)
 
 
@@ -144,6 +153,7 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
             "temperature drift of laser sensors: 0.03 %/°C of a range of 20 mm is 6 µm/°C (example "
             "of Omron's technical guide to displacement sensors), in a room that changes by 1 °C "
             "an hour"))]) -> Setup:
+    """Shift readings in proportion to the time since the run began."""
     return setup.with_rig(drift=setup.rig.drift + rate)
 
 
@@ -154,6 +164,7 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
 def gauge_zero(setup: Setup, F_0: Annotated[float, EffectParameter(
         "readings are F + F_0", "mN", width=5e-3, low=-100.0, high=100.0,
         reason="0.1 % of a gauge for 5 N, by which such gauges drift; no source")]) -> Setup:
+    """Shift all forces of a tester's gauge."""
     return setup.with_rig(gauge_zero=setup.rig.gauge_zero + F_0)
 
 
@@ -164,6 +175,7 @@ def gauge_zero(setup: Setup, F_0: Annotated[float, EffectParameter(
 def gauge_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "readings are (1+k) F", "", width=0.01, low=-0.9, high=9.0,
         reason="gauges are calibrated to 1 % or better; no source", told_in="%")]) -> Setup:
+    """Multiply all forces of a tester's gauge by a constant factor."""
     return setup.with_rig(gauge_gain=_compounded(setup.rig.gauge_gain, k))
 
 
@@ -177,6 +189,7 @@ def displacement_zero(setup: Setup, w_0: Annotated[float, EffectParameter(
         "readings are w + w_0", "um", width=100e-6, low=-1.0, high=1.0,
         reason="contact is found by eye, or by a force of some mN on a soft film; no source")]
                       ) -> Setup:
+    """Shift all displacements of a tester."""
     return setup.with_rig(displacement_zero=setup.rig.displacement_zero + w_0)
 
 
@@ -189,4 +202,5 @@ def tester_compliance(setup: Setup, c: Annotated[float, EffectParameter(
         "the tester yields by c F between its displacement and the plate", "um/N", width=50e-6,
         low=0.0, high=1.0,
         reason="a gauge for 5 N yields by 0.1 to 0.3 mm at its full load; no source")]) -> Setup:
+    """Let the tester yield under the force."""
     return setup.with_rig(tester_compliance=setup.rig.tester_compliance + c)

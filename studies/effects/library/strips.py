@@ -19,6 +19,7 @@ def temperature(setup: Setup, p: Annotated[float, EffectParameter(
             "entropy elasticity has p = 1, a modulus N k T (Treloar, The Physics of Rubber "
             "Elasticity, 3rd ed., 1975); a tape that relaxes faster in the warmth has p below 0"),
         told_in="%", tell=lambda p: (1 + 1 / 293.15) ** p - 1)]) -> Setup:
+    """Make the stiffness of all films depend on temperature."""
     return setup.with_films(
         lambda film: replace(film, temperature_power=film.temperature_power + p))
 
@@ -36,6 +37,7 @@ def width_not_free(setup: Setup, w: Annotated[float, EffectParameter(
         "share of the logarithm of the width that the grips hold", "", width=0.1, low=0.0, high=1.0,
         reason=("grips hold a strip's ends over about half its width: a tenth of one that is five "
                 "times as long as wide; no source"), told_in="%")]) -> Setup:
+    """Hold a part of the width of strips that should be free."""
     return setup.with_rig(width_held=_shared(setup.rig.width_held, w))
 
 
@@ -48,4 +50,5 @@ def width_not_held(setup: Setup, w: Annotated[float, EffectParameter(
         low=0.0, high=1.0, reason=(
             "the free edges of a sheet narrow over about half its length: a tenth of one that is "
             "five times as wide as long; no source"), told_in="%")]) -> Setup:
+    """Let strips narrow that should be held in their width."""
     return setup.with_rig(width_let=_shared(setup.rig.width_let, w))
