@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,12 +17,11 @@ from tympan.base.errors import InputError
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle, Ellipse
-from tympan.geometry.specimen import Plate, Specimen
+from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Settings, build_model, voltage_ramp
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
-from tympan.studies.paper.actuators import paper_film
 from tympan.studies.parallel import mapped
 
 #: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the
@@ -106,25 +105,31 @@ class Reading:
     trouble: str = ""
 
     @property
-    def specimen(self) -> Specimen:
-        """An ellipse with the paper's film and short semi-axis."""
-        return Specimen(f"ellipse {self.aspect:.4g} plate {self.plate_over_short:.4g}",
-                        Ellipse((self.aspect * SHORT, SHORT)),
-                        Plate(Circle(self.plate_over_short * SHORT)), paper_film(self.material))
+    def name(self) -> str:
+        return f"ellipse {self.aspect:.4g} plate {self.plate_over_short:.4g}"
+
+    def specimen(self, film: Film) -> Specimen:
+        """Ellipse of this place, with a film of its material."""
+        frame = Ellipse((self.aspect * SHORT, SHORT))
+        plate = Plate(Circle(self.plate_over_short * SHORT))
+        return Specimen(self.name, frame, plate,
+                        replace(film, material=MATERIALS[self.material].material))
 
 
 @dataclass(frozen=True)
 class MapSettings:
     """Settings of a map: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
 
+    The loads must suit the film, whose frames have the short semi-axis :data:`SHORT`.
+
     The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
     materials of the library, of those without a range of stretches, ``outside`` ones have aspects
     up to ``far[0]`` and ratios up to ``far[1]``.
     """
 
-    loads: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 2e3, 4e3)))
-    mass: float = 17.9e-3
-    voltage: float = 3.5e3
+    loads: LoadGrid
+    mass: float
+    voltage: float
     aspects: tuple[float, ...] = (1.1, 1.2, 1.35, 1.5, 1.7, 1.95, 2.2, 2.5)
     ratios: tuple[float, ...] = (0.1, 0.15, 0.22, 0.3, 0.4, 0.5, 0.6)
     inside: int = 30
@@ -196,11 +201,11 @@ class AlphaMap:
                    read_own_sheet(folder / "alpha-map.csv", COLUMNS))
 
 
-def alpha_map(settings: MapSettings, workers: int = 1,
+def alpha_map(film: Film, settings: MapSettings, workers: int = 1,
               progress: Callable[[str], None] = lambda _: None) -> AlphaMap:
-    """Make a map: read all places, fit the formula to the grid."""
+    """Make a map of a film, but for its material: read all places, fit the formula to the grid."""
     rows = [{"where": name, **asdict(reading)} for name, places in settings.places().items()
-            for reading in map_readings(places, settings, workers, progress)]
+            for reading in map_readings(film, places, settings, workers, progress)]
     readings = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     fitted = (readings["where"] == "grid") & np.isfinite(readings["alpha_1"])
     aspect, ratio, weight = (readings[name] for name in ("aspect", "plate_over_short", "alpha_1"))
@@ -208,19 +213,20 @@ def alpha_map(settings: MapSettings, workers: int = 1,
     return AlphaMap(settings, formula, {**readings, "formula": formula(aspect, ratio)})
 
 
-def map_readings(places: Sequence[Reading], map_settings: MapSettings, workers: int = 1,
-                 progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
+def map_readings(film: Film, places: Sequence[Reading], map_settings: MapSettings,
+                 workers: int = 1, progress: Callable[[str], None] = lambda _: None
+                 ) -> list[Reading]:
     """Readings at every place, in their order; where nothing is in equilibrium, the reason."""
     readings = []
-    with closing(mapped(partial(_read, map_settings), places, workers)) as made:
+    with closing(mapped(partial(_read, film, map_settings), places, workers)) as made:
         for reading in made:
-            progress(reading.specimen.name)
+            progress(reading.name)
             readings.append(reading)
     return readings
 
 
-def _read(map_settings: MapSettings, place: Reading) -> Reading:
-    specimen, settings = place.specimen, Settings()
+def _read(film: Film, map_settings: MapSettings, place: Reading) -> Reading:
+    specimen, settings = place.specimen(film), Settings()
     loads = AlphaSettings(map_settings.loads, LoadGrid((), ()))
     try:
         weights = alpha(specimen, settings, loads).by_basis["membrane"]

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.optimize import NonlinearConstraint, least_squares, minimize
 
 from tympan.base.arrays import Array
+from tympan.paper.published import HIGHEST, LOWEST, MASSES, ranges
+from tympan.paper.table1 import VISCOUS, paper_actuators
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.simulate import slow_ends
-from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Signal
 
 _START = np.array([8.0, 0.5, 0.5])
@@ -44,7 +44,7 @@ def paper_array(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES)
     short = np.asarray(alpha)[..., None, :]
     short = np.concatenate([0 * short[..., :1] + 1, short], axis=-1)
     return Actuator(ConeCircle(circle, np.array(radii)), np.stack([short, 1 - short], axis=-1),
-                    np.array(masses)[:, None],
+                    np.array(masses)[:, None], VISCOUS,
                     permittivity=np.asarray(permittivity)[..., None, None])
 
 
@@ -120,7 +120,7 @@ class MissingParameters:
 
     def actuators(self, mass: float) -> tuple[Actuator, ...]:
         """The paper's three actuators under a mass [kg] with these values."""
-        return tuple(Actuator.of(specimen, mass, self.weights(number))
+        return tuple(Actuator.of(specimen, mass, self.weights(number), VISCOUS)
                      for number, specimen in enumerate(paper_actuators(self.permittivity)))
 
     def json(self) -> dict[str, Any]:

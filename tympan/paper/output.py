@@ -13,20 +13,20 @@ import pandas as pd
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.studies.alpha import alpha
-from tympan.studies.columns import Column, read_own_sheet
-from tympan.studies.files import from_json, read_json, remove, to_json, write_csv, write_json
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.paper import published
-from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.replica.figures import INTERVAL, VOLTAGES, ZOOM, Criterion, Replica, criteria
-from tympan.studies.replica.findings import findings, sentences
-from tympan.studies.replica.missing_parameters import (
+from tympan.paper import published
+from tympan.paper.figures import INTERVAL, VOLTAGES, ZOOM, Criterion, Replica, criteria
+from tympan.paper.findings import findings, sentences
+from tympan.paper.missing_parameters import (
     allowed,
     other_fits,
     smallest_worst,
     worst_misfit,
 )
+from tympan.paper.published import MASSES, NAMES, ranges
+from tympan.studies.alpha import alpha
+from tympan.studies.columns import Column, read_own_sheet
+from tympan.studies.files import from_json, read_json, remove, to_json, write_csv, write_json
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.study import default_study
 
 #: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.

@@ -20,16 +20,9 @@ from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import DEFAULT, MATERIALS
 from tympan.geometry.outlines import area
-from tympan.studies.circles import ConeCircle
-from tympan.studies.identify.static import StaticProblem
-from tympan.studies.lumped.actuator import paper_cones
-from tympan.studies.lumped.equilibria import rest
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.paper import published
-from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.paper.table1 import known, paper_actuators
-from tympan.studies.replica.figures import Replica
-from tympan.studies.replica.missing_parameters import (
+from tympan.paper import published
+from tympan.paper.figures import Replica
+from tympan.paper.missing_parameters import (
     MissingParameters,
     allowed,
     deflections,
@@ -37,6 +30,13 @@ from tympan.studies.replica.missing_parameters import (
     rest_ranges,
     smallest_worst,
 )
+from tympan.paper.published import MASSES, NAMES, ranges
+from tympan.paper.table1 import known, paper_actuators
+from tympan.studies.circles import ConeCircle
+from tympan.studies.identify.static import StaticProblem
+from tympan.studies.lumped.actuator import paper_cones
+from tympan.studies.lumped.equilibria import rest
+from tympan.studies.lumped.linear import linearise
 
 Values = dict[str, Any]
 _VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 15)
@@ -56,7 +56,7 @@ def findings(replica: Replica) -> list[dict[str, Any]]:
     shown = {"sign": sign(missing), "law": softening(missing), "cone": cone(missing),
              "lost": lost_cells(replica), "mass": mass_ratio(replica),
              "energy": energy(missing), "checks": checks()}
-    text = resources.files("tympan.studies.replica").joinpath("findings.toml")
+    text = resources.files("tympan.paper").joinpath("findings.toml")
     stated = tomllib.loads(text.read_text(encoding="utf-8"))
     return [{"key": key, "title": stated[key]["title"],
              "words": [words for words in sentences(key, **values) if words],
@@ -74,7 +74,7 @@ def sentences(key: str, **values: Any) -> list[str]:
 @cache
 def _sections() -> dict[str, list[str]]:
     """Paragraphs, each on one line, by the section they stand in: ``[key]`` above them."""
-    text = resources.files("tympan.studies.replica").joinpath("words.txt")
+    text = resources.files("tympan.paper").joinpath("words.txt")
     sections: dict[str, list[str]] = {}
     for block in text.read_text(encoding="utf-8").strip().split("\n\n"):
         first, *lines = block.splitlines()

@@ -10,17 +10,17 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper import published
-from tympan.studies.paper.published import MASSES, NAMES
-from tympan.studies.replica.missing_parameters import (
+from tympan.paper import published
+from tympan.paper.missing_parameters import (
     MissingParameters,
     deflections,
     fit_levels,
     fit_rests,
 )
+from tympan.paper.published import MASSES, NAMES
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces, Sine, random_steps, step
 
 Progress = Callable[[str], None]
