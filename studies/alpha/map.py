@@ -76,7 +76,7 @@ class Formula:
                          -1) @ self.constants
         radius = 1 + (_STRIP - 1) * (1 - aspect**-power)
         same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
-        return np.asarray((same - long) / (short - long))
+        return (same - long) / (short - long)
 
     def words(self) -> str:
         """The formula with its numbers, to be copied."""
@@ -256,4 +256,4 @@ def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
 def _errors(readings: Mapping[str, Array]) -> Array:
     """Formula less reading, where there is one."""
     error = readings["formula"] - readings["alpha_1"]
-    return np.asarray(error[np.isfinite(error)])
+    return error[np.isfinite(error)]

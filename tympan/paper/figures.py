@@ -175,7 +175,7 @@ class Replica:
     @property
     def rest_ranges(self) -> Array:
         """Ranges between the paper's voltages at rest [m], shape (masses, actuators)."""
-        return np.asarray(self.static[:, :, -1] - self.static[:, :, 0])
+        return self.static[:, :, -1] - self.static[:, :, 0]
 
     @property
     def random_ranges(self) -> Array:

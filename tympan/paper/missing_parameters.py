@@ -137,10 +137,10 @@ def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParam
 
     def residual(free: Array) -> Array:
         values = spread @ free
-        return np.asarray(1e3 * (rest_ranges(values[0], values[1:]) - read)[kept].ravel())
+        return 1e3 * (rest_ranges(values[0], values[1:]) - read)[kept].ravel()
 
     def slopes(free: Array) -> Array:
-        return np.asarray(1e3 * ranges_with_slopes(spread @ free)[1][kept].reshape(-1, 3) @ spread)
+        return 1e3 * ranges_with_slopes(spread @ free)[1][kept].reshape(-1, 3) @ spread
 
     low, high = _BOUNDS[:count].T
     done = least_squares(residual, _START[:count], slopes, (low, high), x_scale=high - low,
