@@ -24,8 +24,8 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
 from tympan.studies.parallel import mapped
 
-#: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the
-#: loads.
+#: Short semi-axis of all shapes of a map [m]. Only ratios matter to α; the loads must suit this
+#: size.
 SHORT = 45e-3
 
 #: Places of a map: on its grid, at random within its range, and beyond it.
@@ -44,8 +44,8 @@ COLUMNS: tuple[Column, ...] = (
     Column.labels("trouble", required=False),
 )
 
-#: Radius of the circle whose film is as stiff as that of an endless strip with a small plate in its
-#: middle, over the strip's half width: its conformal radius.
+#: Conformal radius of an endless strip over its half width: a round film of this radius is as stiff
+#: as the strip, if the plate in the middle is small.
 _STRIP = 4 / np.pi
 
 
@@ -70,7 +70,7 @@ class Formula:
     ratios: tuple[float, float]
 
     def __call__(self, aspect: Array, ratio: Array) -> Array:
-        """α₁, whether or not the formula holds there."""
+        """Evaluate α₁, also where the formula does not hold."""
         logarithm = np.log(aspect)
         power = np.stack([np.ones_like(logarithm), logarithm, logarithm**2, ratio**3 * logarithm],
                          -1) @ self.constants
@@ -89,7 +89,7 @@ class Formula:
 
 @dataclass(frozen=True)
 class Reading:
-    """A place on the map, and what is read there; as the columns of alpha-map.csv.
+    """Place on the map with its results, by the columns of alpha-map.csv.
 
     ``aspect`` and ``plate_over_short``: long semi-axis and plate radius over the short semi-axis.
     ``alpha_1`` is of two membrane circles with the semi-axes, ``force_error`` what it leaves,
@@ -242,7 +242,7 @@ def _read(film: Film, map_settings: MapSettings, place: Reading) -> Reading:
 
 
 def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
-    """The formula nearest to α₁ in the mean square, its constants rounded to the places it prints.
+    """Fit the formula to α₁ by least squares; its constants are rounded as they are printed.
 
     ``aspect``, ``ratio`` and α₁, ``weight``, have shape (readings,).
     """
