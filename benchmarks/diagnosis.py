@@ -36,7 +36,7 @@ from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.next_experiment.proposals import propose
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 
 MASSES, VOLTAGES, NOISE = (17.9e-3, 22.45e-3), np.linspace(0, 6.5e3, 15), 20e-6
 HIDDEN: Use = ("prestretch_loss", (0.02,), "elliptical-small")

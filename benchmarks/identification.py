@@ -18,6 +18,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.geometry.specimen import Specimen
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.dynamic import (
     DynamicProblem,
@@ -35,7 +36,6 @@ from tympan.studies.identify.static import (
 from tympan.studies.lumped.actuator import Actuator, Viscous, paper_cones
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import step
 
 NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 15), (0.5, 0.5)

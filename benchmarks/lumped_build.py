@@ -16,11 +16,11 @@ from tympan.fem.film.laws import Gent, NeoHooke, Ogden
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.outlines import Circle, Ellipse, Stadium, Superellipse
 from tympan.geometry.specimen import Electrode, Plate, Specimen
+from tympan.paper.published import MASSES
 from tympan.reports.figures.lumped_model import draw_built
 from tympan.studies.case import Settings
 from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import rest_curve
-from tympan.studies.paper.published import MASSES
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _NAMES = ("circular", "elliptical-small", "elliptical-large")
@@ -41,7 +41,7 @@ PAPER_LOADS = BuildSettings(MASSES, tuple(500.0 * number for number in range(11)
 
 
 def _paper() -> Iterator[Specimen]:
-    folder = resources.files("tympan.studies.paper") / "actuators"
+    folder = resources.files("tympan.studies.shipped")
     return (load_specimen(str(folder / f"{name}.toml")) for name in _NAMES)
 
 

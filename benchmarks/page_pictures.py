@@ -24,7 +24,7 @@ from tympan.reports.figures.force import draw_force_curves
 from tympan.studies.files import write_atomically
 from tympan.studies.lumped.case import LumpedCase
 from tympan.studies.lumped.control.run import ControlSettings, controlled
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 from tympan.studies.signals import through
 
 #: Dots to an inch: pages show pictures as wide as their text.

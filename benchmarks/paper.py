@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tympan.reports.paper.page import BASES, caption, number_text
+from tympan.paper.figures import Choices
+from tympan.paper.missing_parameters import fit_levels
+from tympan.paper.output import PaperResult
+from tympan.paper.page import BASES, caption, number_text
+from tympan.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.reports.template import percent
-from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
-from tympan.studies.replica.figures import Choices
-from tympan.studies.replica.missing_parameters import fit_levels
-from tympan.studies.replica.output import PaperResult
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _SEEDS = 6

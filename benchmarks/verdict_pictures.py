@@ -27,7 +27,7 @@ from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.files import write_atomically
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 
 #: The row that is written wrongly, and by how much [m].
 SLIP, BY = 40, 0.4e-3

@@ -34,7 +34,7 @@ class CurvedTriangles(skfem.MeshTri2):  # type: ignore[misc]  # scikit-fem has n
 
 def curved_mesh(vertices: Array, triangles: Numbers, order: int,
                 nodes: Array) -> CurvedTriangles:
-    """A scikit-fem mesh from element-wise node positions.
+    """Make a scikit-fem mesh from the node positions of each element.
 
     ``vertices`` have shape (2, n), ``triangles``, of vertex numbers that ascend in each column, (3,
     elements), ``nodes``, at scikit-fem's local degrees of freedom, (2, local, elements).
@@ -49,7 +49,7 @@ def curved_mesh(vertices: Array, triangles: Numbers, order: int,
 
 
 def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
-    """The mesh of a meshio mesh: its sets of lines are boundaries, of triangles subdomains."""
+    """Convert a meshio mesh: sets of lines become boundaries, sets of triangles subdomains."""
     kind = next(cell.type for cell in source.cells if cell.type in _CELLS)
     order = _CELLS[kind]
     cells = source.cells_dict[kind]
@@ -77,7 +77,7 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
 
 
 def to_bytes(mesh: CurvedTriangles) -> bytes:
-    """The mesh with its boundaries and subdomains, for :func:`from_bytes`."""
+    """Store a mesh with its boundaries and subdomains, for :func:`from_bytes`."""
     content = BytesIO()
     tagged = {f"boundary {name}": facets for name, facets in (mesh.boundaries or {}).items()}
     tagged |= {f"subdomain {name}": cells for name, cells in (mesh.subdomains or {}).items()}
@@ -86,7 +86,7 @@ def to_bytes(mesh: CurvedTriangles) -> bytes:
 
 
 def from_bytes(content: bytes) -> CurvedTriangles:
-    """The mesh of :func:`to_bytes`, to the last bit."""
+    """Load the mesh of :func:`to_bytes`, equal to the last bit."""
     with np.load(BytesIO(content)) as arrays:
         mesh = CurvedTriangles(arrays["doflocs"], arrays["t"],
                                elem=ELEMENTS[int(arrays["order"])], validate=False)
@@ -107,10 +107,11 @@ def facets_of(mesh: CurvedTriangles, edges: Numbers) -> Numbers:
 
 def unfold(mesh: CurvedTriangles,
            planes: frozenset[str]) -> tuple[CurvedTriangles, Numbers, Array]:
-    """Mirror a part that was meshed for symmetry into the whole film.
+    """Complete a part that was meshed for symmetry by its mirror images.
 
-    Besides the whole, of each of its nodes the one in the part, and signs of shape (2, nodes): a
-    nodal vector field of the whole is that of the part's nodes, x and y components times the signs.
+    Answers the whole mesh, the part's node behind each of its nodes, and signs of shape (2, nodes).
+    A nodal vector field of the whole takes its x and y components from the part's nodes, times the
+    signs.
     """
     nodes = mesh.doflocs.shape[1]
     origin, signs = np.arange(nodes), np.ones((2, nodes))
@@ -123,7 +124,7 @@ def unfold(mesh: CurvedTriangles,
 
 
 def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Numbers, Mask]:
-    """Part and image; of each node the one in the part, and whether it is in the image alone."""
+    """Add the mirror image; also each node's origin, and whether it is in the image alone."""
     count, half = mesh.nvertices, mesh.t.shape[1]
     corner_points = mesh.doflocs[:, :count]
     on_plane = np.abs(corner_points[axis]) < 1e-12 * np.abs(corner_points).max()
@@ -132,8 +133,7 @@ def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Numbers,
     flip = np.ones((2, 1))
     flip[axis] = -1
     vertices = np.hstack([corner_points, (flip * corner_points)[:, ~on_plane]])
-    # The new vertices ascend with the old ones only away from the plane, so the image triangles are
-    # sorted anew.
+    # Vertices on the plane keep their numbers, so those of an image triangle need not ascend.
     corners = image[mesh.t]
     rank = np.argsort(corners, axis=0)
     local = _local_numbers(_barycentric(mesh.order), mesh.order)[tuple(rank)]

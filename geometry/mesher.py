@@ -33,27 +33,29 @@ Groups = dict[str, list[tuple[int, int]]]
 #: Points along a curve at which elements are given a size by its curvature.
 _SIZES = 65
 
-#: So many times smaller may an edge's elements be than those around it, lest these fold.
+#: How many times smaller than those around it the elements of an edge may be. Beyond that, larger
+#: elements beside small ones fold.
 _STEEP = 6
 
-#: Curvatures along a curve that differ by no more are one.
+#: Ratio of the largest to the smallest curvature of a curve, up to which the curve counts as an
+#: arc.
 _ALIKE = 1.5
 
-#: Points of the frame's outline at which the width of the film is measured, every 4 degrees of a
+#: Points of the frame's outline where the width of the film is measured: every 4 degrees of a
 #: circle. Set by trial.
 _PLACES = 90
-#: Corners of the polygon for each of those places, so that it stands for the curve when widths are
-#: measured to it.
+#: Corners of the frame's polygon from one of those points to the next. Widths are measured to the
+#: polygon, so it must be near the curve.
 _BETWEEN = 8
 
-#: A size that is asked for at a point counts where it is that much smaller than what others ask.
+#: A size at a point counts if it is smaller than this share of what the other fields give there.
 _SMALLER = 0.8
 
-#: The factor of :meth:`MeshSettings.suited` changes in such steps, so that prestretches that differ
-#: little have one mesh.
+#: Step in which the factor of :meth:`MeshSettings.suited` changes, so that nearly equal
+#: prestretches share a mesh.
 _LEVEL = 0.25
-#: The largest factor of :meth:`MeshSettings.suited`: elements half as long, four times as many. A
-#: bound of the cost.
+#: Largest factor of :meth:`MeshSettings.suited`: elements half as long, four times as many. It
+#: bounds the cost.
 _FINEST = 2.0
 
 _CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
@@ -112,8 +114,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
 
     Its cell sets are the lines ``frame``, ``plate``, ``axis_x``, ``axis_y`` (through the plate's
     centre, or the frame's where there is no plate), the triangles ``covered`` and ``bare``.
-    ``planes`` are coordinates about whose zero it will be mirrored: only the positive part is
-    meshed.
+    ``planes`` names the coordinates in which the film will be mirrored: only the part where they
+    are positive is meshed.
     """
     loops = sectors(specimen, planes)
     faces = _cut_faces(specimen, planes) if loops is None else {}
@@ -133,7 +135,7 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
 
 
 def _cut_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
-    """The flat film, ``covered`` and ``bare``, as faces of OpenCASCADE's that cadquery cut."""
+    """Cut the flat film with cadquery: its ``covered`` and ``bare`` faces, for OpenCASCADE."""
     from tympan.geometry.cad.membrane import membrane_faces  # not loaded where nothing is cut
 
     return {name: [face.wrapped for face in faces]
@@ -155,7 +157,7 @@ def _session() -> Iterator[Any]:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-        # To which sizes are integrated along curves; its own 1e-9 takes most of the time.
+        # Precision to which sizes are integrated along curves; gmsh's 1e-9 takes most of the time.
         gmsh.option.setNumber("Mesh.LcIntegrationPrecision", 1e-5)
         gmsh.model.add("film")
         yield gmsh
@@ -164,7 +166,7 @@ def _session() -> Iterator[Any]:
 
 
 def _curve_groups(gmsh: Any, specimen: Specimen) -> Groups:
-    """Curves on the frame, on the plate, on an axis through the plate's centre."""
+    """Find the curves on the frame, on the plate, and on the axes through the plate's centre."""
     tolerance = 1e-6 * max(specimen.frame.semi_axes)
     curves = gmsh.model.getEntities(1)
     x, y = np.moveaxis(np.array([_along(gmsh, curve, 7) for curve in curves]), -1, 0) / METRE
@@ -194,13 +196,14 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 
 
 def _built(gmsh: Any, loops: dict[str, list[Loop]]) -> Groups:
-    """Surfaces within loops, in gmsh's own OpenCASCADE."""
+    """Build surfaces within loops in gmsh's own OpenCASCADE."""
     occ = gmsh.model.occ
     plane = occ.addDisk(0, 0, 0, 1, 1)
     surfaces = {name: [(2, occ.addTrimmedSurface(plane, [_curve_loop(occ, loop)], True))
                        for loop in members] for name, members in loops.items()}
     occ.remove([(2, plane)])
-    # Curves that were joined by their copies, and poles of splines, would be meshed.
+    # The surfaces have copies of the curves. The curves themselves, and the poles of splines, would
+    # be meshed too.
     for dimension in (1, 0):
         occ.remove(occ.getEntities(dimension))
     groups = _glued(gmsh, surfaces)
@@ -214,9 +217,9 @@ def _curve_loop(occ: Any, loop: Loop) -> int:
 
 
 def _number_from_both_ends(gmsh: Any) -> None:
-    """Number the curves and points of a surface as the kernel's own wires do.
+    """Number the curves and points of a surface as OpenCASCADE's own wires do.
 
-    The triangulation depends on the numbers, and on the plane's origin.
+    The triangulation depends on these numbers and on the origin of the plane.
     """
     curves = gmsh.model.getEntities(1)
     ends = [curve for pair in zip(curves, reversed(curves), strict=True) for curve in pair]
@@ -229,7 +232,7 @@ def _number_from_both_ends(gmsh: Any) -> None:
 
 
 def _curve(occ: Any, piece: Piece) -> int:
-    """A piece as a curve [mm]; its tag."""
+    """Add a piece as a curve [mm]; answers its tag."""
     if isinstance(piece, Line):
         return int(occ.addLine(*(occ.addPoint(*millimetres(*place), 0)
                                  for place in (piece.start, piece.end))))
@@ -240,7 +243,7 @@ def _arc(occ: Any, arc: Arc) -> int:
     arc = arc.counterclockwise()
     x, y, a, b = millimetres(*arc.centre, *arc.radii)
     start = arc.start % (2 * np.pi)
-    # Of sums of angles the last digit is noise, which would decide between triangulations.
+    # The last digit of a sum of angles is rounding; left in, it would decide on the triangulation.
     angles = (float(f"{angle:.15g}") for angle in (start, start + arc.sweep))
     axes = (0, 0, 1), (np.cos(arc.turn), np.sin(arc.turn), 0)
     if a == b:
@@ -259,7 +262,7 @@ def _spline(occ: Any, spline: Spline) -> int:
 
 
 def _imported(gmsh: Any, faces: dict[str, list[Any]]) -> Groups:
-    """The surfaces of cadquery's faces, brought into gmsh."""
+    """Bring cadquery's faces into gmsh as surfaces."""
     with temporary_folder() as folder:
         surfaces = {name: gmsh.model.occ.importShapes(_brep_file(folder, name, members))
                     if members else [] for name, members in faces.items()}
@@ -267,7 +270,7 @@ def _imported(gmsh: Any, faces: dict[str, list[Any]]) -> Groups:
 
 
 def _glued(gmsh: Any, surfaces: Groups) -> Groups:
-    """Surfaces that share the curves where they meet."""
+    """Fuse surfaces, so that neighbours share the curves where they meet."""
     whole = [surface for members in surfaces.values() for surface in members]
     parts = [[surface] for surface in whole]
     if len(whole) > 1:
@@ -279,7 +282,7 @@ def _glued(gmsh: Any, surfaces: Groups) -> Groups:
 
 
 def _brep_file(folder: Path, name: str, faces: list[Any]) -> str:
-    """The path of a new file of faces."""
+    """Write faces to a new file; answers its path."""
     from tympan.geometry.cad.wires import brep
 
     file = folder / f"{name}.brep"
@@ -294,7 +297,7 @@ def _brep_file(folder: Path, name: str, faces: list[Any]) -> str:
 
 def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups,
                 repeats: int) -> None:
-    """The size of elements; the mesh is repeated so often in the whole film."""
+    """Set the size of elements; the whole film consists of ``repeats`` copies of the mesh."""
     if specimen.plate is None:
         fields = _fields_without_plate(gmsh, specimen, settings, groups, repeats)
     else:
@@ -305,10 +308,11 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: G
 
 def _fields_without_plate(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups,
                           repeats: int) -> list[int]:
-    """H ≤ across·gap/2; an electrode's edge takes the place of the plate's.
+    """Limit element sizes h of a film without plate: h ≤ across·gap/2.
 
-    From it h ≤ h_edge + growth·d_edge with ``around_plate`` elements around it, and
-    h ≤ across·(d_edge + d_frame), down to a quarter of h_edge.
+    The edge of an electrode takes the place of the plate's: h ≤ h_edge + growth·d_edge, with
+    ``around_plate`` elements around the edge, and h ≤ across·(d_edge + d_frame), but never below a
+    quarter of h_edge.
     """
     whole = settings.across * specimen.gap * METRE / 2
     fields = [_field(gmsh, "MathEval", F=repr(whole))]
@@ -326,7 +330,7 @@ def _fields_without_plate(gmsh: Any, specimen: Specimen, settings: MeshSettings,
 
 
 def _electrode_edge(gmsh: Any, groups: Groups) -> list[int]:
-    """Curves between what is covered and what is bare."""
+    """Find the curves between covered and bare surfaces."""
     inner, outer = (gmsh.model.getBoundary(groups[name], combined=False, oriented=False)
                     for name in ("covered", "bare"))
     return sorted({*_tags(inner)} & {*_tags(outer)})
@@ -334,12 +338,13 @@ def _electrode_edge(gmsh: Any, groups: Groups) -> list[int]:
 
 def _fields_around_plate(gmsh: Any, specimen: Specimen, plate: Plate, settings: MeshSettings,
                          groups: Groups) -> list[int]:
-    """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d distances to the two edges.
+    """Limit element sizes h by the distances d to plate and frame.
 
-    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach
-    across a band; that under the electrode is the width there. With an outline, where its edge
-    nears plate or frame, h ≤ across·(sum of the distances to both) instead, down to a quarter of
-    h_plate or 3 widths. From tight fillets they grow as from the plate.
+    h ≤ h_plate + growth·d_plate and h ≤ across·(d_plate + d_frame). In an uncovered band, and under
+    the electrode between two bands, h is at most 3 widths, because a curved edge of a larger
+    element would reach across. If the electrode has an outline, the rule near plate and frame is h
+    ≤ across·(distance to the outline + distance to plate or frame), but never below a quarter of
+    h_plate or 3 widths of a band. Around tight fillets elements grow as they do around the plate.
     """
     edge = plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -368,7 +373,7 @@ def _fields_around_plate(gmsh: Any, specimen: Specimen, plate: Plate, settings: 
 
 
 def _field(gmsh: Any, kind: str, **options: float | str | list[int]) -> int:
-    """A new size field of gmsh; its number."""
+    """Add a size field to gmsh; answers its number."""
     field = gmsh.model.mesh.field
     number = int(field.add(kind))
     for name, value in options.items():
@@ -390,11 +395,11 @@ def _distance(gmsh: Any, curves: list[int]) -> int:
 
 
 def _curvature_field(gmsh: Any, around: int) -> int:
-    """Number of the field that puts ``around`` elements around a circle of a curve's own curvature.
+    """Add a field with ``around`` elements around a circle of each curve's own curvature.
 
-    gmsh's own option for that takes most of the time of meshing, since it asks a spline for its
-    curvature again and again. Here the sizes at points along every curve are a view of which
-    curves, and nothing else, use the nearest.
+    gmsh has an option for that, which takes most of the time of meshing: it asks a spline for its
+    curvature again and again. Here the sizes at points along every curve are stored in a view.
+    Curves alone read it, each place from the nearest point.
     """
     curves = gmsh.model.getEntities(1)
     sizes = [2 * np.pi / (around * np.maximum(_curvature(gmsh, curve, _SIZES), 1e-12))
@@ -413,14 +418,14 @@ def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 
 def _fillet_fields(gmsh: Any, plate: Plate, settings: MeshSettings, plain: float,
                    groups: Groups) -> list[int]:
-    """Fields by which elements grow from edges whose own are much smaller than those around."""
+    """Add fields that grow elements away from edges much finer than their surroundings."""
     sizes: dict[int, list[int]] = {}
     points: list[int] = []
     for curve in (*groups["plate"], *groups["frame"]):
         curvatures = np.maximum(_curvature(gmsh, curve, _SIZES), 1e-12)
         around = 2 * np.pi / (settings.around_plate * curvatures)
         if curvatures.max() > _ALIKE * curvatures.min():
-            # As an ellipse's, which is tight at its ends alone.
+            # The curve is tight in places alone, such as the ends of an ellipse.
             places = _along(gmsh, curve, _SIZES)
             away = METRE * plate.level(*places.T / METRE)
             steep = np.maximum(plain / 2, (plain + settings.growth * away) / _STEEP)
@@ -430,7 +435,7 @@ def _fillet_fields(gmsh: Any, plate: Plate, settings: MeshSettings, plain: float
         size = float(around.min())
         nearest = METRE * float(plate.level(*_along(gmsh, curve, 3).T / METRE).min())
         if size < max(plain / 2, (plain + settings.growth * nearest) / _STEEP):
-            # Edges of about the same curvature share a field.
+            # Edges of nearly the same curvature share a field.
             sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(curve[1])
     return [_field(gmsh, "MathEval", F=f"{2 ** ((level + 0.5) / 4)!r} + "
                    f"{settings.growth!r}*F{_distance(gmsh, tags)}")
@@ -439,7 +444,7 @@ def _fillet_fields(gmsh: Any, plate: Plate, settings: MeshSettings, plain: float
 
 def _narrow_fields(gmsh: Any, specimen: Specimen, plate: Plate, settings: MeshSettings, plain: float
                    ) -> list[int]:
-    """H ≤ across·width from where a film without plate in between is narrower than around it."""
+    """Limit h to across·width where the film is narrow and no plate lies in between."""
     places, widths = _widths(specimen.frame.points(_PLACES * _BETWEEN))
     away = plate.level(*places.T)
     sizes = settings.across * widths
@@ -449,7 +454,7 @@ def _narrow_fields(gmsh: Any, specimen: Specimen, plate: Plate, settings: MeshSe
 
 
 def _widths(edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places on a closed polygon, shape (n, 2), and how far it is from there straight across."""
+    """Measure a closed polygon straight across: places on it, shape (n, 2), and widths there."""
     corners = np.asarray(edge).T
     ahead, behind = np.roll(corners, -1, axis=0), np.roll(corners, 1, axis=0)
     chosen = slice(None, None, _BETWEEN)
@@ -459,7 +464,7 @@ def _widths(edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     inwards = turn * np.column_stack([-along[:, 1], along[:, 0]])
     inwards /= np.hypot(*inwards.T)[:, None]
     start, side = corners[chosen][:, None], ahead - corners
-    # p + t n = q + s (r − q)
+    # The normal from p meets the side from q to r: p + t n = q + s (r − q).
     gap = corners[None] - start
     across = inwards[:, None, 0] * side[None, :, 1] - inwards[:, None, 1] * side[None, :, 0]
     with np.errstate(all="ignore"):
@@ -471,7 +476,7 @@ def _widths(edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cones(gmsh: Any, settings: MeshSettings, places: np.ndarray, sizes: np.ndarray) -> list[int]:
-    """Fields of sizes at places [mm] that grow from there, but for those that others imply."""
+    """Add fields that grow from sizes at places [mm]; a size that another implies is left out."""
     kept: list[int] = []
     for number in np.argsort(sizes, kind="stable"):
         away = np.hypot(*(places[kept] - places[number]).T)
@@ -483,7 +488,7 @@ def _cones(gmsh: Any, settings: MeshSettings, places: np.ndarray, sizes: np.ndar
 
 
 def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:
-    """The tagged mesh in memory, points renumbered from zero, in metres."""
+    """Convert gmsh's mesh: tagged, points numbered from zero, in metres."""
     import meshio
 
     tags, xyz, _ = gmsh.model.mesh.getNodes()
@@ -498,6 +503,7 @@ def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:
             cells.append((_CELLS[order][dim - 1],
                           number[nodes[0].astype(np.int64)].reshape(-1, nodes_of[dim])))
             names.append(name)
-    sets = {name: [np.arange(len(data) if owner == name else 0)
-                   for owner, (_, data) in zip(names, cells, strict=True)] for name in groups}
+    counts = [len(data) for _, data in cells]
+    sets = {name: [np.arange(count if owner == name else 0)
+                   for owner, count in zip(names, counts, strict=True)] for name in groups}
     return meshio.Mesh(xyz.reshape(-1, 3)[:, :2] / METRE, cells, cell_sets=sets)

@@ -8,10 +8,10 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask
 
-#: Places on a ray between which the edge of an outline is looked for. What is thinner than the
-#: distance between two of them may be missed. Set by trial.
+#: Places on a ray that are tested for lying inside. A part of an outline that is thinner than the
+#: distance from one place to the next may be missed. Set by trial.
 _SOUGHT = 400
-#: Halvings of the interval that holds the edge: to the rounding of numbers.
+#: Halvings of the interval that holds the edge, down to rounding errors.
 _HALVINGS = 50
 
 
@@ -23,9 +23,9 @@ class Bounded(Protocol):
 
 
 def exits(inside: Bounded, centre: Array, way: Array, far: float) -> Array:
-    """Distances at which rays first leave [m], shape (n,); ``centre`` (2, 1), ``way`` (2, n).
+    """Distances at which rays first leave an outline [m], shape (n,).
 
-    ``far`` is beyond them all [m].
+    ``centre`` has shape (2, 1), ``way`` (2, n); ``far`` is a distance beyond the outline [m].
     """
     radius = np.linspace(0, far, _SOUGHT)[:, None]
     first = outside(inside, centre, way, far).argmax(axis=0)
@@ -38,6 +38,6 @@ def exits(inside: Bounded, centre: Array, way: Array, far: float) -> Array:
 
 
 def outside(inside: Bounded, centre: Array, way: Array, far: float) -> Mask:
-    """Whether places on rays up to ``far`` are outside, from the centre on, shape (places, n)."""
+    """Test whether places on rays, from the centre to ``far``, lie outside, shape (places, n)."""
     radius = np.linspace(0, far, _SOUGHT)[:, None]
-    return np.asarray(inside.level(*(centre[:, None] + way[:, None] * radius)) > 0)
+    return inside.level(*(centre[:, None] + way[:, None] * radius)) > 0

@@ -16,27 +16,28 @@ from tympan.geometry.specimen import Pair, Specimen
 #: Pieces in order around a part of the film.
 Loop = tuple[Piece, ...]
 
-#: How near to an axis a point is on it, relative to the frame: above the rounding of numbers.
+#: Distance to an axis below which a point lies on it, relative to the frame: above rounding errors.
 _MEET = 1e-12
-#: Pieces shorter than this, relative to the frame, all but end on an axis: the kernel of CAD cuts
-#: such a film instead. Set by trial.
+#: Shortest piece, relative to the frame. A shorter one ends very near an axis; such a film is cut
+#: by the CAD kernel instead. Set by trial.
 _SHORT = 1e-6
 
-#: Intervals between two breaks of a piece in which it crosses an axis once at most.
+#: Intervals from one break of a piece to the next. In each of them it crosses an axis once at most.
 _EACH = 8
 
-#: Places along each axis at which the cover of an outline and of patches is looked at: a share to
-#: some thousandths.
+#: Places along each axis where outlines and patches are sampled: the covered share is then right to
+#: a few thousandths.
 _PLACES = 150
 
-#: Signs of both coordinates, counterclockwise.
+#: Signs of x and y in each quadrant, counterclockwise.
 _QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
 
 def rings(specimen: Specimen) -> dict[str, list[tuple[Curve, Curve | None]]]:
-    """The film between outer and inner curves, None inside the innermost of a film without plate.
+    """Divide the film into rings, each an outer and an inner curve.
 
-    Those ``covered`` by an electrode without outline, and those its margins leave ``bare``.
+    ``covered`` is the ring under an electrode without outline; ``bare`` are the rings that its
+    margins leave uncovered. The innermost ring of a film without plate has no inner curve (None).
     """
     electrode, plate = specimen.electrode, specimen.plate
     curves: list[Curve | None] = [specimen.frame.curve]
@@ -56,7 +57,7 @@ def rings(specimen: Specimen) -> dict[str, list[tuple[Curve, Curve | None]]]:
 
 def covered_share(specimen: Specimen) -> float:
     """Share of the film between plate and frame that the electrode covers, by area."""
-    areas = {kind: sum(float(outer.area - (inner.area if inner else 0.0)) for outer, inner in parts)
+    areas = {kind: sum(_ring_area(*ring) for ring in parts)
              for kind, parts in rings(specimen).items()}
     electrode, plate = specimen.electrode, specimen.plate
     share = areas["covered"] / (areas["covered"] + areas["bare"])
@@ -75,8 +76,13 @@ def covered_share(specimen: Specimen) -> float:
     return share * float(covered.mean())
 
 
+def _ring_area(outer: Curve, inner: Curve | None) -> float:
+    hole = 0.0 if inner is None else inner.area
+    return float(outer.area - hole)
+
+
 def _edge_of_band(curve: Curve, width: float) -> Curve:
-    """The edge of an electrode that leaves a band along a curve bare, outside it if positive."""
+    """Edge of an uncovered band along a curve; outside the curve if the width is positive."""
     try:
         return curve.beside(width)
     except InputError as error:
@@ -85,11 +91,11 @@ def _edge_of_band(curve: Curve, width: float) -> Curve:
 
 
 def sectors(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Loop]] | None:
-    """Loops around the parts of the rings in every quadrant about the film's centre [m].
+    """Cut the rings along the axes through the film's centre; loops around the parts [m].
 
-    ``planes`` are coordinates about whose zero the film is mirrored: only the parts where they are
-    positive. None where an electrode's outline cuts the film, a curve crosses one half of an axis
-    more than once, or a piece all but ends there.
+    ``planes`` names the coordinates in which the film is mirrored: only parts where they are
+    positive are returned. The answer is None where an electrode's outline cuts the film, where a
+    curve crosses one half of an axis more than once, and where a piece ends very near an axis.
     """
     if specimen.electrode.outline is not None:
         return None
@@ -119,7 +125,7 @@ def _loop(outer: Sequence[Piece], inner: Sequence[Piece], centre: Pair) -> Loop:
 
 
 def _on_axis(piece: Piece | None, t: float, centre: Pair) -> Pair:
-    """End of a piece on an axis, to the last digit; the centre if there is none."""
+    """End of a piece that lies on an axis, exactly on it; the centre if there is no piece."""
     if piece is None:
         return centre
     place = piece.at(np.array([t]))[0][0]
@@ -130,7 +136,7 @@ def _on_axis(piece: Piece | None, t: float, centre: Pair) -> Pair:
 
 
 def _quadrants(curve: Curve, centre: Pair, size: float) -> list[list[Piece]] | None:
-    """Its pieces by quadrant about a centre inside; None where it comes to one twice."""
+    """Sort the pieces of a curve by quadrant about a centre; None if it enters one twice."""
     parts = [part for piece in curve.pieces for part in _split(piece, centre, _MEET * size)]
     places = np.array([part.at(np.array([0.0, 0.5, 1.0]))[0] for part in parts])
     middles = places[:, 1] - centre
@@ -148,7 +154,7 @@ def _quadrants(curve: Curve, centre: Pair, size: float) -> list[list[Piece]] | N
 
 
 def _split(piece: Piece, centre: Pair, close: float) -> list[Piece]:
-    """The piece in parts that do not cross the axes through a centre."""
+    """Cut a piece where it crosses the axes through a centre."""
     t = subdivided(piece.breaks, _EACH)
     places = piece.at(t)[0] - centre
     places[np.abs(places) < close] = 0.0
@@ -157,12 +163,13 @@ def _split(piece: Piece, centre: Pair, close: float) -> list[Piece]:
         crossed = np.flatnonzero(places[:-1, axis] * places[1:, axis] < 0)
         cuts.append(_crossings(piece, axis, centre[axis], t[crossed], t[crossed + 1]))
     ends = np.unique(np.concatenate([*cuts, [0.0, 1.0]]))
-    return [piece] if len(ends) == 2 else [piece.part(low, high) for low, high in pairwise(
-        ends.tolist())]
+    if len(ends) == 2:
+        return [piece]
+    return [piece.part(low, high) for low, high in pairwise(ends.tolist())]
 
 
 def _crossings(piece: Piece, axis: int, level: float, low: AnyArray, high: AnyArray) -> AnyArray:
-    """Parameters where a coordinate has a level, once between each pair: Newton's method."""
+    """Find where a coordinate has a level, once between each ``low`` and ``high``, by Newton."""
     t = (low + high) / 2
     for _ in range(30):
         value, slope, _ = piece.at(t)

@@ -42,10 +42,10 @@ _LAYERS: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 100
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
-#: No law is meant for larger stretches.
+#: Largest stretch that a range may name; no law is meant for more.
 _LARGEST_STRETCH = 20.0
 
-#: The most by which a film may be thinner somewhere than it is stated, as a share.
+#: Largest share of the stated thickness that a gradient may take away somewhere.
 _UNEVENNESS = 0.9
 
 #: Least width of an uncovered band along an edge, as a share of the gap between plate and frame.
@@ -80,16 +80,16 @@ class LibraryEntry(Protocol):
 
     @property
     def of_film(self) -> dict[str, Any]:
-        """Properties that a film of it has unless the film states its own."""
+        """Properties of a film of this material, unless the film's file states them."""
 
 
 class Strength(Protocol):
-    """Largest field that a film withstands. ``law`` is the name in specimen files."""
+    """Largest field that a film withstands; ``law`` is its name in specimen files."""
 
     law: ClassVar[str]
 
     def field(self, l1: Stretch, l2: Stretch, thickness: Stretch) -> Stretch:
-        """The true field at breakdown [V/m] at stretches and stretched thickness [m]."""
+        """True field at breakdown [V/m], by the stretches and the stretched thickness [m]."""
 
 
 class FlowLaw(Protocol):
@@ -109,15 +109,15 @@ LAWS: Registry[Any] = Registry("law")
 STRENGTHS: Registry[Any] = Registry("law")
 
 
-#: Flows that files may name; :mod:`tympan.fem.film` adds to them. A branch whose table does not say
-#: has a constant viscosity.
+#: Flows that files may name; :mod:`tympan.fem.film` adds to them. A branch without ``flow`` has a
+#: constant viscosity.
 FLOWS: Registry[Any] = Registry("flow", usual="constant")
 
 
 @FLOWS.register
 @dataclass(frozen=True)
 class ConstantFlow:
-    """The viscosity is always the same."""
+    """Constant viscosity."""
 
     flow: ClassVar[str] = "constant"
 
@@ -140,7 +140,7 @@ class Region:
                 f"centred at {x:.4g}, {y:.4g} mm")
 
     def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
-        """Negative inside the outline, zero on it [m]."""
+        """Signed distance to the outline [m], negative inside it."""
         return self.outline.level(x - self.offset[0], y - self.offset[1])
 
     def points(self, count: int) -> Array:
@@ -228,7 +228,8 @@ class Film:
     def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
         """Add what the library knows of the film's material, which itself becomes the law."""
         entry: Any = values.get("material")
-        # Only a LibraryEntry has it; to ask whether it is one costs more than the film.
+        # Only a LibraryEntry has ``of_film``. An isinstance check would take longer than making the
+        # film.
         if hasattr(entry, "of_film"):
             values = entry.of_film | values | {"material": entry.material}
         if "relative_permittivity" not in values:
@@ -238,19 +239,19 @@ class Film:
 
     @property
     def area_prestretch(self) -> float:
-        """J_p, mounted over virgin area."""
+        """Mounted over virgin area, J_p."""
         return self.prestretch[0] * self.prestretch[1]
 
     @property
     def slack(self) -> bool:
-        """Whether the prestretch compresses the film so that it is slack before it is loaded."""
+        """Whether the prestretch compresses the film, so that it is slack without any load."""
         first, second = map(np.atleast_1d, sorted(self.prestretch, reverse=True))
         pulls = np.array(self.material.derivatives(first, second)[1:3])
         return min(self.prestretch) < 1 and bool((pulls < 0).any())
 
     @property
     def volume_per_area(self) -> float:
-        """Virgin volume of all layers per mounted area [m]: by this a stack is n films."""
+        """Virgin volume of all layers per mounted area [m]; a stack counts as n films by it."""
         return self.layers * (self.thickness / self.area_prestretch)
 
 
@@ -263,7 +264,7 @@ class Patch:
     diameter: Annotated[float, Key("where half of the film is covered", "length", POSITIVE)]
 
     def bare(self, x: Any, y: Any) -> Any:
-        """Share of the film that it leaves bare at places [m]: 2^(-s⁴), s = 2 r/d, so smooth."""
+        """Share of the film left bare at places [m]: the smooth function 2^(-s⁴), s = 2 r/d."""
         away = (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2
         return np.exp(-np.log(2) * (4 * away / self.diameter**2) ** 2)
 
@@ -291,11 +292,11 @@ class Electrode:
 
     @property
     def everywhere(self) -> bool:
-        """Whether it covers the whole film between plate and frame, but for spots it misses."""
+        """Whether it covers the whole film between plate and frame, apart from patches."""
         return self.outline is None and self.margin_frame == self.margin_plate == 0
 
     def coverage(self, x: Any, y: Any) -> Any:
-        """Share of the film covered at places of its bands and outline [m]; 1 without patches."""
+        """Share of the film covered at places within margins and outline [m]; 1 without patches."""
         return prod((1 - patch.bare(x, y) for patch in self.patches), start=1.0)
 
 
@@ -315,7 +316,7 @@ class Specimen:
         "the electrodes; left out, they cover the whole film", also=("electrodes",))] = Electrode()
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be built; numbers with an imaginary step are not looked at."""
+        """Refuse what cannot be built; specimens with complex numbers are not checked."""
         if any_complex((self.frame, self.plate, self.electrode, self.membrane)):
             return
         try:
@@ -401,20 +402,20 @@ class Specimen:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on its drawings: gaps closed, curves left out, units, places not kept."""
+        """Remarks on its drawings: gaps closed, curves left out, units, parts drawn elsewhere."""
         outlines = [("frame", self.frame), *((key, part.outline) for key, part in self._inside)]
-        return (*(f"{key}: {words}" for key, outline in outlines for words in outline.remarks),
-                *self.drawn_elsewhere)
+        drawn = [f"{key}: {words}" for key, outline in outlines for words in outline.remarks]
+        return (*drawn, *self.drawn_elsewhere)
 
     @property
     def _inside(self) -> list[tuple[str, Region]]:
-        """Plate and outline of the electrode, by their keys."""
+        """Plate and outline of the electrode, where there are any, with their keys."""
         inside = (("plate", self.plate), ("electrode.outline", self.electrode.outline))
         return [(key, part) for key, part in inside if part is not None]
 
     @property
     def drawn_elsewhere(self) -> tuple[str, ...]:
-        """Remarks on what the frame's own drawing has at another place in it than the centre."""
+        """Remarks on parts that the frame's own drawing has off its centre."""
         frame, remarks = self.frame, list[str]()
         for key, part in self._inside:
             drawn = part.outline
@@ -422,7 +423,7 @@ class Specimen:
                     and frame.file and frame.file == drawn.file):
                 continue
             place = np.subtract(drawn.drawn_at, frame.drawn_at)
-            # Parts that were drawn beside each other say nothing.
+            # A part drawn outside the frame was drawn beside it, not in its place.
             if (np.abs(place).max() > SMALLEST * max(frame.semi_axes)
                     and frame.level(*place[:, None])[0] < 0):
                 x, y = (f"{round(1e3 * length, 4) + 0.0:g}" for length in place)
@@ -442,7 +443,7 @@ class Specimen:
         return 0.0 if self.plate is None else area(self.plate.outline)
 
     def needed_plate(self) -> Plate:
-        """The plate, for what has no meaning without one; InputError where there is none."""
+        """Plate of a specimen that must have one; InputError where there is none."""
         if self.plate is None:
             raise InputError("is needed here: films without plate have solve, limits, curve, path, "
                              "modes, transient, response, sensitivity, sweep, tolerance, design, "
@@ -462,7 +463,7 @@ class Specimen:
     def gap(self) -> float:
         """Smallest distance between plate and frame [m], negative where the plate sticks out.
 
-        Of a film without plate that between the frame and its centre.
+        Without a plate it is the smallest distance between the frame and its centre.
         """
         return self._narrowest[0]
 
@@ -478,7 +479,7 @@ class Specimen:
     def axisymmetric(self) -> bool:
         """Whether a rotation about the frame's centre changes nothing."""
         even = self.membrane.thickness_gradient == (0.0, 0.0)
-        inside = [part for part in (self.plate, self.electrode.outline) if part is not None]
+        inside = [part for _, part in self._inside]
         edges = [self.frame, *(part.outline for part in inside)]
         round_edges = all(outline.semi_axes[0] == outline.semi_axes[1]
                           and isinstance(outline, Circle | Ellipse) for outline in edges)
@@ -490,12 +491,12 @@ class Specimen:
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
-        parts = (self.frame, self.plate, self.electrode.outline)
+        planes = self.frame.mirror_planes.intersection(
+            *(part.mirror_planes for _, part in self._inside))
         lopsided = (self.membrane.thickness_gradient,
                     *(patch.centre for patch in self.electrode.patches))
         uneven = {axis for pair in lopsided for axis, part in zip("xy", pair, strict=True) if part}
-        return frozenset("xy").intersection(*(part.mirror_planes for part in parts
-                                              if part is not None)) - uneven
+        return planes - uneven
 
     def relative_thickness(self, x: Any, y: Any) -> Any:
         """Virgin thickness over the stated one at places of the mounted film [m]; 1 if even."""
@@ -506,7 +507,7 @@ class Specimen:
         return 1 + along * x / a + across * y / b
 
     def place_between(self, way: Pair, share: float) -> Pair:
-        """The place so far from plate to frame, on a ray of this direction from its centre [m]."""
+        """Place [m] on a ray from the centre, at a share of the way from plate to frame."""
         centre, direction = np.array(self.centre)[:, None], np.array(way)[:, None]
         far = 3 * max(self.frame.semi_axes)
         inner = 0.0 if self.plate is None else exits(self.plate, centre, direction, far)[0]
@@ -515,22 +516,23 @@ class Specimen:
         return x, y
 
     def _holds(self, patch: Patch) -> bool:
-        """Whether a patch's centre lies in the frame, or on it, and the patch is no wider."""
+        """Whether a patch is centred within the frame or on it, and is no wider than the frame."""
         size = max(self.frame.semi_axes)
         depth = self.frame.level(*np.array(patch.centre)[:, None])[0]
         return bool(depth <= 1e-6 * size and patch.diameter <= 2 * size)
 
     def _meets(self, region: Region) -> bool:
-        """Whether film lies within: the region's edge is on it, or it holds the film whole."""
+        """Whether a region covers film: its edge lies on film, or it contains the whole film."""
         edge = region.points(720)
         on_film = self.frame.level(*edge) < 0
         if self.plate is not None:
             on_film &= self.plate.level(*edge) > 0
-        return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())
+        around_frame = region.level(*self.frame.points(8)) <= 0
+        return bool(on_film.any() or around_frame.all())
 
 
 def check_range(low: float, high: float) -> None:
-    """Refuse what is no range of stretches a law may be meant for."""
+    """Refuse a range of stretches that no law can have."""
     if not 0 < low < high <= _LARGEST_STRETCH:
         raise InputError("must be two stretches, the smaller first, at most 20",
                          key="range", given=[low, high])
@@ -538,18 +540,19 @@ def check_range(low: float, high: float) -> None:
 
 @lru_cache(maxsize=64)
 def _narrowest(frame: Outline, plate: Plate | None) -> tuple[float, tuple[float, float]]:
-    """The gap and where it is [m]; each edge is seen from points of the other."""
+    """Find the gap and its place [m]: distances from points of each edge to the other."""
     if plate is None:
         edge = frame.points(720)
-        least = int(np.argmin(np.hypot(*edge)))
-        return float(np.hypot(*edge[:, least])), (float(edge[0, least]), float(edge[1, least]))
+        x, y = edge[:, np.argmin(np.hypot(*edge))].tolist()
+        return float(np.hypot(x, y)), (x, y)
     inside, outside = plate.points(720), frame.points(720)
     for plane in frame.mirror_planes & plate.mirror_planes:
         inside, outside = (edge[:, edge["xy".index(plane)] > -1e-9] for edge in (inside, outside))
     narrowest = []
     for edge, away in ((inside, -frame.level(*inside)), (outside, plate.level(*outside))):
         least = int(np.argmin(away))
-        narrowest.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
+        x, y = edge[:, least].tolist()
+        narrowest.append((float(away[least]), (x, y)))
     return min(narrowest)
 
 

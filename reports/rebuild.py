@@ -10,38 +10,45 @@ from tympan.base.command_line import command_line
 from tympan.base.errors import InputError
 
 #: What commands leave behind: a pattern of the file that is written last; what draws the result
-#: into a folder, a page where there is one; and the result.
+#: into a folder, a page where there is one; and the result. Both stand within tympan, and are
+#: imported where they are needed.
 KINDS = {
-    "study": ("study.json", "study.page:build_study_page", "study:StudyResult"),
-    "solve": ("*.vtu", "figures.film:draw_film", "case:CaseResult"),
-    "modes": ("*-modes.json", "figures.modes:draw_modes", "modes:ModesResult"),
-    "path": ("*-path.json", "figures.path:draw_path", "path:PathResult"),
-    "curve": ("*-curve.json", "figures.curve:draw_curves", "limits.curve:CurveResult"),
-    "force": ("*-force.json", "figures.force:draw_force", "force:ForceResult"),
-    "sense": ("*-sense.json", "figures.sense:draw_sense", "sense:SenseResult"),
-    "tolerance": ("*-tolerance.json", "figures.tolerance:draw_tolerance",
-                  "tolerance.result:ToleranceResult"),
-    "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
-    "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
-    "sweep": ("sweep.json", "sweep.page:build_sweep_page", "sweep.run:SweepResult"),
-    "design": ("design.json", "figures.design:draw_design", "design.result:DesignResult"),
-    "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),
-    "diagnose": ("diagnosis.json", "diagnosis.page:build_diagnosis_page",
-                 "diagnosis.result:Diagnosis"),
-    "diagnose --self-check": ("self-check.json",
-                              "diagnosis.self_check:build_self_check_page",
-                              "diagnosis.self_check:SelfCheck"),
-    "lumped paper": ("paper.json", "paper.page:build_paper_page", "replica.output:PaperResult"),
-    "lumped simulate": ("simulate.json", "figures.response:draw_simulated",
-                        "lumped.simulate:ModelResponse"),
-    "lumped control": ("control.json", "figures.control:draw_control",
-                       "lumped.control.result:ControlResult"),
-    "transient": ("transient.json", "figures.response:draw_simulated",
-                  "transient:FieldResponse"),
-    "response": ("*-response.json", "figures.harmonic:draw_response", "response:ResponseResult"),
-    "lumped identify": ("identify.json", "figures.identification:draw_identified",
-                        "identify.result:IdentifyResult"),
-    "lumped build": ("build.json", "figures.lumped_model:draw_built", "lumped.build:BuildResult"),
+    "study": ("study.json", "reports.study.page:build_study_page", "studies.study:StudyResult"),
+    "solve": ("*.vtu", "reports.figures.film:draw_film", "studies.case:CaseResult"),
+    "modes": ("*-modes.json", "reports.figures.modes:draw_modes", "studies.modes:ModesResult"),
+    "path": ("*-path.json", "reports.figures.path:draw_path", "studies.path:PathResult"),
+    "curve": ("*-curve.json", "reports.figures.curve:draw_curves",
+              "studies.limits.curve:CurveResult"),
+    "force": ("*-force.json", "reports.figures.force:draw_force", "studies.force:ForceResult"),
+    "sense": ("*-sense.json", "reports.figures.sense:draw_sense", "studies.sense:SenseResult"),
+    "tolerance": ("*-tolerance.json", "reports.figures.tolerance:draw_tolerance",
+                  "studies.tolerance.result:ToleranceResult"),
+    "outlines": ("outlines.json", "reports.figures.alpha:draw_outlines",
+                 "studies.alpha.table:OutlineTable"),
+    "map": ("alpha-map.json", "reports.figures.alpha:draw_map", "studies.alpha.map:AlphaMap"),
+    "sweep": ("sweep.json", "reports.sweep.page:build_sweep_page", "studies.sweep.run:SweepResult"),
+    "design": ("design.json", "reports.figures.design:draw_design",
+               "studies.design.result:DesignResult"),
+    "material fit": ("fit.json", "reports.figures.coupon:draw_fit",
+                     "studies.material.result:MaterialFitResult"),
+    "diagnose": ("diagnosis.json", "reports.diagnosis.page:build_diagnosis_page",
+                 "studies.diagnosis.result:Diagnosis"),
+    "diagnose --self-check": (
+        "self-check.json", "reports.diagnosis.self_check:build_self_check_page",
+        "studies.diagnosis.self_check:SelfCheck"),
+    "lumped paper": ("paper.json", "paper.page:build_paper_page", "paper.output:PaperResult"),
+    "lumped simulate": ("simulate.json", "reports.figures.response:draw_simulated",
+                        "studies.lumped.simulate:ModelResponse"),
+    "lumped control": ("control.json", "reports.figures.control:draw_control",
+                       "studies.lumped.control.result:ControlResult"),
+    "transient": ("transient.json", "reports.figures.response:draw_simulated",
+                  "studies.transient:FieldResponse"),
+    "response": ("*-response.json", "reports.figures.harmonic:draw_response",
+                 "studies.response:ResponseResult"),
+    "lumped identify": ("identify.json", "reports.figures.identification:draw_identified",
+                        "studies.identify.result:IdentifyResult"),
+    "lumped build": ("build.json", "reports.figures.lumped_model:draw_built",
+                     "studies.lumped.build:BuildResult"),
 }
 
 
@@ -55,15 +62,15 @@ def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
         return []
     marker, draw, stored = KINDS[command]
     names = [specimen] if "*" in marker else []
-    result = resolve_name(f"tympan.studies.{stored}").load(folder, *names)
-    return list(resolve_name(f"tympan.reports.{draw}")(result, folder))
+    result = resolve_name(f"tympan.{stored}").load(folder, *names)
+    return list(resolve_name(f"tympan.{draw}")(result, folder))
 
 
 def draw_result(result: Any, folder: Path) -> list[Path]:
     """Draw a result that was just saved into a folder, as the command of its kind does."""
     for command, (_, _, stored) in KINDS.items():
         if (stored.endswith(f":{type(result).__name__}")
-                and resolve_name(f"tympan.studies.{stored}") is type(result)):
+                and resolve_name(f"tympan.{stored}") is type(result)):
             return draw_stored(command, folder, getattr(result, "specimen", ""))
     return []
 

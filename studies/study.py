@@ -33,6 +33,7 @@ from tympan.studies.force.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits.curve import CURVES, CurveResult, curve
 from tympan.studies.limits.loads import LoadGrid, usual_masses
+from tympan.studies.shipped import STUDY
 from tympan.studies.tolerance.bands import banded
 from tympan.studies.tolerance.given import Tolerances, causes
 
@@ -65,9 +66,6 @@ LINES: tuple[Column, ...] = (
     Column("thickness", "um"),
     Column("field", "MV_per_m"),
 )
-
-#: Study of the paper's three actuators under its loads.
-PAPER = Path(__file__).with_name("paper") / "study.toml"
 
 
 @dataclass(frozen=True)
@@ -225,8 +223,8 @@ def discard_report(folder: Path) -> None:
 
 
 def default_study() -> Study:
-    """Read the paper's three actuators under 17.9 g."""
-    return read_study(PAPER)
+    """Study of the source paper's three actuators under 17.9 g."""
+    return read_study(STUDY)
 
 
 def read_study(file: Path) -> Study:

@@ -63,7 +63,7 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
     from tympan.studies.diagnosis.reduced.sampling import force_laws
     from tympan.studies.diagnosis.reduced.simulation import Simulation
     from tympan.studies.effects import Setup
-    from tympan.studies.paper.actuators import actuators
+    from tympan.studies.shipped import actuators
 
     folder = shared_folder(tmp_path_factory)
     with (folder / "three_shapes.lock").open("w") as lock:

@@ -144,7 +144,7 @@ def test_a_user_s_own_modules_disturb_nothing(installed: Path, tmp_path: Path) -
     (tmp_path / "script.py").write_text(
         f"import tympan\n{imports}\n"
         "from tympan.reports.study import page\n"
-        "from tympan.studies.paper.actuators import actuators\n"
+        "from tympan.studies.shipped import actuators\n"
         "print(tympan.__version__, tympan.__file__, len(actuators()))\n")
     script = _python("script.py", cwd=tmp_path, path=installed)
     assert script.returncode == 0, script.stderr

@@ -21,14 +21,14 @@ from benchmarks.external.table2_ranges import (
     marginal,
     median,
 )
+from tympan import paper
 from tympan.base.arrays import Array
+from tympan.paper.figures import Choices
 from tympan.reports import look
-from tympan.studies import paper
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.conclusions import Conclusions
 from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.inference.predictive import Predictive
-from tympan.studies.replica.figures import Choices
 
 FOLDER = Path(paper.__file__).parent / "table-2"
 

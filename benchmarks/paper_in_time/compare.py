@@ -19,12 +19,12 @@ from benchmarks.paper_in_time.step_responses import StepResponses, step_response
 from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import ViscousBranch
+from tympan.paper import published
+from tympan.paper.figures import Choices, Criterion
+from tympan.paper.missing_parameters import MissingParameters, fit_levels
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import error_of
 from tympan.studies.lumped.film_response import film_deflections
-from tympan.studies.paper import published
-from tympan.studies.replica.figures import Choices, Criterion
-from tympan.studies.replica.missing_parameters import MissingParameters, fit_levels
 from tympan.studies.signals import Pieces, Sine
 
 #: Seeds whose levels come near to both of the paper's voltages; the first one is drawn.

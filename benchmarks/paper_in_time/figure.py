@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.paper_in_time.compare import Comparison
 from benchmarks.paper_in_time.step_responses import LONG, ZOOM, StepResponses
+from tympan.paper import published
 from tympan.reports import look
-from tympan.studies.paper import published
 from tympan.studies.signals import nominal
 
 

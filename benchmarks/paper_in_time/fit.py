@@ -20,12 +20,12 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen, ViscousBranch
+from tympan.paper import published
+from tympan.paper.figures import Criterion, Decay, settling_times
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.film_response import film_deflections, film_motion
-from tympan.studies.paper import published
-from tympan.studies.replica.figures import Criterion, Decay, settling_times
 from tympan.studies.signals import Pieces, Signal, step
 from tympan.studies.trace import Trace
 
@@ -81,7 +81,7 @@ class Fit:
 
 def models(constants: Constants) -> list[Model]:
     """Field models of the paper's actuators."""
-    folder = resources.files("tympan.studies.paper") / "actuators"
+    folder = resources.files("tympan.studies.shipped")
     return [build_model(constants.applied(load_specimen(str(folder / f"{name}.toml"))), Settings())
             for name in published.NAMES]
 

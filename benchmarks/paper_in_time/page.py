@@ -12,7 +12,7 @@ from benchmarks.paper_in_time.compare import PERIOD, SEEDS, Comparison
 from benchmarks.paper_in_time.fit import Constants, Fit
 from benchmarks.paper_in_time.step_responses import LONG, ZOOM
 from tympan.base.arrays import Array
-from tympan.studies.paper import published
+from tympan.paper import published
 
 _TEXT = (Path(__file__).parent / "page.txt").read_text(encoding="utf-8")
 

@@ -10,12 +10,12 @@ import numpy as np
 from benchmarks.paper_in_time.fit import Fit, swing, with_constants
 from tympan.base.arrays import Array
 from tympan.fem.rig import Rig
+from tympan.paper import published
+from tympan.paper.figures import Decay
+from tympan.paper.missing_parameters import MissingParameters
 from tympan.studies.case import Settings
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper import published
-from tympan.studies.replica.figures import Decay
-from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.signals import step
 from tympan.studies.transient import TransientCase, history
 

@@ -23,12 +23,12 @@ from matplotlib.figure import Figure
 from tympan.base.arrays import Array
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.specimen import Specimen, ViscousBranch
+from tympan.paper.published import MASSES
 from tympan.reports import look
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.film_response import film_deflections, film_motion
-from tympan.studies.paper.published import MASSES
 from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
 from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
@@ -73,7 +73,7 @@ def main() -> None:
 
 
 def _specimens() -> Iterator[Specimen]:
-    folder = resources.files("tympan.studies.paper") / "actuators"
+    folder = resources.files("tympan.studies.shipped")
     for name in _NAMES:
         specimen = load_specimen(str(folder / f"{name}.toml"))
         for branch in _BRANCHES:

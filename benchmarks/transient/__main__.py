@@ -32,14 +32,14 @@ from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Film, Plate, Specimen, ViscousBranch
+from tympan.paper import published
 from tympan.studies.case import Settings, build_model
-from tympan.studies.paper import published
 from tympan.studies.signals import random_steps, step
 from tympan.studies.transient import TransientCase, begun, history
 
 Result = TypeVar("Result")
 
-ACTUATOR = Path(__file__).parents[2] / "studies/paper/actuators/elliptical-large.toml"
+ACTUATOR = Path(__file__).parents[2] / "studies/shipped/elliptical-large.toml"
 PEER = Path(__file__).parents[1] / "peers/felupe_transient.py"
 
 #: Largest ratio of a time step to an elastic one; processor time of response and levels [s].

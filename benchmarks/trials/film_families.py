@@ -25,6 +25,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle, Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Plate, Specimen
+from tympan.paper.published import MASSES
 from tympan.studies.case import meshed
 from tympan.studies.diagnosis.reduced.axes import Axis, film_axes, sampled_film
 from tympan.studies.diagnosis.reduced.sampling import COARSE
@@ -32,8 +33,7 @@ from tympan.studies.diagnosis.self_check import LARGEST, SMALLEST
 from tympan.studies.effects import Setup
 from tympan.studies.films.film import FilmLoads, NoBalance
 from tympan.studies.films.reduction import Reduction, Snapshot
-from tympan.studies.paper.actuators import actuators
-from tympan.studies.paper.published import MASSES
+from tympan.studies.shipped import actuators
 
 #: A specimen with one effect, at so many usual sizes.
 Film = Callable[[Axis, float], Specimen]

@@ -74,7 +74,7 @@ ROUND = ("permittivity_stretch", "strain_stiffening", "second_invariant", "prest
 #: permittivity).
 ALIASES = frozenset({"amplifier_gain"})
 
-_ACTUATORS = Path(__file__).parents[2] / "studies" / "paper" / "actuators"
+_ACTUATORS = Path(__file__).parents[2] / "studies" / "shipped"
 
 
 @dataclass(frozen=True, eq=False)

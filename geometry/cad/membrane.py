@@ -11,6 +11,7 @@ from tympan.base.errors import InputError
 from tympan.base.system import missing_library
 from tympan.base.units import METRE, millimetres
 from tympan.geometry.cad.wires import outline_wire, pieces_wire, planar
+from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.sectors import rings
 from tympan.geometry.specimen import Region, Specimen
 
@@ -23,12 +24,16 @@ except ImportError as error:
 
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
-    """The flat film, ``covered`` and ``bare``, cut along axes through its centre, the plate's.
+    """Cut the flat film along the axes through the plate's centre; its covered and bare faces.
 
-    Faces lie in the plane z = 0 [mm]; neighbours share their common edges in shape, not in
-    topology. ``planes`` are coordinates about whose zero the film is mirrored: only the part where
-    they are positive is built. An electrode's outline that leaves slivers or no electrode at all is
-    an :class:`InputError`.
+    Faces lie in the plane z = 0 [mm]. Common edges of neighbours coincide, but are not shared.
+    ``planes`` names the coordinates in which the film is mirrored: only the part where they are
+    positive is built.
+
+    Raises
+    ------
+    InputError
+        When the electrode's outline covers no film, or cuts slivers from it.
     """
     x, y = millimetres(*specimen.centre)
     size = 4 * METRE * max(specimen.frame.semi_axes)
@@ -38,41 +43,43 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
         return all(getattr(face.Center(), plane) > centre
                    for plane, centre in (("x", x), ("y", y)) if plane in planes)
 
-    return {name: [face for whole in faces for face in whole.split(*cuts).Faces() if kept(face)]
-            for name, faces in _coverage(specimen).items()}
+    parts: dict[str, list[cq.Face]] = {}
+    for name, faces in _coverage(specimen).items():
+        quarters = [face for whole in faces for face in whole.split(*cuts).Faces()]
+        parts[name] = [face for face in quarters if kept(face)]
+    return parts
 
 
 def membrane_part(specimen: Specimen) -> cq.Face:
-    """The film as one face within the frame, and around the plate where there is one."""
+    """Film as one face: within the frame, and around the plate where there is one."""
     hole = () if specimen.plate is None else (
         outline_wire(specimen.plate.outline, specimen.plate.offset),)
     return _planar(outline_wire(specimen.frame), *hole)
 
 
 def electrode_part(specimen: Specimen) -> cq.Compound:
-    """The film under the electrode as faces, for masks."""
+    """Film under the electrode as faces, for masks."""
     return cq.Compound.makeCompound(_coverage(specimen)["covered"])
 
 
 def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
-    """Shapes as one STEP file [mm]."""
+    """Write shapes to one STEP file [mm]."""
     cq.Compound.makeCompound(shapes).exportStep(str(file))
 
 
 def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
-    """The whole film as ``covered`` and ``bare`` faces, cut along the electrode's edges only."""
-    faces = {name: [_planar(*(pieces_wire(curve.pieces) for curve in pair if curve is not None))
-                    for pair in pairs] for name, pairs in rings(specimen).items()}
+    """Cut the whole film along the electrode's edges only: ``covered`` and ``bare`` faces."""
+    faces = {name: [_ring(*pair) for pair in pairs] for name, pairs in rings(specimen).items()}
     if specimen.electrode.outline is None:
         return faces
     return _clipped(specimen, faces["covered"][0], specimen.electrode.outline)
 
 
 def _clipped(specimen: Specimen, ring: cq.Face, region: Region) -> dict[str, list[cq.Face]]:
-    """The ring's part within the region, and what is left of the film."""
+    """Cut a ring by a region: the part inside is covered, the rest of the film is bare."""
     disc = _planar(outline_wire(region.outline, region.offset))
     inside, film = ring.intersect(disc).Faces(), membrane_part(specimen)
-    # A margin's edge that the region does not reach is none of the electrode's.
+    # The rest of the film includes the margins, which the region does not reach.
     outside = film.cut(*inside).Faces() if inside else []
     faces = (*inside, *outside)
     missing = film.Area() - sum(face.Area() for face in faces)
@@ -83,6 +90,11 @@ def _clipped(specimen: Specimen, ring: cq.Face, region: Region) -> dict[str, lis
                          "and what it leaves bare must be wider than 1 % of the gap between frame "
                          "and plate, or centre", key="electrode.outline", given=str(region))
     return {"covered": inside, "bare": outside}
+
+
+def _ring(outer: Curve, inner: Curve | None) -> cq.Face:
+    edges = (outer,) if inner is None else (outer, inner)
+    return _planar(*(pieces_wire(edge.pieces) for edge in edges))
 
 
 def _planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> cq.Face:

@@ -24,10 +24,10 @@ from tympan.geometry.specimen import Specimen
 class PartOptions:
     """Sizes of the parts [m].
 
-    ``width`` of frame and clamp ring around the film, their heights and the plate's, ``screw`` the
-    diameter of the holes (3.2 mm lets an M3 through), one at least every ``spacing`` along the
-    frame but at least four; in the plate one in the middle, of at most a third of its smaller half
-    extent.
+    ``width`` is that of frame and clamp ring around the film, ``screw`` the diameter of the holes
+    (an M3 screw goes through 3.2 mm). The rings have at least four holes, and one at least every
+    ``spacing`` along the frame. The plate has one in the middle, of at most a third of its smaller
+    half extent.
     """
 
     width: float = 10e-3
@@ -51,7 +51,7 @@ class PartOptions:
                              given=quantity_text(self.spacing, "length"))
 
     def holes(self, frame: Outline) -> AnyArray:
-        """Centres of the screw holes around a frame, evenly, shape (holes, 2) [m]."""
+        """Centres of screw holes at even distances around a frame, shape (holes, 2) [m]."""
         length = float(frame.curve.length)
         count = max(4, int(np.ceil(length / self.spacing)))
         points = frame.points(4096).T
@@ -62,7 +62,7 @@ class PartOptions:
 
 
 def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
-    """The ring the film is mounted on, or the one that clamps it there with the same screws."""
+    """Ring that the film is mounted on, or the one that clamps it with the same screws."""
     inner = cq.Wire(outline_wire(frame))
     try:
         outer = cq.Wire(pieces_wire(frame.curve.beside(options.width).pieces))
@@ -73,7 +73,7 @@ def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
 
 
 def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
-    """The plate with a screw hole in the middle of its bounding box, where it has one inside."""
+    """Plate with a screw hole in the middle of its bounding box, if there is room for it."""
     outline, offset = specimen.needed_plate().outline, specimen.needed_plate().offset
     radius = min(options.screw / 2, min(outline.semi_axes) / 6)
     depth = -float(outline.level(np.zeros(1), np.zeros(1))[0])
@@ -88,7 +88,7 @@ def _hole(centre: AnyArray, radius: float) -> cq.Wire:
 
 
 def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
-    """Wires in z = 0: ``outline`` around each, ``opening`` the longest inside, other ``holes``."""
+    """Name the wires in z = 0: ``outline`` of a face, ``opening`` the longest inside, ``holes``."""
     wires = []
     for face in (face for shape in shapes for face in shape.Faces()):
         in_plane = abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
@@ -102,7 +102,7 @@ def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
 
 
 def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
-    """The flat wires as one DXF file [mm], each kind on a layer of its name."""
+    """Write the flat wires to one DXF file [mm], each kind on a layer of its name."""
     document = cq.exporters.DxfDocument()
     wires = flat_wires(shapes)
     for name in dict.fromkeys(name for name, _ in wires):
@@ -113,7 +113,7 @@ def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 
 def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
-    """The flat wires as an SVG file at their size: lines, arcs and Béziers."""
+    """Write the flat wires to an SVG file at their size: lines, arcs and Béziers."""
     wires = flat_wires(shapes)
     box = cq.Compound.makeCompound([wire for _, wire in wires]).BoundingBox()
     margin = 1.0
@@ -133,11 +133,11 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 
 def _words(piece: Piece) -> list[str]:
-    """A piece as SVG path commands."""
+    """SVG path commands of a piece."""
     if isinstance(piece, Line):
         return [f"L {_numbers(METRE * np.array(piece.end))}"]
     if isinstance(piece, Arc):
-        # An arc of less than half a turn is told by its ends.
+        # SVG takes an arc by its ends, which is unambiguous below half a turn.
         parts = max(1, int(np.ceil(abs(piece.sweep) / np.pi * 1.001)))
         ends = METRE * piece.at(np.arange(1, parts + 1) / parts)[0]
         radii, turn = _numbers(METRE * np.array(piece.radii)), float(np.degrees(piece.turn))
@@ -145,8 +145,8 @@ def _words(piece: Piece) -> list[str]:
     value, slope, _ = (METRE * part for part in piece.at(piece.breaks))
     third = np.diff(piece.breaks)[:, None] / 3
     first, second = value[:-1] + third * slope[:-1], value[1:] - third * slope[1:]
-    return [f"C {_numbers(np.concatenate(points))}" for points in zip(first, second, value[1:],
-                                                                      strict=True)]
+    curves = zip(first, second, value[1:], strict=True)
+    return [f"C {_numbers(np.concatenate(points))}" for points in curves]
 
 
 def _numbers(values: AnyArray) -> str:

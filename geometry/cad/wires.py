@@ -47,19 +47,19 @@ _UP = gp_Dir(0, 0, 1)
 
 
 def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> TopoDS_Wire:
-    """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
+    """Wire of an outline in the plane z = 0 [mm], its centre at a place [m]."""
     return pieces_wire(outline.curve.pieces, centre)
 
 
 def pieces_wire(pieces: Sequence[Piece], centre: Pair = (0.0, 0.0)) -> TopoDS_Wire:
-    """Pieces that meet at their ends, in the plane z = 0 [mm], shifted by ``centre`` [m]."""
+    """Wire of pieces that meet at their ends, in the plane z = 0 [mm], moved by ``centre`` [m]."""
     shift = gp_Trsf()
     shift.SetTranslation(gp_Vec(*millimetres(*centre), 0))
     return _wire(_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
 
 
 def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
-    """A face in the plane z = 0; cadquery's own repairs what outlines, checked, do not need."""
+    """Face in the plane z = 0, without the repairs of cadquery: outlines are checked already."""
     builder = BRepBuilderAPI_MakeFace(gp_Pln(gp_Pnt(0, 0, 0), _UP), outer, True)
     for wire in inner:
         builder.Add(wire)
@@ -69,7 +69,7 @@ def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
 
 
 def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
-    """Shapes as another program that builds on OpenCASCADE reads them, half of one ends it [mm]."""
+    """Store shapes for another program with OpenCASCADE [mm]; an incomplete shape crashes it."""
     compound, builder, content = TopoDS_Compound(), TopoDS_Builder(), BytesIO()
     builder.MakeCompound(compound)
     for shape in shapes:
@@ -79,7 +79,7 @@ def brep(shapes: Iterable[TopoDS_Shape]) -> bytes:
 
 
 def _wire(edges: Iterable[TopoDS_Shape]) -> TopoDS_Wire:
-    """Edges in any order as one wire."""
+    """Join edges in any order to one wire."""
     members, builder = TopTools_ListOfShape(), BRepBuilderAPI_MakeWire()
     for edge in edges:
         members.Append(edge)
@@ -105,7 +105,7 @@ def _arc(arc: Arc) -> TopoDS_Edge:
 
 
 def _spline(spline: Spline) -> TopoDS_Edge:
-    """Cubic between its knots, with its slopes at its ends."""
+    """Edge that is cubic between the knots and has the slopes at the ends."""
     knots = TColStd_HArray1OfReal(1, len(spline.knots))
     for number, knot in enumerate(spline.knots, start=1):
         knots.SetValue(number, knot)

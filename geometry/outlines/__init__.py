@@ -24,24 +24,24 @@ __all__ = [
     "reshaped",
 ]
 
-#: Corners of the polygon whose moments stand for an outline's: the relative error falls as their
-#: inverse square and is some 1e-6 of a circle.
+#: Corners of the polygon from which the moments of an outline are computed. The relative error
+#: falls with the square of their number; for a circle it is about 1e-6.
 _CORNERS = 4096
 
 load_plugins("tympan.outlines", OUTLINES)
 
 
 def examples() -> dict[str, Outline]:
-    """A typical outline of every shape, 45 mm high and 45 to 75 mm wide from the centre."""
+    """Typical outlines by shape, 45 mm high and 45 to 75 mm wide from the centre."""
     table = Table.read(Path(__file__).with_name("examples.toml"))
     return {name: OUTLINES.read(table.table(name)) for name in table.data}
 
 
 def reshaped(outline: Outline, template: Outline) -> Outline:
-    """An outline of a template's shape, as large as another and turned as that is.
+    """Make an outline of a template's shape, as large as another outline and turned like it.
 
-    It has the other's half extents where its file states them. Else all lengths of the template are
-    scaled until the smaller half extents are equal.
+    If files give the template's shape by half extents, it gets those of the other outline. If not,
+    all its lengths are scaled until the smaller half extents are equal.
     """
     if isinstance(template, Rotated):
         template = template.outline
@@ -58,7 +58,7 @@ def reshaped(outline: Outline, template: Outline) -> Outline:
 
 
 def _scaled(content: Any, factor: float, length: bool = False) -> Any:
-    """Tables with all lengths in them times a factor."""
+    """Scale all lengths in tables by a factor."""
     if isinstance(content, dict):
         return {key: _scaled(value, factor, key.endswith("_m")) for key, value in content.items()}
     if isinstance(content, list):
@@ -80,7 +80,7 @@ def perimeter(outline: Outline) -> Any:
 def moments(outline: Outline) -> tuple[float, AnyArray, AnyArray]:
     """Area [m²], centroid [m], shape (2,), and second moments about it [m⁴], shape (2, 2).
 
-    Those of a polygon through points on the curve.
+    All three are computed from a polygon through points on the curve.
     """
     p = outline.points(_CORNERS)
     q = np.roll(p, -1, axis=1)

@@ -15,20 +15,20 @@ from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.outlines.pieces import MOST_PIECES, Line, Piece
 
-#: Most curves that a drawing may have. The library takes 0.1 to 0.3 ms for each of them.
+#: Most curves that a drawing may have. The library takes 0.1 to 0.3 ms to read each of them.
 MOST_CURVES = 100_000
-#: How far apart ends of pieces may be and still be one point, over the size of the drawing.
+#: Largest distance between ends of pieces that count as one point, over the size of the drawing.
 JOINT = 1e-6
-#: Widest gap that is closed without being asked, over the size of the drawing. CAD programs leave
-#: gaps of 1e-8 to 1e-5 of it.
+#: Widest gap that is closed unless the file states a tolerance, over the size of the drawing. CAD
+#: programs leave gaps of 1e-8 to 1e-5 of it.
 _GAP = 1e-4
-#: Widest gap that is closed without being asked [m]: less than a laser cutter's error.
+#: The same as a length [m]: less than a laser cutter's error.
 _WIDEST = 0.05e-3
-#: Widest gap that is taken for a mistake in the drawing, over its size. What such gaps would close
-#: is refused, never left out as a stray curve.
+#: Widest gap that counts as a mistake in the drawing, over its size. An open curve that only such
+#: gaps keep from being closed is refused, and not left out as a stray curve.
 _MISTAKE = 1e-2
 
-#: Places from which a tree of them is quicker than to load one takes.
+#: Number of places above which a k-d tree saves more time than it takes to load.
 _MANY = 1000
 
 #: Two ends that meet in a gap, and how far they are apart [m].
@@ -37,7 +37,7 @@ Gaps = list[tuple[int, int, float]]
 
 @dataclass(frozen=True)
 class Sheet:
-    """Curves as the library read them [m], remarks on what was read, and what to do about units."""
+    """Curves as they were read [m], remarks on the reading, and advice on units for messages."""
 
     pieces: list[Piece]
     remarks: tuple[str, ...] = ()
@@ -52,10 +52,15 @@ class Contours:
     remarks: tuple[str, ...] = ()
 
     def chosen(self, which: str = "only", inside: tuple[float, float] | None = None) -> Contours:
-        """One curve: the ``only`` one, the largest (``outer``), the largest within it (``inner``).
+        """Choose one curve, with remarks on those that are left out.
 
-        With ``inside``, a point [m], the smallest curve around that point. The remarks say which
-        curves were left out. A choice that is not one curve is an :class:`InputError`.
+        It is the ``only`` one, the largest (``outer``) or the largest within that (``inner``); with
+        ``inside``, a point [m], it is the smallest curve around the point.
+
+        Raises
+        ------
+        InputError
+            When there is no such curve, or the ``only`` one of several is asked for.
         """
         *others, outer = self.closed
         fitting = [outer]
@@ -83,7 +88,12 @@ def closed_curves(pieces: Sequence[Piece], tolerance: float | None = None) -> Co
     """Join pieces in any order to closed curves; ends within ``tolerance`` [m] are moved together.
 
     Lines drawn twice count once. Open curves beside the closed ones are left out with a remark.
-    An :class:`InputError` where no curve is closed, one is nearly closed, or curves branch.
+    ezdxf's ``edgeminer`` joins edges too, but takes 4.5 s in place of 0.2 for 10,000 lines.
+
+    Raises
+    ------
+    InputError
+        When no curve is closed, one is nearly closed, or curves branch.
     """
     ends = piece_ends(pieces)
     size = float(np.ptp(ends, axis=(0, 1)).max() or np.abs(ends).max())
@@ -125,14 +135,14 @@ def closed_curves(pieces: Sequence[Piece], tolerance: float | None = None) -> Co
 
 
 def piece_ends(pieces: Sequence[Piece]) -> AnyArray:
-    """Ends of pieces, first and last, shape (2, pieces, 2) [m]."""
+    """First and last points of pieces, shape (2, pieces, 2) [m]."""
     ends = [(piece.start, piece.end) if isinstance(piece, Line)
             else piece.at(np.array([0.0, 1.0]))[0] for piece in pieces]
     return np.array(ends, dtype=float).swapaxes(0, 1)
 
 
 def _near(places: AnyArray, distance: float) -> AnyArray:
-    """Pairs of numbers of places that are no further apart, shape (pairs, 2)."""
+    """Find pairs of places at most a distance apart; their numbers, shape (pairs, 2)."""
     if len(places) <= _MANY:
         apart = np.linalg.norm(places[:, None] - places, axis=2)
         return np.argwhere(np.triu(apart <= distance, 1))
@@ -142,7 +152,7 @@ def _near(places: AnyArray, distance: float) -> AnyArray:
 
 
 def _clustered(ends: AnyArray, joint: float) -> AnyArray:
-    """Numbers of the points that ends make, shape (2, pieces)."""
+    """Number the points at which ends meet, shape (2, pieces)."""
     places = ends.reshape(-1, 2)
     pairs = _near(places, joint)
     label, before = np.arange(len(places)), np.zeros(0, int)
@@ -155,7 +165,7 @@ def _clustered(ends: AnyArray, joint: float) -> AnyArray:
 
 
 def _once(kept: AnyArray, nodes: AnyArray, middles: AnyArray, joint: float) -> list[int]:
-    """Pieces of which none is drawn twice."""
+    """Leave out pieces that repeat others."""
     seen, once = defaultdict[tuple[int, int], list[AnyArray]](list), []
     for k in kept.tolist():
         low, high = sorted(nodes[:, k].tolist())
@@ -167,7 +177,7 @@ def _once(kept: AnyArray, nodes: AnyArray, middles: AnyArray, joint: float) -> l
 
 
 def _dangling(kept: Sequence[int], nodes: AnyArray) -> list[int]:
-    """Ends (of both rows of ``nodes``, flat) at points where only one piece ends."""
+    """Find the ends at points where only one piece ends: places in ``nodes`` laid out flat."""
     flat = np.concatenate([np.array(kept), np.array(kept) + nodes.shape[1]]).astype(int)
     _, first, counts = np.unique(nodes.ravel()[flat], return_index=True, return_counts=True)
     ends: list[int] = flat[first[counts == 1]].tolist()
@@ -176,7 +186,7 @@ def _dangling(kept: Sequence[int], nodes: AnyArray) -> list[int]:
 
 def _bridged(kept: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArray,
              widest: float) -> tuple[AnyArray, Gaps]:
-    """Points once ends in gaps are one, nearest first; and these gaps."""
+    """Close gaps between loose ends, the narrowest first; new numbers of points, and the gaps."""
     dangling = _dangling(kept, nodes)
     if not dangling:
         return nodes, []
@@ -197,7 +207,7 @@ def _bridged(kept: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArr
 
 
 def _pruned(kept: Sequence[int], nodes: AnyArray) -> tuple[list[int], list[int]]:
-    """Pieces that are part of closed curves, and those of open ones."""
+    """Divide pieces into those of closed curves and those of open ones."""
     at = defaultdict[int, set[int]](set)
     for k in kept:
         for node in nodes[:, k].tolist():
@@ -219,7 +229,7 @@ def _pruned(kept: Sequence[int], nodes: AnyArray) -> tuple[list[int], list[int]]
 
 def _refuse_mistakes(stray: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArray,
                      widest: float) -> None:
-    """Refuse open curves that would be closed but for gaps that are small on the drawing."""
+    """Refuse open curves that only small gaps keep from being closed."""
     bridged, gaps = _bridged(stray, nodes, ends, reach, widest)
     closed, _ = _pruned(stray, bridged)
     part = set(closed)
@@ -231,7 +241,7 @@ def _refuse_mistakes(stray: Sequence[int], nodes: AnyArray, ends: AnyArray, reac
 
 def _connected(kept: Sequence[int], nodes: AnyArray, ends: AnyArray, check: bool = True
                ) -> list[list[int]]:
-    """Pieces of each curve, in order along it; where one branches is an :class:`InputError`."""
+    """Sort pieces into curves, in order along each; a branch is an :class:`InputError`."""
     at = defaultdict[int, list[int]](list)
     for k in kept:
         for node in nodes[:, k].tolist():
@@ -260,7 +270,7 @@ def _connected(kept: Sequence[int], nodes: AnyArray, ends: AnyArray, check: bool
 
 def _longest_open(stray: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: AnyArray
                   ) -> tuple[int, int]:
-    """Two ends of the longest open curve."""
+    """Find two loose ends of the longest open curve."""
     chains = _connected(stray, nodes, ends, check=False)
     longest = max(chains, key=lambda chain: float(reach[chain].sum()))
     first, last, *_ = _dangling(longest, nodes)
@@ -268,7 +278,7 @@ def _longest_open(stray: Sequence[int], nodes: AnyArray, ends: AnyArray, reach: 
 
 
 def _trace(chain: list[int], nodes: AnyArray, pieces: Sequence[Piece]) -> list[Piece]:
-    """Pieces of a closed curve, each turned to run on from the one before it."""
+    """Turn the pieces of a closed curve so that each runs on from the one before."""
     loop, node = [pieces[chain[0]]], nodes[1, chain[0]]
     if len(chain) > 1 and node not in nodes[:, chain[1]]:
         loop, node = [pieces[chain[0]].backwards()], nodes[0, chain[0]]
@@ -280,7 +290,7 @@ def _trace(chain: list[int], nodes: AnyArray, pieces: Sequence[Piece]) -> list[P
 
 
 def _closed_up(loop: list[Piece], joint: float) -> list[Piece]:
-    """The pieces, their ends moved together where there is a gap."""
+    """Move the ends of pieces together where there is a gap."""
     starts, stops = piece_ends(loop)
     miss = np.linalg.norm(np.roll(stops, 1, axis=0) - starts, axis=1)
     if miss.max() <= joint:
@@ -293,9 +303,9 @@ def _closed_up(loop: list[Piece], joint: float) -> list[Piece]:
 
 
 def _thinned(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str]]:
-    """Lines made fewer, within the tolerance, where they are too many or too short.
+    """Replace lines by fewer within the tolerance, if they are too many or too short.
 
-    Where arcs and splines are too many, all become lines.
+    If there are too many arcs and splines, all pieces become lines.
     """
     starts, stops = piece_ends(loop)
     lines = np.array([isinstance(piece, Line) for piece in loop])
@@ -322,7 +332,7 @@ def _thinned(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str
 
 
 def _straightened(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str]]:
-    """Arcs, splines and lines as straight lines within the tolerance: half of it each step."""
+    """Replace all pieces by lines within the tolerance; half of it is for chords, half to thin."""
     points = np.vstack([*(_chords(piece, tolerance / 2) for piece in loop),
                         piece_ends(loop)[1][-1:]])
     keep = _few(points, tolerance / 2)
@@ -333,17 +343,17 @@ def _straightened(loop: list[Piece], tolerance: float) -> tuple[list[Piece], lis
 
 
 def _chords(piece: Piece, within: float) -> AnyArray:
-    """Points along a piece but its end, whose chords are nowhere further from it than that."""
+    """Points along a piece, without its end, whose chords keep within a distance of it."""
     for count in () if isinstance(piece, Line) else (2**power for power in range(1, 15)):
         points = piece.at(np.linspace(0, 1, 2 * count + 1))[0]
         middles = (points[:-2:2] + points[2::2]) / 2
         if np.linalg.norm(points[1::2] - middles, axis=1).max() <= within:
-            return np.asarray(points[:-1:2])
+            return points[:-1:2]
     return np.asarray(piece_ends([piece])[0])
 
 
 def _few(points: AnyArray, tolerance: float) -> AnyArray:
-    """Numbers of the points that a polyline needs (Douglas and Peucker's method)."""
+    """Select the points that a polyline needs (Douglas and Peucker's method); their numbers."""
     keep = np.zeros(len(points), bool)
     keep[[0, -1]] = True
     spans = [(0, len(points) - 1)]
@@ -383,7 +393,7 @@ def _counted(count: int, what: str) -> str:
 
 
 def _listed(curves: Sequence[Curve]) -> str:
-    """The three largest, and how many more there are."""
+    """Describe the three largest curves, and count the others."""
     words = []
     for curve in sorted(curves, key=lambda curve: -float(curve.area))[:3]:
         (west, east), (south, north) = curve.box
@@ -394,7 +404,7 @@ def _listed(curves: Sequence[Curve]) -> str:
 
 
 def _open(ends: AnyArray, first: int, last: int, allowed: bool = True) -> InputError:
-    """Message that a curve is open; the tolerance in its advice is enough."""
+    """Make the message on an open curve; the tolerance that it advises closes the gap."""
     start, end = _point(ends, first), _point(ends, last)
     gap = 1e3 * float(np.linalg.norm(start - end))
     digits = 1 - int(np.floor(np.log10(gap)))

@@ -22,16 +22,18 @@ from tympan.geometry.outlines.pieces import (
 
 Foot = tuple[AnyArray, AnyArray]
 
-#: Gauss's rule between breaks that are few: an ellipse's length is exact to rounding.
+#: Gauss's rule for few breaks: the length of an ellipse is exact to rounding errors.
 _LONG = np.polynomial.legendre.leggauss(12)
-#: Gauss's rule where there are more breaks than _MANY: each part is short, and little is lost.
+#: Gauss's rule for many breaks: their intervals are short, so fewer points will do.
 _SHORT = np.polynomial.legendre.leggauss(4)
+#: Number of breaks from which on there are many.
 _MANY = 64
+#: Distance of a parameter from 0 or 1 below which it stands for an end of a piece.
 _AT_END = 1e-12
 #: Turn of direction that is a corner [rad].
 _SHARP = 1e-6
-#: Turn of direction from which on a film's stress at the corner is worth a word [rad]. Smaller ones
-#: are those of circles drawn as polygons, of 30 sides and more.
+#: Turn of direction from which on results warn of the film's stress at a corner [rad]. Circles
+#: drawn as polygons of 30 sides and more turn by less.
 _BLUNT = 0.21
 
 
@@ -54,7 +56,7 @@ class Curve:
         return value, slope
 
     def foot(self, places: AnyArray) -> Foot:
-        """The feet of places of shape (n, 2): number of the piece, parameter."""
+        """Find the points of the curve nearest to places, shape (n, 2): their piece, parameter."""
         t = np.array([piece.nearest(places) for piece in self.pieces])
         if len(self.pieces) == 1:
             return np.zeros(len(places), dtype=int), t[0]
@@ -73,7 +75,7 @@ class Curve:
         return np.asarray((side * np.linalg.norm(away, axis=1)).reshape(x.shape))
 
     def _normal(self, foot: Foot) -> AnyArray:
-        """Outward normals, at a corner the sum of both sides', which tells inside from outside."""
+        """Outward normals; at a corner the sum of both sides', whose sign there is still right."""
         number, t = foot
         count = len(self.pieces)
         here = normals(self.at(foot)[1])
@@ -83,7 +85,7 @@ class Curve:
         return here + there
 
     def points(self, count: int) -> AnyArray:
-        """Points about evenly around, one at each piece's start, shape (2, count) [m]."""
+        """Points nearly evenly around, one at the start of each piece, shape (2, count) [m]."""
         lengths = self.lengths
         if count < 2 * len(lengths):
             fine = self.points(2 * len(lengths) * count)
@@ -112,14 +114,14 @@ class Curve:
 
     @cached_property
     def box(self) -> tuple[Point, Point]:
-        """Least and largest x, and the same of y [m]."""
+        """Least and largest x, least and largest y [m]."""
         low_x, high_x, low_y, high_y = (self._extreme(axis, sign) for axis in range(2)
                                         for sign in (-1, 1))
         return (low_x, high_x), (low_y, high_y)
 
     def _extreme(self, axis: int, sign: int) -> Any:
         reached = np.array([_extreme(piece, axis, sign) for piece in self.pieces])
-        # Where pieces reach equally far, the derivative is the mean of those to both sides.
+        # Where two pieces reach equally far, the derivative is the mean of both.
         largest = reached.real.max()
         return sign * reached[reached.real >= largest - 1e-13 * abs(largest)].mean().item()
 
@@ -132,19 +134,22 @@ class Curve:
                          if np.abs(self.level(*image)).max() < 1e-10 * size)
 
     def placed(self, angle: Any = 0.0, shift: Point = (0.0, 0.0)) -> Curve:
-        """Turned about the origin, then shifted."""
+        """Turn the curve about the origin, then shift it."""
         return Curve(tuple(piece.placed(angle, shift) for piece in self.pieces))
 
     def centred(self) -> Curve:
-        """Shifted so that its bounding box is centred on the origin."""
+        """Shift the curve so that its bounding box is centred on the origin."""
         x, y = ((low + high) / 2 for low, high in self.box)
         tiny = 1e-15 * abs(self.box[0][1] - self.box[0][0])
         return self if max(abs(x), abs(y)) <= tiny else self.placed(shift=(-x, -y))
 
     def beside(self, distance: Any) -> Curve:
-        """The parallel curve at a distance [m], outwards if positive, within 1e-10 of its size.
+        """Make the parallel curve at a distance [m], outwards if positive, to 1e-10 of its size.
 
-        Where a sharp corner would tear it, or a tight bend fold it, it is an :class:`InputError`.
+        Raises
+        ------
+        InputError
+            When a sharp corner would tear the parallel curve, or a tight bend would fold it.
         """
         where = ""
         if np.abs(self.turns()).max() > _SHARP:
@@ -156,7 +161,7 @@ class Curve:
         return Curve(tuple(piece.beside(distance) for piece in self.pieces))
 
     def backwards(self) -> Curve:
-        """The same curve the other way around."""
+        """Reverse the curve."""
         return Curve(tuple(piece.backwards() for piece in reversed(self.pieces)))
 
     @property
@@ -165,7 +170,7 @@ class Curve:
         return np.vstack([piece.at(np.zeros(1))[0] for piece in self.pieces])
 
     def sharp_corners(self, outwards: bool) -> AnyArray:
-        """Corners that point outwards, or inwards, by a turn that is worth a word, shape (n, 2)."""
+        """Corners pointing outwards, or inwards, sharply enough for a warning, shape (n, 2) [m]."""
         turns = self.turns() if outwards else -self.turns()
         return self.starts.real[turns > _BLUNT]
 
@@ -189,7 +194,7 @@ def piece_curvature(piece: Piece) -> AnyArray:
 
 
 def _integral(piece: Piece, form: Any) -> Any:
-    """Gauss's rule with 12 points between breaks, with 4 where these are many."""
+    """Integrate along a piece by Gauss's rule: 12 points between breaks, 4 if breaks are many."""
     breaks = piece.breaks
     nodes, weights = _SHORT if len(breaks) > _MANY else _LONG
     width = np.diff(breaks)[:, None] / 2
@@ -199,7 +204,7 @@ def _integral(piece: Piece, form: Any) -> Any:
 
 
 def _extreme(piece: Piece, axis: int, sign: int) -> Any:
-    """Largest of a coordinate times a sign; where it is depends on real parts alone."""
+    """Find the largest value of a coordinate times a sign; real parts alone decide where it is."""
     t = subdivided(piece.breaks, 4)
     best = int(np.argmax(sign * piece.at(t)[0][:, axis].real))
     place, low, high = t[best : best + 1], t[max(best - 1, 0)], t[min(best + 1, len(t) - 1)]

@@ -25,13 +25,15 @@ from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import OUTLINES, SIZE
 from tympan.geometry.outlines.pieces import MOST_PIECES, PIECES, PLACE, Line, Piece
 
-#: What DXF calls curves.
+#: Names of curves in DXF files.
 _CURVES = frozenset({b"LINE", b"ARC", b"CIRCLE", b"ELLIPSE", b"SPLINE", b"LWPOLYLINE"})
 
-#: The head of what a DXF draws, after the definitions of its layers and blocks.
+#: Head of the section of a DXF file that draws, after the definitions of layers and blocks.
 _ENTITIES = re.compile(rb"SECTION\s+2\s+ENTITIES\b")
 
 _TOLERANCE: Rule = (lambda x: 0 <= x <= 0.1, "must be from 0 to 10 cm")
+
+
 @dataclass(frozen=True)
 class Drawing(ABC):
     """A closed curve of a drawing, read once and kept as pieces."""
@@ -50,7 +52,7 @@ class Drawing(ABC):
 
     @classmethod
     def from_table(cls, table: Table) -> Drawn:
-        """Its pieces, joined."""
+        """Read the drawing: the chosen curve of joined pieces."""
         drawing = read(cls, table)
         file = table.beside("file")
         try:
@@ -61,7 +63,7 @@ class Drawing(ABC):
 
     @property
     def keys(self) -> dict[str, Any]:
-        """All that :func:`record` needs beside the file."""
+        """Keys that :func:`record` needs beside the file."""
         return {name: value for name, value in vars(self).items() if name != "file"}
 
     @abstractmethod
@@ -118,7 +120,7 @@ _KINDS: dict[str, type[Drawing]] = {kind.shape: kind for kind in (DxfFile, StepF
 
 @lru_cache(maxsize=64)
 def _read(file: str, digest: str, drawing: Drawing) -> Drawn:
-    """The digest of its bytes tells a changed file from the one that was read."""
+    """Read a drawing once; a changed file has another digest, and is read again."""
     answer = read_apart(drawing.shape, file, drawing.keys)
     if "library" in answer:
         raise missing_library(ImportError(answer["library"]))
@@ -137,7 +139,7 @@ def _piece(table: Table) -> Piece:
 
 
 def record(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
-    """The ``pieces`` and ``remarks`` of an outline, the ``error``, or the ``library`` missing."""
+    """Read an outline: its ``pieces`` and ``remarks``, an ``error``, or the missing ``library``."""
     try:
         drawing: Drawing = _KINDS[kind](file, **keys)
         sheet = drawing.sheet(Path(file))
@@ -168,7 +170,7 @@ def record(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
 
 
 def _in_range(sheet: Sheet) -> None:
-    """Refuse numbers that no curve is computed from."""
+    """Refuse numbers too large or too small for computing a curve."""
     try:
         for piece in sheet.pieces:
             if not isinstance(piece, Line):
@@ -189,7 +191,7 @@ def _few(count: int) -> None:
 
 
 def _curves(dxf: bytes) -> int:
-    """Number of curves that the text of a DXF draws outside of blocks; no library reads it yet."""
+    """Count the curves outside of blocks in the text of a DXF file, before any library reads it."""
     section = _ENTITIES.search(dxf)
     drawn = dxf[section.end():] if section else b""
     lines = [line.strip() for line in drawn.splitlines()]

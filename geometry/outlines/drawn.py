@@ -31,7 +31,7 @@ class ClosedSpline(Boxed):
         object.__setattr__(self, "through", around(self.through, "through"))
 
     def pieces(self) -> tuple[Piece, ...]:
-        """One spline; its knots, the lengths of chords, move with the points."""
+        """One spline; its knots are the lengths of chords, and so move with the points."""
         points = np.array([*self.through, self.through[0]])
         rise = np.diff(points, axis=0)
         step = np.sqrt((rise * rise).sum(axis=1))
@@ -42,7 +42,7 @@ class ClosedSpline(Boxed):
 
 
 def _slopes(step: AnyArray, rise: AnyArray) -> AnyArray:
-    """Derivatives at the points that make the curvature continuous around the curve."""
+    """Solve for the derivatives at the points that make the curvature continuous all around."""
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import spsolve
 
@@ -90,6 +90,6 @@ class Drawn(Boxed):
 
     @cached_property
     def drawn_at(self) -> tuple[float, float]:
-        """The centre of its bounding box where it was drawn [m]."""
+        """Centre of its bounding box in the drawing [m]."""
         (west, east), (south, north) = Curve(self.segments).box
         return (west + east) / 2, (south + north) / 2

@@ -19,16 +19,16 @@ from tympan.geometry.outlines.contours import MOST_CURVES, Sheet
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
 
-#: How far points may be from one plane of constant z [m].
+#: Largest distance of points from one plane of constant z [m].
 _FLAT = 1e-9
-#: Size of a drawing [m] below which its numbers are rather metres than millimetres: a film of 2 m
+#: Size of a drawing [m], read in mm, below which its numbers are probably metres: a film of 2 m
 #: would be read as one of 2 mm.
 _TINY = 2e-3
-#: How deep blocks may stand in blocks. No program nests them so deep but one in itself.
+#: Deepest nesting of blocks. Only a block that contains itself goes deeper.
 _DEEPEST = 20
 
 _CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE")
-#: What is written on a drawing and is no part of the shape.
+#: Kinds of entities that are written on a drawing and are no part of the shape.
 _NOTES = frozenset((
     "TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION",
     "LEADER", "MULTILEADER", "MLEADER", "TOLERANCE", "POINT", "HATCH", "MPOLYGON", "SOLID", "TRACE",
@@ -36,7 +36,7 @@ _NOTES = frozenset((
 
 
 def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
-    """Curves of a layer, ``*`` of all that are shown; ``unit`` overrides the file's."""
+    """Read the curves of a layer, or of all visible ones (``*``); ``unit`` overrides the file's."""
     document = ezdxf.filemanagement.readfile(file)
     remarks = list[str]()
     # A drawing without a header gets ezdxf's own, in metres.
@@ -74,7 +74,7 @@ def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
 
 
 def _guess(pieces: list[Piece]) -> str:
-    """Advice where numbers that were read in mm make a drawing too small for a film."""
+    """Advise on the unit if a drawing read in mm is too small for a film."""
     thirds = np.array([0.0, 1 / 3, 2 / 3])
     size = np.ptp(np.vstack([piece.at(thirds)[0] for piece in pieces]), axis=0).max()
     return "" if size > _TINY else (f"; the drawing is then less than {1e3 * _TINY:g} mm wide: its "
@@ -82,7 +82,7 @@ def _guess(pieces: list[Piece]) -> str:
 
 
 def _layer(entity: Any) -> str:
-    """The name of its layer; bytes that are no UTF-8 in a file that says so are Latin-1."""
+    """Name of an entity's layer; bytes that are not UTF-8 are read as Latin-1."""
     name: str = entity.dxf.layer
     try:
         name.encode()
@@ -92,7 +92,7 @@ def _layer(entity: Any) -> str:
 
 
 class _Reading:
-    """The wanted layer, the plane of what was read so far, and what was left out."""
+    """A reader of one layer: the plane of the points read so far, and what was left out."""
 
     def __init__(self, layer: str, hidden: set[str], unit: float) -> None:
         self.layer, self.hidden, self.unit = layer, hidden, unit
@@ -100,7 +100,7 @@ class _Reading:
         self.left, self.off, self.count = Counter[str](), set[str](), 0
 
     def of(self, entity: Any, layer: str, deep: int = 0) -> Iterator[Piece]:
-        """The pieces of a curve or a block on a layer."""
+        """Yield the pieces of a curve or a block on a layer."""
         kind = entity.dxftype()
         if layer.lower() in self.hidden or entity.dxf.get("invisible", 0):
             self.off.add(layer)
@@ -110,7 +110,7 @@ class _Reading:
             copies = entity.multi_insert() if entity.mcount > 1 else [entity]
             for copy in copies:
                 for part in copy.virtual_entities(skipped_entity_callback=self._refused):
-                    # What is on layer 0 of a block is on the layer of the block.
+                    # An entity on layer 0 of a block takes the layer of the block.
                     inner = _layer(part)
                     yield from self.of(part, layer if inner == "0" else inner, deep + 1)
         elif self.layer not in ("*", layer):
@@ -169,7 +169,7 @@ class _Reading:
             yield from pieces_of_spline(np.array(tool.knots()), poles, weights, tool.order - 1)
 
     def _polyline(self, entity: Any, kind: str) -> Iterator[Piece]:
-        """Pieces of a polyline; the frame of a fitted spline is left out."""
+        """Yield the pieces of a polyline, without the control frame of a fitted spline."""
         light = kind == "LWPOLYLINE"
         if not light:
             if not (entity.is_2d_polyline or entity.is_3d_polyline):
@@ -188,7 +188,7 @@ class _Reading:
 
 
 def _mirrored(entity: Any) -> bool:
-    """Whether its plane is seen from behind, as CAD leaves what it mirrored: x runs to the left."""
+    """Whether an entity is seen from behind, its x to the left, as CAD leaves mirrored ones."""
     x, y, z = entity.dxf.extrusion
     if np.hypot(x, y) > _FLAT * abs(z):
         raise InputError(f"must be flat: a {entity.dxftype()} lies in a plane across "

@@ -78,7 +78,7 @@ class Superellipse(Outline):
     exponent: Annotated[float, Key("n: 2 is an ellipse", rule=_EXPONENT)]
 
     def pieces(self) -> tuple[Piece, ...]:
-        """One spline in each quadrant, through points at eccentric angles graded alike in all."""
+        """One spline in each quadrant, all through points at the same graded eccentric angles."""
         return tuple(self._spline(number) for number in range(4))
 
     @cached_property
@@ -98,7 +98,7 @@ class Superellipse(Outline):
         return self.mirrored.level(np.abs(x), np.abs(y))
 
     def _spline(self, number: int) -> Piece:
-        """One of the quadrants, counterclockwise."""
+        """Spline of one quadrant; quadrants are numbered counterclockwise."""
         angles = _angles(float(np.real(self.exponent)))
         points, slopes = (_turned(part, number) * np.array(self.semi_axes)
                           for part in _quadrant(angles, self.exponent))
@@ -106,7 +106,7 @@ class Superellipse(Outline):
 
 
 def _turned(points: AnyArray, times: int) -> AnyArray:
-    """Points, (n, 2), after so many quarter turns counterclockwise."""
+    """Turn points, shape (n, 2), counterclockwise by quarter turns."""
     for _ in range(times):
         points = np.column_stack([-points[:, 1], points[:, 0]])
     return points
@@ -124,7 +124,7 @@ def _quadrant(angle: AnyArray, exponent: Any) -> tuple[AnyArray, ...]:
 
 
 def _power(base: AnyArray, exponent: Any) -> AnyArray:
-    """Also of zero, for complex exponents."""
+    """Raise to a power that may be complex; zero stays zero."""
     positive = np.where(base > 0, base, 1.0)
     return np.where(base > 0, positive**exponent, 0.0)
 

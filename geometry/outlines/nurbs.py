@@ -13,8 +13,9 @@ from tympan.geometry.outlines.pieces import Piece, graded, spline_through
 
 def pieces_of_spline(knots: AnyArray, poles: AnyArray, weights: AnyArray, degree: int
                      ) -> list[Piece]:
-    """Splines, exact where cubic, polynomial and of continuous curvature; parted elsewhere.
+    """Convert a rational spline to cubic ones of continuous curvature, cut at other knots.
 
+    A polynomial cubic of continuous curvature is converted exactly.
     ``poles`` have shape (n, 2) [m], ``weights`` (n,), ``knots`` (n + degree + 1,).
     """
     if len(poles) <= degree or not weights.min() > 0:
@@ -37,7 +38,7 @@ def pieces_of_spline(knots: AnyArray, poles: AnyArray, weights: AnyArray, degree
 
     result: list[Piece] = []
     for start, end in pairwise(parts):
-        # Just inside a corner, so that derivatives are those of this side.
+        # Places at a corner are moved inside the part, so that derivatives are those of its side.
         within_part = breaks[(breaks >= start) & (breaks <= end)].astype(float)
         inset = 1e-13 * (end - start)
 

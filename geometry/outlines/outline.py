@@ -19,12 +19,13 @@ from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Piece, cross
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
 #: are refused.
 SMALLEST = 1e-3
+#: Fewest points on an outline in the search for crossings and narrow necks.
 _POINTS = 6000
 
 SIZE: Rule = (lambda x: 1e-5 * (1 - 1e-9) <= x <= 10 * (1 + 1e-9),
               "must be positive, from 10 um to 10 m")
 
-#: Of shapes that are as wide as they are told, along both axes.
+#: Key of shapes that are given by half extents along both axes.
 SEMI_AXES = Key("half extents along x and y", "length", SIZE,
                 also=("width", "height", "half_axes", "axes", "size", "radius", "diameter"))
 
@@ -46,7 +47,7 @@ class Outline(FieldsAlone, ABC):
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
-        """The curve counterclockwise about the origin [m], in pieces that CAD draws exactly."""
+        """Pieces of the curve, counterclockwise about the origin [m], which CAD draws exactly."""
 
     @property
     def simple(self) -> bool:
@@ -70,11 +71,11 @@ class Outline(FieldsAlone, ABC):
 
     @property
     def mirrored(self) -> Curve:
-        """A part of the curve whose mirror images are the others; all of it where none is known."""
+        """Part of the curve that gives the rest by mirroring; the whole curve if none is known."""
         return self.curve
 
     def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
-        """Negative inside, positive outside; near the curve, about the distance [m]."""
+        """Negative inside, positive outside; near the curve nearly the distance [m]."""
         return self.curve.level(x, y)
 
     def points(self, count: int) -> AnyArray:
@@ -83,9 +84,9 @@ class Outline(FieldsAlone, ABC):
 
 
 class Boxed(Outline):
-    """Shapes not given by half extents along axes that mirror them; they may cross themselves.
+    """Outlines whose pieces may lie anywhere, may be without symmetry and may cross themselves.
 
-    Their pieces may lie anywhere.
+    Half extents and mirror axes are found from the curve.
     """
 
     @property
@@ -136,7 +137,7 @@ class Rotated(Boxed):
 
 
 class OutlineRegistry(Registry[Any]):
-    """Shapes; beside their own keys, tables of all of them may say ``rotation``."""
+    """Shapes; the table of any of them may have the key ``rotation``."""
 
     def read(self, table: Table) -> Any:
         rotation = table.number("rotation", "angle", 0.0 if table.plain else "0 rad", TURN)
@@ -154,9 +155,9 @@ OUTLINES = OutlineRegistry("shape")
 
 
 def check_outline(outline: Any, key: str) -> None:
-    """Refuse what encloses no area that could be made and meshed, naming the place [mm].
+    """Refuse an outline that cannot be made or meshed; the message names the place [mm].
 
-    That is what runs clockwise, crosses or touches itself, or has features smaller than a
+    Such an outline runs clockwise, crosses or touches itself, or has features smaller than a
     thousandth of its size.
     """
     try:
@@ -203,7 +204,7 @@ def _curvature(outline: Outline, curve: Curve, size: float) -> None:
 
 
 def _crossing(outline: Outline, curve: Curve, size: float) -> None:
-    """Points near each other though far apart along the curve."""
+    """Refuse a curve with points near each other that are far apart along it."""
     from scipy.spatial import cKDTree
 
     count = max(_POINTS, 8 * len(curve.pieces))
@@ -226,7 +227,7 @@ def _crossing(outline: Outline, curve: Curve, size: float) -> None:
 
 
 def _meeting(points: AnyArray, first: int, second: int) -> AnyArray | None:
-    """Crossing of the polyline's sides about two of its points, if there is one."""
+    """Find where sides of a polyline cross about two of its points; None if they do not."""
     sides = np.roll(points, -1, axis=0) - points
     i, j = ((point + np.arange(-2, 2)) % len(points) for point in (first, second))
     gap, r, s = points[j] - points[i][:, None], sides[i][:, None], sides[j]

@@ -29,12 +29,12 @@ Local = tuple[AnyArray, AnyArray, AnyArray]
 #: Kinds of pieces that files may spell out.
 PIECES: Registry[Any] = Registry("kind")
 
-#: Nobody makes an outline of more pieces by hand.
+#: Most pieces of an outline; nobody draws more by hand.
 MOST_PIECES = 1000
 #: Most knots of a spline that follows a curve. A curve that needs more bends too sharply.
 _MOST_KNOTS = 10_000
 
-#: How near each other places are one [m].
+#: Distance below which two places are one [m].
 _POINT = 1e-12
 
 PLACE: Rule = (lambda x: abs(x) <= 1e3, "must be within 1 km")
@@ -90,18 +90,18 @@ class Line:
         return Line(self.start if low == 0 else start, self.end if high == 1 else end)
 
     def between(self, start: AnyArray, end: AnyArray) -> Line:
-        """The piece between two points near its ends, which move it by no more than they miss."""
+        """Move the ends of the piece to two points nearby."""
         return Line((start[0], start[1]), (end[0], end[1]))
 
     def backwards(self) -> Line:
-        """The piece from its end to its start."""
+        """Reverse the piece."""
         return Line(self.end, self.start)
 
 
 class Curved(ABC):
     """Base of arcs and splines: the nearest point, and the parallel curve as a spline."""
 
-    #: Points between two breaks from which the nearest is searched.
+    #: Points from one break to the next at which the search for the nearest point may begin.
     each: ClassVar[int]
 
     @property
@@ -112,7 +112,7 @@ class Curved(ABC):
     def at(self, t: AnyArray) -> Local: ...
 
     def nearest(self, places: AnyArray) -> AnyArray:
-        """Parameters of the nearest points: Newton's method from the two nearest samples."""
+        """Parameters of the nearest points, by Newton's method from the two nearest samples."""
         seeds = self._tree.query(places, k=2)[1]
         near = [self._refined(places, seed) for seed in seeds.T]
         first, second = (np.linalg.norm(self.at(t)[0] - places, axis=1) for t in near)
@@ -129,7 +129,7 @@ class Curved(ABC):
         return spline_through(knots, *curve(knots))
 
     def between(self, start: AnyArray, end: AnyArray) -> Piece:
-        """A spline; the shift between its ends is that of the ends, in proportion."""
+        """Move the ends of the piece; in between it moves in proportion, and becomes a spline."""
         before, after = self.at(np.array([0.0, 1.0]))[0]
         shift, more = start - before, (end - after) - (start - before)
 
@@ -227,7 +227,7 @@ class Arc(Curved):
         return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
 
     def counterclockwise(self) -> Arc:
-        """The same points, told from the larger semi-axis on."""
+        """The same arc run counterclockwise, its angles counted from the larger semi-axis."""
         if self.sweep < 0:
             return self.backwards().counterclockwise()
         (a, b), right = self.radii, np.pi / 2
@@ -298,7 +298,7 @@ class Spline(Curved):
                       (first, last))
 
     def part(self, low: float, high: float) -> Spline:
-        """A cubic spline's part is the cubic spline through its knots and both ends."""
+        """Part of the spline: the cubic spline through its knots in between and both ends."""
         first, width = self.knots[0], self.knots[-1] - self.knots[0]
         (start, end), slopes, _ = self.at(np.array([low, high]))
         inner = [number for number, share in enumerate(self.breaks) if low < share < high]
@@ -317,22 +317,25 @@ Piece = Line | Arc | Spline
 
 
 def subdivided(breaks: AnyArray, each: int) -> AnyArray:
-    """Every interval between breaks in equal parts, ``each`` of them; the last break is 1."""
+    """Divide each interval between breaks into ``each`` equal parts; the last break is 1."""
     steps = np.arange(each) / each
     return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * steps).ravel(), 1.0)
 
 
 def spline_through(knots: AnyArray, points: AnyArray, slopes: AnyArray) -> Spline:
-    """The spline through points, with given derivatives at both ends; shape (n, 2) each."""
+    """Make the spline through points with given derivatives at both ends; shape (n, 2) each."""
     first, last = _pairs(slopes[[0, -1]])
     return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
 
 
 def graded(curve: Callable[[AnyArray], tuple[AnyArray, ...]], start: AnyArray, size: float
            ) -> AnyArray:
-    """Knots, halved from ``start`` until cubics stay within 1e-10 of the ``size`` of a curve.
+    """Halve intervals of knots until cubics stay within 1e-10 of the ``size`` of a curve.
 
-    A curve that takes too many of them is an :class:`InputError`.
+    Raises
+    ------
+    InputError
+        When the curve takes too many knots.
     """
     knots = start
     for _ in range(40):
@@ -342,12 +345,13 @@ def graded(curve: Callable[[AnyArray], tuple[AnyArray, ...]], start: AnyArray, s
         values, slopes = curve(knots)
         step = (high - low)[:, None]
         wide = np.zeros(len(low), bool)
-        for share in (0.25, 0.5, 0.75):  # in one place alone an error may change its sign
+        for share in (0.25, 0.5, 0.75):  # at one place alone the error might just change its sign
             place, tangent = curve(low + share * (high - low))
             rest = 1 - share
-            guess = (rest**2 * (1 + 2 * share) * values[:-1] + share**2 * (1 + 2 * rest)
-                     * values[1:] + step * share * rest * (rest * slopes[:-1]
-                                                           - share * slopes[1:]))
+            before, after = rest**2 * (1 + 2 * share), share**2 * (1 + 2 * rest)
+            between = before * values[:-1] + after * values[1:]
+            sloping = rest * slopes[:-1] - share * slopes[1:]
+            guess = between + step * share * rest * sloping
             across = np.abs(cross(guess - place, tangent)) / np.hypot(*tangent.T)
             wide |= across > _FINE * size
         if not wide.any():
@@ -357,7 +361,7 @@ def graded(curve: Callable[[AnyArray], tuple[AnyArray, ...]], start: AnyArray, s
 
 
 def around(points: Sequence[Point], key: str) -> tuple[Point, ...]:
-    """Points around a closed curve [m]; the first may stand at the end again.
+    """Check points around a closed curve [m]; the first may be repeated at the end.
 
     Raises
     ------
@@ -392,7 +396,7 @@ def _pairs(points: AnyArray) -> tuple[Point, ...]:
 
 
 def direction(x: Any, y: Any) -> Any:
-    """The angle of a vector from the x axis [rad], to first order in imaginary parts."""
+    """Angle of a vector from the x axis [rad], to first order in imaginary parts."""
     angle = np.arctan2(np.real(y), np.real(x))
     if not (np.iscomplexobj(x) or np.iscomplexobj(y)):
         return float(angle)
@@ -401,12 +405,12 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def cross(u: AnyArray, v: AnyArray) -> AnyArray:
-    """The z components of cross products of vectors, shape (…, 2)."""
+    """Cross products of vectors of shape (…, 2): their z components."""
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
 def curvature(slope: AnyArray, bend: AnyArray) -> AnyArray:
-    """Curvature of curves by their derivatives, shape (n, 2) each [1/m]; positive to the left."""
+    """Curvature [1/m] from first and second derivatives, shape (n, 2); positive to the left."""
     return np.asarray(cross(slope, bend) / np.sqrt((slope * slope).sum(axis=1)) ** 3)
 
 

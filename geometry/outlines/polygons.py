@@ -106,7 +106,7 @@ class Polygon(Boxed):
 
 
 def _filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:
-    """Lines between the vertices [m], arcs of a radius [m] at them; no arcs if it is 0."""
+    """Join vertices [m] by lines, rounded there by arcs of a radius [m] unless it is 0."""
     count = len(vertices)
     arcs = [_arc(vertices[k - 1], vertices[k], vertices[(k + 1) % count], radius)
             for k in range(count)]
@@ -131,7 +131,7 @@ def _filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:
 
 def _arc(before: Point, corner: Point, after: Point,
          radius: float) -> tuple[Arc | None, Point, Point, float]:
-    """The arc at a corner, its ends, and how much of both sides it takes."""
+    """Make the arc at a corner: the arc, its ends, and the length that it takes of both sides."""
     if np.real(radius) == 0:
         return None, corner, corner, 0.0
     (u, v), (w, z) = _unit(before, corner), _unit(corner, after)

@@ -31,11 +31,11 @@ from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
 
 _MILLI = 1e-3
-#: How far a flat shape may reach out of its plane, over its size.
+#: Largest distance of a flat shape from its plane, over its size.
 _FLAT = 1e-6
 
-#: Time that the library may take [s]: fifty times what a rectangle takes. A damaged file may keep
-#: it busy for ever.
+#: Time limit of the library [s]: fifty times what a rectangle takes. A damaged file may keep it
+#: busy for ever.
 _LEAST = 0.25
 #: Further time for every megabyte of the file [s]: eight times what a thousand lines take.
 _PER_MEGABYTE = 8.0
@@ -65,7 +65,7 @@ def step_sheet(file: Path, which: str) -> Sheet:
 
 
 def _common_plane(whole: TopoDS_Shape, thickness: float) -> gp_Pln | None:
-    """The plane of all faces and edges, if there is one."""
+    """Find the plane of all faces and edges; None if they have none in common."""
     surfaces = [BRepAdaptor_Surface(TopoDS.Face_s(face)) for face in _parts(whole, TopAbs_FACE)]
     found = BRepLib_FindSurface(whole, thickness, True)
     if not found.Found() or any(surface.GetType() != GeomAbs_Plane for surface in surfaces):
@@ -74,7 +74,7 @@ def _common_plane(whole: TopoDS_Shape, thickness: float) -> gp_Pln | None:
 
 
 def _flat_face(whole: TopoDS_Shape, which: str) -> tuple[TopoDS_Shape, gp_Pln, list[str]]:
-    """The ``largest`` flat face, or of those parallel to it the ``top`` or ``bottom`` one."""
+    """Find the ``largest`` flat face, or the ``top`` or ``bottom`` one of those parallel to it."""
     faces = list[tuple[float, TopoDS_Shape, gp_Pln]]()
     for part in _parts(whole, TopAbs_FACE):
         surface = BRepAdaptor_Surface(TopoDS.Face_s(part))
@@ -101,7 +101,7 @@ def _flat_face(whole: TopoDS_Shape, which: str) -> tuple[TopoDS_Shape, gp_Pln, l
 
 
 def _axes(plane: gp_Pln) -> tuple[gp_Dir, gp_Dir]:
-    """The direction a plane is seen from (above, the front, the right), and what runs right."""
+    """Directions from which a plane is seen (above, the front, the right) and to its right."""
     out = plane.Axis().Direction()
     x, y, z = (0.0 if abs(part) < _FLAT else part for part in (out.X(), out.Y(), out.Z()))
     if (z or -y or x) < 0:
@@ -112,7 +112,7 @@ def _axes(plane: gp_Pln) -> tuple[gp_Dir, gp_Dir]:
 
 
 def _laid_down(shape: TopoDS_Shape, plane: gp_Pln) -> TopoDS_Shape:
-    """Turned so that its plane is one of constant z; one that is seen from above stays in place."""
+    """Turn a shape so that its plane has constant z; a horizontal one stays in place."""
     out, right = _axes(plane)
     turn = gp_Trsf()
     turn.SetTransformation(gp_Ax3(), gp_Ax3(gp_Pnt(), out, right))
@@ -126,7 +126,7 @@ def _parts(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
 
 
 def edge_pieces(edge: TopoDS_Edge) -> list[Piece]:
-    """An edge in a plane of constant z [mm] as pieces [m]."""
+    """Convert an edge in a plane of constant z [mm] to pieces [m]."""
     curve = BRepAdaptor_Curve(edge)
     first, last = curve.FirstParameter(), curve.LastParameter()
     kind = curve.GetType()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,16 +17,15 @@ from tympan.base.errors import InputError
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle, Ellipse
-from tympan.geometry.specimen import Plate, Specimen
+from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Settings, build_model, voltage_ramp
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
-from tympan.studies.paper.actuators import paper_film
 from tympan.studies.parallel import mapped
 
-#: Short semi-axis of all shapes of a map [m]. Only ratios matter to α; the size affects only the
-#: loads.
+#: Short semi-axis of all shapes of a map [m]. Only ratios matter to α; the loads must suit this
+#: size.
 SHORT = 45e-3
 
 #: Sets of places of a map: on its grid, at random within its range, and beyond it.
@@ -45,8 +44,8 @@ COLUMNS: tuple[Column, ...] = (
     Column.labels("trouble", required=False),
 )
 
-#: Radius of the circle whose film is as stiff as that of an infinite strip with a small plate in
-#: its middle, over the strip's half width: its conformal radius.
+#: Conformal radius of an endless strip over its half width: a round film of this radius is as stiff
+#: as the strip, if the plate in the middle is small.
 _STRIP = 4 / np.pi
 
 
@@ -71,13 +70,13 @@ class Formula:
     ratios: tuple[float, float]
 
     def __call__(self, aspect: Array, ratio: Array) -> Array:
-        """Compute α₁, whether or not the formula holds there."""
+        """Evaluate α₁, also where the formula does not hold."""
         logarithm = np.log(aspect)
         power = np.stack([np.ones_like(logarithm), logarithm, logarithm**2, ratio**3 * logarithm],
                          -1) @ self.constants
         radius = 1 + (_STRIP - 1) * (1 - aspect**-power)
         same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
-        return np.asarray((same - long) / (short - long))
+        return (same - long) / (short - long)
 
     def words(self) -> str:
         """Write the formula with its numbers, to be copied."""
@@ -90,7 +89,7 @@ class Formula:
 
 @dataclass(frozen=True)
 class Reading:
-    """A place on the map with its values, the columns of alpha-map.csv.
+    """Place on the map with its results, by the columns of alpha-map.csv.
 
     ``aspect`` and ``plate_over_short`` are long semi-axis and plate radius over the short
     semi-axis. ``alpha_1`` is that of two membrane circles with the semi-axes, ``force_error`` the
@@ -106,25 +105,31 @@ class Reading:
     trouble: str = ""
 
     @property
-    def specimen(self) -> Specimen:
-        """An ellipse with the paper's film and short semi-axis."""
-        return Specimen(f"ellipse {self.aspect:.4g} plate {self.plate_over_short:.4g}",
-                        Ellipse((self.aspect * SHORT, SHORT)),
-                        Plate(Circle(self.plate_over_short * SHORT)), paper_film(self.material))
+    def name(self) -> str:
+        return f"ellipse {self.aspect:.4g} plate {self.plate_over_short:.4g}"
+
+    def specimen(self, film: Film) -> Specimen:
+        """Ellipse of this place, with a film of its material."""
+        frame = Ellipse((self.aspect * SHORT, SHORT))
+        plate = Plate(Circle(self.plate_over_short * SHORT))
+        return Specimen(self.name, frame, plate,
+                        replace(film, material=MATERIALS[self.material].material))
 
 
 @dataclass(frozen=True)
 class MapSettings:
     """Settings of a map: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
 
-    The grid spans ``aspects`` and ``ratios``. The ``inside`` random places in its range have random
-    materials of the library, among those without a range of stretches. The ``outside`` ones have
-    aspects up to ``far[0]`` and ratios up to ``far[1]``.
+    The loads must suit the film, whose frames have the short semi-axis :data:`SHORT`.
+
+    The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
+    materials of the library, of those without a range of stretches, ``outside`` ones have aspects
+    up to ``far[0]`` and ratios up to ``far[1]``.
     """
 
-    loads: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 2e3, 4e3)))
-    mass: float = 17.9e-3
-    voltage: float = 3.5e3
+    loads: LoadGrid
+    mass: float
+    voltage: float
     aspects: tuple[float, ...] = (1.1, 1.2, 1.35, 1.5, 1.7, 1.95, 2.2, 2.5)
     ratios: tuple[float, ...] = (0.1, 0.15, 0.22, 0.3, 0.4, 0.5, 0.6)
     inside: int = 30
@@ -196,11 +201,11 @@ class AlphaMap:
                    read_own_sheet(folder / "alpha-map.csv", COLUMNS))
 
 
-def alpha_map(settings: MapSettings, workers: int = 1,
+def alpha_map(film: Film, settings: MapSettings, workers: int = 1,
               progress: Callable[[str], None] = lambda _: None) -> AlphaMap:
-    """Make a map: compute all places and fit the formula to the grid."""
+    """Make a map of a film, but for its material: read all places, fit the formula to the grid."""
     rows = [{"where": name, **asdict(reading)} for name, places in settings.places().items()
-            for reading in map_readings(places, settings, workers, progress)]
+            for reading in map_readings(film, places, settings, workers, progress)]
     readings = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     fitted = (readings["where"] == "grid") & np.isfinite(readings["alpha_1"])
     aspect, ratio, weight = (readings[name] for name in ("aspect", "plate_over_short", "alpha_1"))
@@ -208,19 +213,20 @@ def alpha_map(settings: MapSettings, workers: int = 1,
     return AlphaMap(settings, formula, {**readings, "formula": formula(aspect, ratio)})
 
 
-def map_readings(places: Sequence[Reading], map_settings: MapSettings, workers: int = 1,
-                 progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
-    """Compute every place, in order; a place without equilibrium gets the reason."""
+def map_readings(film: Film, places: Sequence[Reading], map_settings: MapSettings,
+                 workers: int = 1, progress: Callable[[str], None] = lambda _: None
+                 ) -> list[Reading]:
+    """Read every place, in order; give the reason where nothing is in equilibrium."""
     readings = []
-    with closing(mapped(partial(_read, map_settings), places, workers)) as made:
+    with closing(mapped(partial(_read, film, map_settings), places, workers)) as made:
         for reading in made:
-            progress(reading.specimen.name)
+            progress(reading.name)
             readings.append(reading)
     return readings
 
 
-def _read(map_settings: MapSettings, place: Reading) -> Reading:
-    specimen, settings = place.specimen, Settings()
+def _read(film: Film, map_settings: MapSettings, place: Reading) -> Reading:
+    specimen, settings = place.specimen(film), Settings()
     loads = AlphaSettings(map_settings.loads, LoadGrid((), ()))
     try:
         weights = alpha(specimen, settings, loads).by_basis["membrane"]
@@ -236,7 +242,7 @@ def _read(map_settings: MapSettings, place: Reading) -> Reading:
 
 
 def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
-    """Fit the formula to α₁ by least squares; round its constants to the places it prints.
+    """Fit the formula to α₁ by least squares; its constants are rounded as they are printed.
 
     ``aspect``, ``ratio`` and ``weight``, which is α₁, have shape (readings,).
     """
@@ -250,4 +256,4 @@ def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
 def _errors(readings: Mapping[str, Array]) -> Array:
     """Subtract readings from the formula, where there are readings."""
     error = readings["formula"] - readings["alpha_1"]
-    return np.asarray(error[np.isfinite(error)])
+    return error[np.isfinite(error)]

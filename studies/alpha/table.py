@@ -13,14 +13,11 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.geometry.outlines import Circle, Outline, area, examples
-from tympan.geometry.specimen import Plate, Specimen
+from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Settings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, to_json, write_csv, write_json
-from tympan.studies.limits.loads import LoadGrid
-from tympan.studies.paper.actuators import paper_film
-from tympan.studies.paper.published import MASSES
 
 #: Columns of outlines-frames.csv: points of each frame's outline.
 FRAMES: tuple[Column, ...] = (
@@ -85,21 +82,22 @@ class OutlineTable:
         return cls(rows, frames)
 
 
-#: Loads of the paper, and others for the test.
-_PAPER_LOADS = AlphaSettings(
-    LoadGrid(MASSES, (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)),
-    LoadGrid((12e-3, 20e-3, 25e-3), (2.5e3, 4.5e3, 5.5e3)))
+#: Radius of the plate [m], which suits the examples of outlines.
+_PLATE = 10e-3
 
 
-def outline_table(settings: Settings, progress: Callable[[str], None] = lambda _: None
-                  ) -> OutlineTable:
-    """Compute a row for every registered outline that has an example, with the paper's film."""
+def outline_table(film: Film, loads: AlphaSettings, settings: Settings,
+                  progress: Callable[[str], None] = lambda _: None) -> OutlineTable:
+    """Row for every registered outline that has an example, with a film and a round plate in it.
+
+    ``loads`` are those of the fit, and others to test at.
+    """
     rows, points = [], []
     for outline in examples().values():
         progress(outline.shape)
-        specimen = Specimen(outline.shape, outline, Plate(Circle(10e-3)), paper_film())
-        pair, single = (alpha(specimen, settings, replace(_PAPER_LOADS, circles=count, radii=radii))
-                    for count, radii in ((2, "sectors"), (1, "fit")))
+        specimen = Specimen(outline.shape, outline, Plate(Circle(_PLATE)), film)
+        pair, single = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
+                        for count, radii in ((2, "sectors"), (1, "fit")))
         rows.append(_row(outline, pair, single))
         points.append(outline.points(720))
     x, y = np.concatenate(points, axis=1)

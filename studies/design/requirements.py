@@ -19,7 +19,7 @@ from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
 from tympan.studies.limits.loads import require_moved
-from tympan.studies.paper.actuators import FILES
+from tympan.studies.shipped import FILES
 from tympan.studies.tolerance.given import Tolerances
 from tympan.studies.wanted import (
     BREAKDOWN,

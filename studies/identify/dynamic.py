@@ -23,17 +23,16 @@ from tympan.studies.estimation.noise import Noise
 from tympan.studies.identify.correlation import variance_inflation
 from tympan.studies.identify.responses import Record
 from tympan.studies.identify.static import Constant, StaticFit, Tell
-from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.actuator import BORROWED, Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest, settle
 from tympan.studies.lumped.remarks import of_loads, remark
-from tympan.studies.paper.table1 import known
 from tympan.studies.signals import Pieces
 
-#: The search's variables are the constants' natural logarithms.
-CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),
-             Constant("eta_1", "Pa s", known("eta_1"), 1.0, 1e1, 1e14),
-             Constant("eta_2", "Pa s", known("eta_2"), 1.0, 1e0, 1e9))
+#: The viscous constants; their search begins at the source paper's, in natural logarithms.
+CONSTANTS = (Constant("k_1", "Pa", BORROWED.k1, 1.0, 1e2, 1e12),
+             Constant("eta_1", "Pa s", BORROWED.eta1, 1.0, 1e1, 1e14),
+             Constant("eta_2", "Pa s", BORROWED.eta2, 1.0, 1e0, 1e9))
 _STILL = 1e-6  # of a logarithm that does not move
 _STAYED = 0.01  # of a logarithm that has not moved far
 _BEGUN = 0.25  # of the way between two rests: how far from one a run may begin

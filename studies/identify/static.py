@@ -30,9 +30,9 @@ from tympan.studies.estimation.identifiability import (
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.noise import Noise
 from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.eq8 import table_1_law
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.remarks import is_cone, of_loads, remark, softness
-from tympan.studies.paper.table1 import known
 
 Law = Literal["eq8", "film"]
 Sharing = Literal["each", "shared", "given"]
@@ -113,9 +113,10 @@ class StaticProblem:
         first = self.specimens[0].membrane
         constants: list[Constant] = []
         if self.law == "eq8":
-            for name in ("beta", "gamma"):
-                constants += [Constant(f"{name}_{i}", "Pa", known(f"{name}_{i}"), 50e3,
-                                       -_HIGHEST_STRESS, _HIGHEST_STRESS) for i in (1, 2, 3)]
+            began = table_1_law()
+            for name, starts in (("beta", began.beta), ("gamma", began.gamma)):
+                constants += [Constant(f"{name}_{i}", "Pa", start, 50e3, -_HIGHEST_STRESS,
+                                       _HIGHEST_STRESS) for i, start in enumerate(starts, 1)]
         else:
             constants.append(Constant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
         # Those that a film may have: 1 is vacuum.

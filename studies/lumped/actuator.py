@@ -20,7 +20,6 @@ from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.circles import ConeCircle, radii_of
-from tympan.studies.paper.table1 import known
 
 _SLIGHT = 1e-9  # by which weights may miss their sum or their bounds
 _STEP = 1e-30  # of a derivative by a complex step
@@ -41,9 +40,9 @@ class Viscous:
     Numbers, or arrays of an array of actuators.
     """
 
-    k1: Any = field(default_factory=lambda: known("k_1"))
-    eta1: Any = field(default_factory=lambda: known("eta_1"))
-    eta2: Any = field(default_factory=lambda: known("eta_2"))
+    k1: Any
+    eta1: Any
+    eta2: Any
 
     def __post_init__(self) -> None:
         if not (min(np.min(np.real(each)) for each in (self.k1, self.eta2)) >= 0
@@ -53,8 +52,13 @@ class Viscous:
 
     @property
     def borrowed(self) -> bool:
-        """Whether these are Table 1's constants, which the paper found of its own film."""
-        return self == Viscous()
+        """Whether these are :data:`BORROWED`, and not found for the film."""
+        return self == BORROWED
+
+
+#: Constants of the source paper's own film (its Table 1), borrowed for a film without any of its
+#: own. Every result with them says so.
+BORROWED = Viscous(k1=23.5e6, eta1=177.2e6, eta2=62.4e3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ class Actuator:
     circles: ConeCircle
     weights: Any
     mass: Any
-    viscous: Viscous = field(default_factory=Viscous)
+    viscous: Viscous = BORROWED
     rig: Rig = field(default_factory=Rig)
     stiffness: Any = 1.0
     permittivity: Any = 1.0
@@ -122,7 +126,7 @@ class Actuator:
         radii = np.array(radii_of(specimen.frame))
         if weights is None or len(radii) == 1:
             weights = (1 / len(radii),) * len(radii)
-        return cls(ConeCircle(specimen, radii), tuple(weights), mass, viscous or Viscous(), rig)
+        return cls(ConeCircle(specimen, radii), tuple(weights), mass, viscous or BORROWED, rig)
 
     @property
     def count(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.films.reduction import IN_TIME, reduced_film
 from tympan.studies.limits.loads import usual_masses, usual_voltages
-from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.actuator import BORROWED, Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
 from tympan.studies.lumped.remarks import origin
@@ -62,7 +62,7 @@ class BuildSettings:
     voltages: tuple[float, ...]
     circles: int = 2
     radii: str = "semi_axes"
-    viscous: Viscous = field(default_factory=Viscous)
+    viscous: Viscous = BORROWED
 
     def __post_init__(self) -> None:
         if not self.masses or not self.voltages:
@@ -83,7 +83,7 @@ class BuildSettings:
         AlphaSettings(circles=given.get("circles", 2), radii=given.get("radii", "semi_axes"))
         branched = [item.name for item in specimens if item.membrane.branches]
         if given.get("viscous") is None:
-            given["viscous"] = Viscous()
+            given["viscous"] = BORROWED
         elif branched:
             raise InputError("is for films without branches: theirs come from the field model",
                              key="--viscous", given=", ".join(branched))

@@ -6,7 +6,7 @@ The formulas that are written above them stand in ``model_file.txt``, those of a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,11 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.films.film import ReducedFilm
-from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.actuator import BORROWED, Actuator, Viscous
 
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
-#: Of circles whose film has branches of its own.
+#: Viscous constants of circles whose film has branches of its own: none.
 STILL = Viscous(0.0, 1.0, 0.0)
 
 
@@ -48,7 +48,7 @@ class LumpedModel:
     highest_voltage: float
     stiffness: float = 1.0
     permittivity: float = 1.0
-    viscous: Viscous = field(default_factory=Viscous)
+    viscous: Viscous = BORROWED
     film: ReducedFilm | None = None
     gas_area: float | None = None
 

@@ -23,9 +23,8 @@ def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Sett
                  ) -> LumpedModel:
     """Model that ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
 
-    Without a reduced film: its viscous constants are those of
-    :class:`tympan.studies.lumped.actuator.Viscous`. It is kept on disk, so that the next time it is
-    there at once.
+    It has no reduced film, and :data:`tympan.studies.lumped.actuator.BORROWED` viscous constants.
+    It is kept on disk, so that the next time it is there at once.
 
     Raises
     ------

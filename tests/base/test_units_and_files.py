@@ -28,7 +28,7 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Ellipse
-from tympan.studies.paper.actuators import FILES, actuators
+from tympan.studies.shipped import FILES, actuators
 
 GOOD = """
 name = "good"

@@ -19,7 +19,7 @@ from tests.support.costs import dear
 from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
 from tympan.reports.rebuild import KINDS
-from tympan.studies.paper.actuators import FILES as ACTUATORS
+from tympan.studies.shipped import FILES as ACTUATORS
 
 SOLVE_KEYS = {"specimen", "mass_kg", "voltage_V", "status", "deflection_m", "reaction_N",
               "capacitance_F",

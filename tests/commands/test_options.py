@@ -11,7 +11,7 @@ import pytest
 from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
 from tympan.fem.rig import GAS_SIGN
-from tympan.studies.paper.actuators import FILES as ACTUATORS
+from tympan.studies.shipped import FILES as ACTUATORS
 
 OVAL = str(next(iter(ACTUATORS.values())))
 SIMULATE = ["lumped", "simulate", OVAL]

@@ -45,7 +45,7 @@ from tympan.geometry.outlines.dxf import dxf_sheet
 from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.case import Case
-from tympan.studies.paper.actuators import FILES
+from tympan.studies.shipped import FILES
 
 EXAMPLES = examples()
 PLATE = Plate(Circle(10e-3), (2e-3, 1e-3))

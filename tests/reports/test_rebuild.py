@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -13,15 +14,17 @@ from tests.support.datasets import write_dataset
 from tests.support.specimens import SOFT, specimen_toml
 from tympan.cli import main
 from tympan.geometry.outlines import examples
+from tympan.paper import page as paper_page
+from tympan.paper.loads import MAP
 from tympan.reports import look
 from tympan.reports.diagnosis.self_check import build_self_check_page
 from tympan.reports.figures.alpha import draw_map
-from tympan.reports.paper import page as paper_page
 from tympan.reports.rebuild import KINDS, rebuild
 from tympan.studies.alpha import LoadGrid, table
-from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
+from tympan.studies.alpha.map import AlphaMap, alpha_map
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
+from tympan.studies.shipped import actuators
 
 SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
 STUDY = """
@@ -64,9 +67,9 @@ def outlines(folder: Path) -> None:
 
 
 def alpha_map_of_few(folder: Path) -> None:
-    few = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.6, 2.5),
-                      ratios=(0.1, 0.3, 0.6), inside=1, outside=1)
-    alpha_map(few).save(folder)
+    few = replace(MAP, loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.6, 2.5),
+                  ratios=(0.1, 0.3, 0.6), inside=1, outside=1)
+    alpha_map(actuators()[0].membrane, few).save(folder)
     draw_map(AlphaMap.load(folder), folder)
 
 
@@ -98,7 +101,7 @@ def identify(folder: Path) -> None:
 
 
 def diagnose(folder: Path) -> None:
-    table_2 = resources.files("tympan.studies.paper") / "table-2"
+    table_2 = resources.files("tympan.paper") / "table-2"
     assert main(["diagnose", str(table_2), "-o", str(folder), "--workers", "1"]) == 0
 
 

@@ -23,7 +23,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, Settings
-from tympan.studies.paper.table1 import eq8
+from tympan.studies.lumped.eq8 import eq8
 from tympan.studies.path import path
 
 COARSE = Settings(MeshSettings(order=2).refined(0.6))

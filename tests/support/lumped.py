@@ -15,12 +15,12 @@ from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import Gent, Separable
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.identify.static import StaticProblem
 from tympan.studies.lumped.actuator import Actuator, paper_cones
 from tympan.studies.lumped.control.controller import Controller
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.model_file import LumpedModel
-from tympan.studies.paper.table1 import paper_actuators
 
 TAPE = MATERIALS["vhb-4910"].material
 OVAL = elliptical(75e-3, TAPE)

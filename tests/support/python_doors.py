@@ -21,8 +21,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "python-commands.md"
 WITHOUT = {
     "doctor": "looks at the installation; ask it where something does not work",
     "explore": "serves a live page until Ctrl-C; a script has the numbers by the other doors",
-    "outlines": "α of the outlines of this package, not of a film of yours: see `tympan.alpha`",
-    "map": "α of ellipses of the source paper's film, not of a film of yours: see `tympan.alpha`",
+    "outlines": "finds α of tympan's outlines with the source paper's film; of your own film see "
+                "`tympan.alpha`",
+    "map": "finds α of ellipses with the source paper's film; of your own film see `tympan.alpha`",
     "lumped paper": "computes the source paper's figures and tables again, not a film of yours",
 }
 #: What an option is in Python, of every command that has it.

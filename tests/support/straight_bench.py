@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.fits.first_order import Tangent
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, parameters_of, uses_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 
 #: Noise of a reading [m].
 SIGMA = 10e-6

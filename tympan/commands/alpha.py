@@ -54,24 +54,32 @@ def alpha(options: argparse.Namespace) -> None:
 @command("outlines", output(required=True), JSON, MESH,
          example="-o outlines")
 def outlines(options: argparse.Namespace) -> None:
-    """α of every registered outline with its held-out error."""
+    """α of every registered outline with the source paper's film, and its held-out error."""
     from tympan.geometry.outlines import examples
     from tympan.progress import bar
     from tympan.studies.alpha.table import outline_table
+    from tympan.studies.study import default_study
 
+    paper = default_study()
+    film = paper.specimens[0].membrane
     with bar(len(examples())) as progress:
-        result = outline_table(read_settings(options), progress=progress)
+        result = outline_table(film, paper.alpha, read_settings(options), progress)
     finish(options, result)
 
 
 @command("map", output(required=True), WORKERS, JSON,
          example="-o map")
 def alpha_map(options: argparse.Namespace) -> None:
-    """α and stroke of ellipses by aspect ratio and plate size; a formula for α."""
-    from tympan.progress import bar
-    from tympan.studies.alpha.map import MapSettings, alpha_map
+    """α and stroke of ellipses of the source paper's film, by aspect ratio and plate size.
 
-    settings = MapSettings()
-    with bar(sum(map(len, settings.places().values()))) as progress:
-        result = alpha_map(settings, options.workers, progress)
+    Also a formula for α, fitted to them.
+    """
+    from tympan.paper.loads import MAP
+    from tympan.progress import bar
+    from tympan.studies.alpha.map import alpha_map
+    from tympan.studies.shipped import actuators
+
+    film = actuators()[0].membrane
+    with bar(sum(map(len, MAP.places().values()))) as progress:
+        result = alpha_map(film, MAP, options.workers, progress)
     finish(options, result)

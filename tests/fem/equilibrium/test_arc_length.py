@@ -33,7 +33,7 @@ from tympan.fem.membrane.state import HEAVE, State
 from tympan.geometry.mesh import unfold
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Plate
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 
 VHB = Ogden((18.4e3, 210.0), (2.0, 4.0))
 

@@ -11,25 +11,26 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from tests.support.checks.json_schema import faults, schema_of
+from tympan.paper.loads import MAP
 from tympan.reports.figures.alpha import draw_map
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import (
     AlphaMap,
     Formula,
-    MapSettings,
     Reading,
     alpha_map,
     map_readings,
 )
+from tympan.studies.shipped import actuators
 
-COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5),
-                     ratios=(0.1, 0.3, 0.6),
-                     inside=6, outside=4)
+FILM = actuators()[0].membrane
+COARSE = replace(MAP, loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5),
+                     ratios=(0.1, 0.3, 0.6), inside=6, outside=4)
 
 
 @pytest.fixture(scope="module")
 def made() -> AlphaMap:
-    return alpha_map(COARSE)
+    return alpha_map(FILM, COARSE)
 
 
 def test_what_is_printed_is_as_declared(made: AlphaMap) -> None:
@@ -73,7 +74,7 @@ def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: AlphaMap) 
     same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
     expected = (same - long) / (short - long)
     light = replace(COARSE, loads=LoadGrid((1e-5,), (0.0,)))
-    read, = map_readings([Reading(aspect, ratio)], light)
+    read, = map_readings(FILM, [Reading(aspect, ratio)], light)
     assert read.alpha_1 == pytest.approx(expected, abs=2e-3)
     assert made.formula(np.array(aspect), np.array(ratio)) == pytest.approx(expected, abs=5e-3)
 
@@ -89,11 +90,13 @@ def test_circle_and_strip_are_the_formula_s_ends() -> None:
 @pytest.mark.study(seconds=4)
 def test_workers_change_nothing() -> None:
     places = COARSE.places()["inside"][:2]
-    assert map_readings(places, COARSE) == map_readings(places, COARSE, workers=2)
+    assert map_readings(FILM, places, COARSE) == map_readings(FILM, places, COARSE,
+                                                              workers=2)
 
 
 def test_a_place_without_equilibrium_is_a_reading() -> None:
-    read, = map_readings([Reading(1.5, 0.3)], replace(COARSE, loads=LoadGrid((17.9e-3,), (20e3,))))
+    charged = replace(COARSE, loads=LoadGrid((17.9e-3,), (20e3,)))
+    read, = map_readings(FILM, [Reading(1.5, 0.3)], charged)
     assert np.isnan(read.alpha_1)
     assert "no equilibrium" in read.trouble
 

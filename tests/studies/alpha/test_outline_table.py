@@ -34,7 +34,8 @@ def test_every_registered_outline_has_its_row(folder) -> None:
 @pytest.mark.study(seconds=21)
 def test_the_printed_table_has_a_head_above_its_columns(folder) -> None:
     printed = (folder / "printed.txt").read_text(encoding="utf-8").splitlines()
-    head, *lines = printed[:-2]
+    head, *lines, whose = printed[:-2]
+    assert whose.startswith("Film and loads are the source paper's")
     assert printed[-2:] == [str(folder / f"outlines.{kind}") for kind in ("png", "svg")]
     # What the fields alone give stands in the file only.
     shown = [name for name in HEADER[:-1] if not name.startswith("field_")]

@@ -30,7 +30,7 @@ from tympan.studies.data.noise import (
     stated_ratio,
 )
 from tympan.studies.estimation.noise import Noise
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 
 TOP = "specimen,mass_g,voltage_kV,displacement_mm\n"
 STRIPS = "mode,stretch,nominal_stress_kPa\n"
@@ -521,7 +521,7 @@ def test_noise_intervals_cover_as_often_as_they_say(uneven: bool) -> None:
 
 
 def test_the_paper_s_table_2() -> None:
-    folder = Path(str(resources.files("tympan.studies.paper") / "table-2"))
+    folder = Path(str(resources.files("tympan.paper") / "table-2"))
     data = read_dataset(folder)
     assert data.ranges is not None
     rows = list(zip(data.ranges.specimen.tolist(), data.ranges.mass.tolist(),

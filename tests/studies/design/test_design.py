@@ -33,7 +33,7 @@ from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.result import DesignedFilm, DesignResult
 from tympan.studies.design.scatter import of_share
 from tympan.studies.design.space import DesignSpace
-from tympan.studies.paper.actuators import FILES
+from tympan.studies.shipped import FILES
 from tympan.studies.wanted import QUANTITIES, Bound
 
 MASS, FORCE, U = 17.9e-3, 17.9e-3 * 9.80665, 4e3

@@ -360,7 +360,7 @@ def test_the_next_step_begins_with_the_direct_check() -> None:
 def table_2(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the command says of the paper's Table 2."""
     folder = tmp_path_factory.mktemp("table-2")
-    assert main(["diagnose", "studies/paper/table-2", "-o", str(folder), "--workers", "1"]) == 0
+    assert main(["diagnose", "tympan/paper/table-2", "-o", str(folder), "--workers", "1"]) == 0
     content: dict[str, Any] = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
     return content
 

@@ -29,6 +29,7 @@ from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import ViscousBranch
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import reduced_film
@@ -55,7 +56,6 @@ from tympan.studies.lumped.export.fmu import export_fmu
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import STILL, LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.sense.inverse import Inverse
 from tympan.studies.signals import Pieces, step, through
 

@@ -12,15 +12,15 @@ import pytest
 
 from tests.oracles.lumped_model import equations
 from tests.support.lumped import OVAL, compiled_controller
+from tympan.paper.figures import Choices
+from tympan.paper.published import MASSES
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Method
 from tympan.studies.lumped.control.result import ControlledFilm, ControlStep, Limit
 from tympan.studies.lumped.control.run import ControlSettings, controlled
 from tympan.studies.lumped.model_file import LumpedModel
-from tympan.studies.paper.published import MASSES
-from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica.figures import Choices
 from tympan.studies.signals import Pieces, random_steps, through
 
 SUPPLY, INTERVAL = 7e3, 10e-3

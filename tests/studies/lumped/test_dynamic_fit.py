@@ -17,6 +17,7 @@ from tests.support.lumped import MASSES, NOISE, TRUTH, noisy
 from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Separable
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.identify.dynamic import (
     DynamicFit,
     DynamicProblem,
@@ -30,7 +31,6 @@ from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import Actuator, Viscous, paper_cones
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Pieces, Sine, random_steps, step
 
 VISCOUS = Viscous(15e6, 100e6, 100e3)  # away from Table 1, where the search begins
@@ -38,7 +38,7 @@ LOGS = np.log([VISCOUS.k1, VISCOUS.eta1, VISCOUS.eta2])
 LAW = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
 SPECIMENS = tuple(replace(specimen, membrane=replace(specimen.membrane, material=LAW))
                   for specimen in paper_actuators(8.5))
-ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
+ACTUATORS = Path(__file__).parents[3] / "studies" / "shipped"
 EXACT = Exact(paper_cones(SPECIMENS, (0.45, 0.55)))
 
 

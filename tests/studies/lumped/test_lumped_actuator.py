@@ -15,15 +15,15 @@ from tests.support.specimens import circular
 from tympan.base.errors import InputError
 from tympan.base.system import MissingLibrary
 from tympan.fem.rig import Rig
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.circles import ConeCircle
 from tympan.studies.lumped.actuator import (
+    BORROWED,
     Actuator,
-    Viscous,
     flat_capacitance,
 )
 from tympan.studies.lumped.equilibria import pull_in, rest, roots
 from tympan.studies.lumped.linear import linearise
-from tympan.studies.paper.table1 import TABLE_1, eq8, known, paper_actuators
 
 EVERY = pytest.mark.parametrize("actuator", MODELS.values(), ids=MODELS.keys())
 
@@ -155,18 +155,6 @@ def test_without_python_control_the_message_says_so(monkeypatch: pytest.MonkeyPa
         linearise(MODELS["paper"], 0.0).to_control()
 
 
-def test_table_1_marks_what_is_lost() -> None:
-    missing = {symbol for symbol, cell in TABLE_1.items() if "value" not in cell}
-    assert missing == {"g", "alpha_1", "alpha_2", "epsilon_0", "epsilon_r"}
-    assert all(TABLE_1[symbol]["note"] for symbol in missing)
-    with pytest.raises(InputError, match="lost"):
-        known("epsilon_r")
-    law = eq8(circular(), 8.0).membrane.material
-    cells = {symbol: cell.get("value") for symbol, cell in TABLE_1.items()}
-    assert law.beta == tuple(cells[f"beta_{i}"] for i in (1, 2, 3))
-    assert law.gamma == tuple(cells[f"gamma_{i}"] for i in (1, 2, 3))
-
-
 @pytest.mark.parametrize(("change", "words"), [
     ({"weights": (0.5, 0.6)}, "add up to 1"), ({"weights": (1.0,)}, "2 numbers"),
     ({"mass": 0.0}, "mass to move"),
@@ -179,4 +167,4 @@ def test_what_is_no_model_is_refused(change: dict[str, object], words: str) -> N
 
 def test_viscous_constants_that_would_make_energy_are_refused() -> None:
     with pytest.raises(InputError, match="negative"):
-        Viscous(k1=-1.0)
+        replace(BORROWED, k1=-1.0)

@@ -24,6 +24,7 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle, Ellipse, examples
 from tympan.geometry.specimen import Electrode, Plate, Specimen
+from tympan.paper.published import MASSES
 from tympan.studies.case import Settings
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.lumped.actuator import Viscous
@@ -31,10 +32,9 @@ from tympan.studies.lumped.build import BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import rest_curve
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
 from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper.published import MASSES
 from tympan.studies.signals import step
 
-ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
+ACTUATORS = Path(__file__).parents[3] / "studies" / "shipped"
 FEW = BuildSettings(MASSES, tuple(np.linspace(0.0, 5e3, 7)))
 TAPE = Ogden((18.4e3, 210.0), (2.0, 4.0))
 MODEL = LumpedModel(elliptical(75e-3, TAPE), (45e-3, 75e-3), (0.6, 0.4), 2.14e-9, 5e3, 1.02, 0.95,

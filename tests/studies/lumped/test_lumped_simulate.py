@@ -15,17 +15,17 @@ from tests.oracles.lumped_model import equations
 from tests.support.lumped import MODELS, free_energy
 from tympan.base.errors import InputError
 from tympan.cli import main
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, roots
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import ModelResponse, sample, simulate
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, read_signal, step
 from tympan.studies.trace import settling_time
 
 PAPER = MODELS["paper"]
-ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
+ACTUATORS = Path(__file__).parents[3] / "studies" / "shipped"
 
 
 @pytest.mark.parametrize("signal", [step(0.0, 3.5e3, 0.0, 1.0), step(1e3, 3.5e3, 0.3, 1.0),

@@ -42,7 +42,7 @@ from tympan.studies.signals import Pieces, Sine, ramp, random_steps, step
 from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
 
-ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
+ACTUATORS = Path(__file__).parents[3] / "studies" / "shipped"
 MASS, HEAVY, HIGH = 17.9e-3, 22.45e-3, 7e3
 FORCES = MASS * 9.80665, HEAVY * 9.80665
 ROOT5 = 5**0.5

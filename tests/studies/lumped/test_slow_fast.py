@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -14,7 +15,7 @@ from tests.support.specimens import circular
 from tympan.base.errors import Failure
 from tympan.cli import main
 from tympan.fem.film.laws import Gent
-from tympan.studies.lumped.actuator import Viscous
+from tympan.studies.lumped.actuator import BORROWED
 from tympan.studies.lumped.export.slow_fast import SlowFast, slow_fast
 from tympan.studies.lumped.model_file import LumpedModel, write_model
 from tympan.studies.lumped.simulate import simulate
@@ -57,7 +58,7 @@ def test_the_errors_stated_are_those_on_steps_of_ones_own() -> None:
 def test_a_plate_that_does_not_swing_has_no_such_form() -> None:
     with pytest.raises(Failure, match="no fast pair"):
         slow_fast(LumpedModel(circular(Gent(18e3, 110.0)), (45e-3,), (1.0,), 1.2e-9, 5e3,
-                              viscous=Viscous(eta2=1e7)).actuator(MASS), 5e3)
+                              viscous=replace(BORROWED, eta2=1e7)).actuator(MASS), 5e3)
 
 
 def test_the_command_writes_the_form(tmp_path: Path,

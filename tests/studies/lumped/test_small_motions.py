@@ -14,11 +14,11 @@ import pytest
 from tests.support.lumped import MODELS
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, rest, roots
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import step
 
 COARSE = ("--mass", "17.9 g", "--refine", "0.5")

@@ -120,7 +120,7 @@ def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
 
 
 def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    actuators = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
+    actuators = Path(__file__).parents[3] / "studies" / "shipped"
     names = ["circular", "elliptical-small", "elliptical-large"]
     head = 'name = "made"\nnoise = "1 um"\n' + "".join(
         "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[")

@@ -37,9 +37,9 @@ def lumped_paper(options: argparse.Namespace) -> None:
     """Figures and tables of the source paper, computed again, with its numbers beside ours."""
     import time
 
+    from tympan.paper.figures import STEPS_OF_RUN, Choices, run
+    from tympan.paper.output import PaperResult
     from tympan.progress import bar
-    from tympan.studies.replica.figures import STEPS_OF_RUN, Choices, run
-    from tympan.studies.replica.output import PaperResult
 
     period = None if options.period is None else parse_quantity(options.period, "time", "--period")
     choices = Choices(options.levels, options.seed, period, reading=options.reading)

@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.reduced.reduced_films import bounds_of, limits_of
 from tympan.studies.diagnosis.reduced.sampling import COARSE, FINE, FiniteElements, nominal_law
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
-from tympan.studies.paper.actuators import actuators
+from tympan.studies.shipped import actuators
 
 LOSS = Cause("prestretch_loss", "circular")
 

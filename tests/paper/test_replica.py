@@ -15,15 +15,14 @@ from tests.support.checks.json_schema import faults, schema_of
 from tests.support.checks.policy import unlawful
 from tympan.base.errors import InputError
 from tympan.cli import main
-from tympan.reports.paper import page
+from tympan.paper import missing_parameters as lost
+from tympan.paper import page, published
+from tympan.paper.figures import Choices, Decay, period_of, thinned
+from tympan.paper.output import loop_gap
+from tympan.paper.table1 import paper_actuators
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import pull_in, rest
 from tympan.studies.lumped.simulate import simulate, slow_ends
-from tympan.studies.paper import published
-from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica import missing_parameters as lost
-from tympan.studies.replica.figures import Choices, Decay, period_of, thinned
-from tympan.studies.replica.output import loop_gap
 from tympan.studies.signals import random_steps, step
 from tympan.studies.trace import settling_time
 

@@ -1,4 +1,4 @@
-"""A replica of the paper's figures as stored: ours beside the paper's, and why they differ."""
+"""Stored result: figures computed again, numbers beside the paper's, and why they differ."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ import pandas as pd
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.studies.alpha import alpha
-from tympan.studies.columns import Column, read_own_sheet
-from tympan.studies.files import from_json, read_json, remove, to_json, write_csv, write_json
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.paper import published
-from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.replica.figures import INTERVAL, VOLTAGES, ZOOM, Criterion, Replica, criteria
-from tympan.studies.replica.findings import findings, sentences
-from tympan.studies.replica.missing_parameters import (
+from tympan.paper import published
+from tympan.paper.figures import INTERVAL, VOLTAGES, ZOOM, Criterion, Replica, criteria
+from tympan.paper.findings import findings, sentences
+from tympan.paper.missing_parameters import (
     allowed,
     other_fits,
     smallest_worst,
     worst_misfit,
 )
+from tympan.paper.published import MASSES, NAMES, ranges
+from tympan.studies.alpha import alpha
+from tympan.studies.columns import Column, read_own_sheet
+from tympan.studies.files import from_json, read_json, remove, to_json, write_csv, write_json
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.study import default_study
 
-#: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
+#: Columns of the curves' files: labels of a curve, then its abscissa and ordinate.
 CURVES = {
     "static": ("mass_g", "specimen", "voltage_kV", "distance_mm"),
     "step": ("mass_g", "specimen", "t_s", "distance_mm"),
@@ -44,9 +44,9 @@ _UNITS = {"largest swing": ("%", 100.0), "whole change": ("%", 100.0), "length":
 
 @dataclass(frozen=True, eq=False)
 class PaperResult:
-    """Content of paper.json, and ``curves``: of each file by the cells of its first columns.
+    """Content of paper.json, and ``curves`` by file and by the labels in its first columns.
 
-    A curve has its abscissa and ordinate, shape (2, points).
+    A curve is an array of abscissa and ordinate, shape (2, points).
     """
 
     numbers: dict[str, Any]
@@ -54,7 +54,7 @@ class PaperResult:
 
     @classmethod
     def of(cls, replica: Replica, seconds: float) -> PaperResult:
-        """The numbers and curves of a replica that took so long [s]."""
+        """Numbers and curves of a replica; ``seconds`` is the time it took."""
         curves: dict[str, dict[tuple[str, ...], Array]] = {name: {} for name in CURVES}
         for name, cells, across, up in _curves(replica):
             key = tuple(cell if isinstance(cell, str) else f"{cell:.12g}" for cell in cells)
@@ -98,7 +98,7 @@ def _read_curves(file: Path, columns: Sequence[str]) -> dict[tuple[str, ...], Ar
 
 
 def _curves(replica: Replica) -> Iterator[tuple[str, tuple[Any, ...], Array, Array]]:
-    """All curves: the file, what the curve is of, its abscissa and ordinate."""
+    """Yield all curves: the file, labels, abscissa and ordinate."""
     names = [(f"{1e3 * mass:g}", name) for mass in MASSES for name in NAMES]
     for cells, y in zip(names, replica.static.reshape(len(names), -1), strict=True):
         yield "static", cells, 1e-3 * VOLTAGES, 1e3 * y
@@ -117,7 +117,7 @@ def _curves(replica: Replica) -> Iterator[tuple[str, tuple[Any, ...], Array, Arr
 
 
 def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
-    """Everything but the curves."""
+    """All numbers of the result, without the curves."""
     gaps = np.array([[loop_gap(y) for _, y in row] for row in replica.loops])
     growth = 100 * (gaps[:, -1] / gaps[:, 0] - 1)
     settled = criteria(replica.decays)
@@ -149,7 +149,7 @@ def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
 
 
 def _weights() -> Iterator[dict[str, Any]]:
-    """α of the paper's ellipses at its loads, by circles of the film, cones and the fields."""
+    """Yield α of the paper's ellipses at its loads, from circles of the film, cones and fields."""
     study = default_study()
     for specimen in study.specimens:
         found = alpha(specimen, study.settings, study.alpha, study.rig)
@@ -200,7 +200,7 @@ def _settling(criterion: Criterion) -> dict[str, Any]:
 
 
 def loop_gap(deflection: Array) -> float:
-    """Largest distance between rising and falling branch of a sine's period over its range.
+    """Largest gap between the rising and the falling branch of a sine's period, over its range.
 
     The samples begin at phase 0 and are even; the branches meet the same voltage at φ and π − φ.
     """

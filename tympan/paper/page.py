@@ -12,15 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.base.arrays import Array
+from tympan.paper.figures import ZOOM
+from tympan.paper.output import PaperResult
+from tympan.paper.published import MASSES, NAMES, SETTLING, SINES, STEP
 from tympan.reports import look as style
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.files import write_text
-from tympan.studies.paper.published import MASSES, NAMES, SETTLING, SINES, STEP
-from tympan.studies.replica.figures import ZOOM
-from tympan.studies.replica.output import PaperResult
 
 Content = dict[str, Any]
-#: Abscissa and ordinate of the curves of each file, by the cells of its first columns.
+#: Abscissa and ordinate of curves, by file and by the labels in its first columns.
 Curves = Mapping[str, Mapping[tuple[str, ...], Array]]
 
 #: Height of a single axis [mm].
@@ -28,7 +28,7 @@ _HEIGHT = 70.0
 
 _LETTERS = "abcdef"
 
-#: What each set of weights α is found from.
+#: How each set of weights α was found.
 BASES = {"membrane": "circles of the same film, by finite elements",
          "cone": "the paper's straight cones, Eq. (5)",
          "cone_scaled": "these cones times one factor, found on the first circle",
@@ -45,9 +45,9 @@ def build_paper_page(result: PaperResult, folder: Path) -> list[Path]:
 
 
 def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
-    """The page as text; the figures as data URIs."""
+    """Render the page as text; figures are data URIs."""
     columns = [f"{name}_{1e3 * mass:g}g_s" for mass in MASSES for name in NAMES]
-    return template("reports/paper/paper.html", number_text=number_text).render(
+    return template("paper/paper.html", number_text=number_text).render(
         paper=content, pictures=pictures, columns=columns, bases=BASES,
         paper_settling=SETTLING.ravel().tolist(), masses=[1e3 * mass for mass in MASSES],
         names=NAMES)
@@ -61,11 +61,11 @@ def caption(name: str) -> str:
     >>> caption("fig10")
     'Figure 10: the same, its beginning.'
     """
-    return sentence(template("reports/paper/words.txt"), "caption", name)
+    return sentence(template("paper/captions.txt"), "caption", name)
 
 
 def number_text(number: Content) -> str:
-    """A number of a finding in its usual unit.
+    """Write a number of a finding in its usual unit.
 
     Examples
     --------

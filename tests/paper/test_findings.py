@@ -9,14 +9,9 @@ from scipy.optimize import minimize
 
 from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import NeoHooke
-from tympan.studies.case import Case, Settings, equilibrate
-from tympan.studies.circles import ConeCircle
-from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.equilibria import rest
-from tympan.studies.paper import published
-from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica import missing_parameters as lost
-from tympan.studies.replica.findings import (
+from tympan.paper import missing_parameters as lost
+from tympan.paper import published
+from tympan.paper.findings import (
     at_rest,
     checks,
     cone,
@@ -28,6 +23,11 @@ from tympan.studies.replica.findings import (
     softening,
     unaccounted,
 )
+from tympan.paper.table1 import paper_actuators
+from tympan.studies.case import Case, Settings, equilibrate
+from tympan.studies.circles import ConeCircle
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.equilibria import rest
 
 
 @pytest.fixture(scope="module")

@@ -10,17 +10,17 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.simulate import simulate
-from tympan.studies.paper import published
-from tympan.studies.paper.published import MASSES, NAMES
-from tympan.studies.replica.missing_parameters import (
+from tympan.paper import published
+from tympan.paper.missing_parameters import (
     MissingParameters,
     deflections,
     fit_levels,
     fit_rests,
 )
+from tympan.paper.published import MASSES, NAMES
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces, Sine, random_steps, step
 
 Progress = Callable[[str], None]
@@ -36,21 +36,26 @@ _STEP_END = 30.0
 #: End of the time axes of their zooms [s], which are lost too.
 ZOOM = 3.0
 
-_PRECISION = 1e-10  # of responses [m]; the sensor sees 1 µm
+#: Smallest change that the paper's sensor sees [m].
+_SEEN = 1e-6
+#: Error of responses [m], far below what the sensor sees.
+_PRECISION = 1e-10
+#: Spans of time of which a drawn response keeps the extremes.
 _BUCKETS = 3000
+#: Seeds that are tried for levels near both voltages.
 _SEEDS = 10_000
-_USUAL = (0.05, 0.02, 0.01)  # thresholds as shares that are in use
-_SEEN = 1e-6  # [m], by the paper's sensor
+#: Usual thresholds of settling, as shares.
+_USUAL = (0.05, 0.02, 0.01)
 
 
 @dataclass(frozen=True)
 class Choices:
-    """Choices the paper leaves open: figure 14's levels and seed, 13's period [s]; None: found.
+    """Choices the paper leaves open: levels and seed of figure 14, period [s] of figure 13.
 
-    ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's
-    voltages is taken. ``reading`` is how Table 2 is read to find the missing ε_r and α₁: ``rest``,
-    from 0 to 7 kV at rest, or ``levels``, at the ends of figure 14's levels; None: whichever fits
-    it better.
+    Without a seed it is the first one whose levels come within ``near`` [V] of both of the paper's
+    voltages; without a period see :func:`period_of`. ``reading`` is how Table 2 is read to find the
+    missing ε_r and α₁: ``rest``, from 0 to 7 kV in equilibrium, or ``levels``, at the ends of
+    figure 14's levels. Without a reading it is whichever fits better.
     """
 
     levels: int = 20
@@ -82,7 +87,7 @@ class Choices:
 
 
 def thinned(time: Array, deflection: Array, whole_until: float = 0.0) -> tuple[Array, Array]:
-    """A response to draw: of each span of time its extremes, up to a time [s] every sample."""
+    """Thin a response to the extremes in spans of time; all samples up to a time [s] stay."""
     keep = set(np.flatnonzero(time <= whole_until).tolist())
     for span in np.array_split(np.arange(len(time)), min(_BUCKETS, len(time))):
         keep |= {int(span[np.argmin(deflection[span])]), int(span[np.argmax(deflection[span])])}
@@ -92,10 +97,10 @@ def thinned(time: Array, deflection: Array, whole_until: float = 0.0) -> tuple[A
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """Half the way [m] between neighbouring extremes, the time midway [s], the whole travel [m].
+    """Decay of an oscillation.
 
-    The crossing of a threshold is interpolated between them on a logarithmic scale, as an
-    oscillation dies.
+    ``height`` is half the distance [m] from one extreme to the next, ``time`` [s] is midway between
+    them, ``travel`` [m] the change from the first sample to the last.
     """
 
     time: Array
@@ -104,13 +109,13 @@ class Decay:
 
     @property
     def scales(self) -> dict[str, float]:
-        """Scales that a threshold is a share of, by the kind of criterion; a length in metres."""
+        """Quantity [m] that a threshold is a share of, by the kind of criterion; 1 for a length."""
         return {"largest swing": float(self.height.max()), "whole change": self.travel,
                 "length": 1.0}
 
     @classmethod
     def of(cls, time: Array, deflection: Array) -> Decay:
-        """Decay of a sampled response to a step, extremes refined by parabolas of three samples."""
+        """Find the decay in a sampled response to a step; parabolas refine its extremes."""
         turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
         before, at, after = (deflection[turning + shift] for shift in (-1, 0, 1))
         bend = before - 2 * at + after
@@ -121,7 +126,10 @@ class Decay:
                    float(abs(deflection[-1] - deflection[0])))
 
     def settled(self, threshold: float) -> float:
-        """Time at which the oscillation last exceeds a threshold [m]; nan where it never does."""
+        """Time at which the oscillation last exceeds a threshold [m]; nan if it never does.
+
+        It is interpolated on a logarithmic scale, as an oscillation decays.
+        """
         large = np.flatnonzero(self.height > threshold)
         if not len(large):
             return float("nan")
@@ -134,7 +142,7 @@ class Decay:
 
 @dataclass(frozen=True, eq=False)
 class Criterion:
-    """A kind of criterion at one threshold: settling times [s], shape (masses, actuators)."""
+    """Settling times [s] by one kind of criterion at one threshold, shape (masses, actuators)."""
 
     kind: str
     threshold: float
@@ -148,7 +156,7 @@ class Criterion:
 
 @dataclass(frozen=True, eq=False)
 class Replica:
-    """Figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator.
+    """Figures 7–14 and Table 2. Lists are by mass and actuator, loops by signal and actuator.
 
     ``steps`` and ``random`` are thinned responses: times [s] and deflections [m]; ``loops`` are
     voltages [V] and deflections [m] of one period.
@@ -169,13 +177,13 @@ class Replica:
 
     @property
     def missing(self) -> MissingParameters:
-        """The ε_r and α₁ everything was computed with."""
+        """The ε_r and α₁ with which all figures were computed."""
         return self.fits[self.reading]
 
     @property
     def rest_ranges(self) -> Array:
         """Ranges between the paper's voltages at rest [m], shape (masses, actuators)."""
-        return np.asarray(self.static[:, :, -1] - self.static[:, :, 0])
+        return self.static[:, :, -1] - self.static[:, :, 0]
 
     @property
     def random_ranges(self) -> Array:
@@ -184,10 +192,10 @@ class Replica:
 
 
 def period_of(actuator: Actuator) -> float:
-    """The period [s] at which the actuator lags most about the voltage of figure 13's right column.
+    """Period [s] with the largest phase lag about the voltage of figure 13's right column.
 
-    The slow part of the linear model is a pole, the slowest, and a zero at k₁/η₁, where the
-    branches alone relax; such a pair lags most at the geometric mean of the two.
+    The slow part of the linear model has its slowest pole and a zero at k₁/η₁, the relaxation of
+    the branches alone. Such a pair lags most at the geometric mean of both.
     """
     pole = float(np.abs(linearise(actuator, published.SINES[1][0]).poles[0]))
     zero = actuator.viscous.k1 / actuator.viscous.eta1
@@ -229,7 +237,7 @@ STEPS_OF_RUN = 4 + len(published.SINES) * len(NAMES)
 
 
 def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Array, Array]:
-    """Times [s] and deflections [m], shape (masses, actuators, times), from rest."""
+    """Simulate from equilibrium: times [s], deflections [m] of shape (masses, actuators, times)."""
     time = np.arange(0.0, signal.end + INTERVAL / 2, INTERVAL)
     responses = [[simulate(model, signal, precision=_PRECISION) for model in row]
                  for row in models]
@@ -241,7 +249,7 @@ def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Arra
 
 
 def criteria(decays: list[list[Decay]]) -> list[Criterion]:
-    """Settling times by usual criteria, what the sensor sees, and the nearest of each kind."""
+    """Settling times by usual thresholds, the sensor's, and the best threshold of each kind."""
     kinds = decays[0][0].scales
     return [*(settling_times(decays, kind, share) for kind in ("largest swing", "whole change")
               for share in _USUAL), settling_times(decays, "length", _SEEN),
@@ -255,7 +263,7 @@ def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Cr
 
 
 def nearest(decays: list[list[Decay]], kind: str) -> Criterion:
-    """The threshold of a kind whose six times are nearest to the paper's, if it gives all six."""
+    """Find the threshold of a kind whose six settling times are nearest to the paper's."""
     every = [decay for row in decays for decay in row]
     largest = min(decay.height.max() / decay.scales[kind] for decay in every)
     smallest = max(decay.height.min() / decay.scales[kind] for decay in every)

@@ -44,7 +44,7 @@ def ranges() -> Array:
     >>> (1e3 * ranges()).round(3).tolist()
     [[1.64, 1.86, 2.06], [1.75, 2.16, 2.37]]
     """
-    read = read_dataset(Path(str(resources.files("tympan.studies.paper") / "table-2"))).ranges
+    read = read_dataset(Path(str(resources.files("tympan.paper") / "table-2"))).ranges
     assert read is not None
     place = {(str(name), round(1e6 * mass)): value
              for name, mass, value in zip(read.specimen, read.mass, read.range, strict=True)}

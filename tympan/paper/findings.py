@@ -20,16 +20,9 @@ from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import DEFAULT, MATERIALS
 from tympan.geometry.outlines import area
-from tympan.studies.circles import ConeCircle
-from tympan.studies.identify.static import StaticProblem
-from tympan.studies.lumped.actuator import paper_cones
-from tympan.studies.lumped.equilibria import rest
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.paper import published
-from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.paper.table1 import known, paper_actuators
-from tympan.studies.replica.figures import Replica
-from tympan.studies.replica.missing_parameters import (
+from tympan.paper import published
+from tympan.paper.figures import Replica
+from tympan.paper.missing_parameters import (
     MissingParameters,
     allowed,
     deflections,
@@ -37,26 +30,35 @@ from tympan.studies.replica.missing_parameters import (
     rest_ranges,
     smallest_worst,
 )
+from tympan.paper.published import MASSES, NAMES, ranges
+from tympan.paper.table1 import known, paper_actuators
+from tympan.studies.circles import ConeCircle
+from tympan.studies.identify.static import StaticProblem
+from tympan.studies.lumped.actuator import paper_cones
+from tympan.studies.lumped.equilibria import rest
+from tympan.studies.lumped.linear import linearise
 
 Values = dict[str, Any]
 _VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 15)
-_SIZES = np.array([*[50e3] * 6, 5.0])  # of Eq. (8)'s constants [Pa] and ε_r
+#: Scales of the six constants of Eq. (8) [Pa] and of ε_r.
+_SIZES = np.array([*[50e3] * 6, 5.0])
 
 #: Terms of the series around the plate. Set by trial.
 _TERMS = 14
 #: Points on a quarter of the ellipse for its least squares, many to each term.
 _POINTS = 400
 
-_ALIKE = 0.03  # two growths with ranges rounded to 0.01 mm are alike within it
+#: Largest difference of two growths that the rounding of ranges to 0.01 mm can make.
+_ALIKE = 0.03
 
 
 def findings(replica: Replica) -> list[dict[str, Any]]:
-    """All of them as stored: ``key``, ``title``, ``words`` and ``numbers`` they rest on."""
+    """All findings as stored: ``key``, ``title``, ``words``, and the ``numbers`` behind them."""
     missing = replica.missing
     shown = {"sign": sign(missing), "law": softening(missing), "cone": cone(missing),
              "lost": lost_cells(replica), "mass": mass_ratio(replica),
              "energy": energy(missing), "checks": checks()}
-    text = resources.files("tympan.studies.replica").joinpath("findings.toml")
+    text = resources.files("tympan.paper").joinpath("findings.toml")
     stated = tomllib.loads(text.read_text(encoding="utf-8"))
     return [{"key": key, "title": stated[key]["title"],
              "words": [words for words in sentences(key, **values) if words],
@@ -67,14 +69,14 @@ def findings(replica: Replica) -> list[dict[str, Any]]:
 
 
 def sentences(key: str, **values: Any) -> list[str]:
-    """The paragraphs of a section, filled; values may have attributes and indices."""
+    """Fill the paragraphs of a section; values may have attributes and indices."""
     return [paragraph.format(**values) for paragraph in _sections()[key]]
 
 
 @cache
 def _sections() -> dict[str, list[str]]:
-    """Paragraphs, each on one line, by the section they stand in: ``[key]`` above them."""
-    text = resources.files("tympan.studies.replica").joinpath("words.txt")
+    """Read words.txt: paragraphs, each on one line, by the ``[key]`` of their section."""
+    text = resources.files("tympan.paper").joinpath("words.txt")
     sections: dict[str, list[str]] = {}
     for block in text.read_text(encoding="utf-8").strip().split("\n\n"):
         first, *lines = block.splitlines()
@@ -103,7 +105,7 @@ def stress(stretch: float) -> tuple[float, float]:
 
 
 def softening(missing: MissingParameters) -> Values:
-    """Stress and its slope at the mounted film, where it is zero, what the cone makes of it."""
+    """Stress of the mounted film, its slope and its zero, and the softening of the cone."""
     law = _law()
     at, slope = stress(1.0)
     parts = [2 * i * (beta + gamma) for i, beta, gamma in zip((1, 2, 3), law.beta, law.gamma,
@@ -130,9 +132,10 @@ def softening(missing: MissingParameters) -> Values:
 
 
 def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
-    """Eq. (11) at the model's own rests, which are data without an error.
+    """Evaluate Eq. (11) on the model's own equilibria, which are data without errors.
 
-    Force per unit of β₁…β₃, γ₁…γ₃ and ε_r, shape (readings, 7), these constants, and weights [N].
+    Answers the force per unit of β₁…β₃, γ₁…γ₃ and ε_r, shape (readings, 7), these constants, and
+    the weights [N].
     """
     specimens = paper_actuators(missing.permittivity)
     rests = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
@@ -145,7 +148,7 @@ def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
 
 
 def sign(missing: MissingParameters) -> Values:
-    """Eq. (11)'s residual at rest, the stress and ε_r that fit it; as Eq. (5) and as printed."""
+    """Residual of Eq. (11) in equilibrium and its best fit, with Eq. (5)'s sign and as printed."""
     columns, constants, load = at_rest(missing)
     force = columns @ constants
     searched = [_SIZES * np.linalg.lstsq(direction * columns * _SIZES, load, rcond=1e-10)[0]
@@ -157,17 +160,17 @@ def sign(missing: MissingParameters) -> Values:
 
 
 def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
-    """Stiffness over tension of a taut film between a round plate and an ellipse about it [1].
+    """Stiffness over tension [1] of a taut film between a round plate and an ellipse around it.
 
-    Hardly deflected. The deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ
-    + 1, zero on the ellipse by least squares at 400 points; the stiffness is 2π|A|, for a circle
+    A small deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ + 1. It is made
+    zero on the ellipse by least squares at 400 points. The stiffness is 2π|A|; for a circle that is
     2π/ln(R/r).
     """
     a, b = semi_axes
     theta = (np.arange(_POINTS) + 0.5) * np.pi / 2 / _POINTS
     rho = a * b / np.hypot(b * np.cos(theta), a * np.sin(theta)) / plate
     powers = 2 * np.arange(1, _TERMS + 1)
-    # Each column in its own size: (ρ/r)^28 would drown the others.
+    # Columns are scaled to one size: (ρ/r)^28 would outweigh all others.
     radial = rho[:, None] ** powers - rho[:, None] ** -powers.astype(float)
     columns = radial * np.cos(theta[:, None] * powers)
     matrix = np.column_stack([np.log(rho), columns / rho.max() ** powers])
@@ -176,7 +179,7 @@ def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
 
 
 def factors(missing: MissingParameters) -> list[float]:
-    """Stiffness of the taut film over that of the paper's mixture of cones, of each actuator."""
+    """Stiffness of the taut film over that of the paper's mixture of cones, by actuator."""
     stiffer = []
     for column, specimen in enumerate(paper_actuators(1.0)):
         a, b = specimen.frame.semi_axes
@@ -189,7 +192,7 @@ def factors(missing: MissingParameters) -> list[float]:
 
 
 def cone(missing: MissingParameters) -> Values:
-    """The factor of each actuator, and what it does to Table 1's stress and to ε_r."""
+    """Factors of :func:`factors`, and how they change Table 1's stress and ε_r."""
     stiffer = factors(missing)
     prestretch = float(np.sqrt(paper_actuators(1.0)[0].membrane.area_prestretch))
     at = stress(1.0)[0]
@@ -204,7 +207,7 @@ def cone(missing: MissingParameters) -> Values:
 
 
 def energy(missing: MissingParameters) -> Values:
-    """½ u² dC/dy of a cone against the force of the voltage in Eq. (5), of each circle."""
+    """Compare ½ u² dC/dy of each cone with the force of the voltage in Eq. (5)."""
     circles = [ConeCircle(paper_actuators(missing.permittivity)[0], radius)
                for radius in (45e-3, 60e-3, 75e-3)]
     unit = maxwell(circles[0].specimen, 1.0)
@@ -220,7 +223,7 @@ def energy(missing: MissingParameters) -> Values:
 
 
 def checks() -> Values:
-    """Electrode surfaces, percentages of Table 2, and what the prestretch factor means."""
+    """Check electrode surfaces, percentages of Table 2, and what the prestretch factor means."""
     actuators = paper_actuators(1.0)
     surfaces = np.array([area(film.frame) - area(film.needed_plate().outline)
                          for film in actuators])
@@ -239,7 +242,7 @@ def checks() -> Values:
 
 
 def lost_cells(replica: Replica) -> Values:
-    """Fits at rest, the smallest worst misfit, what is within twice that, the fit of the levels."""
+    """Fits of the lost cells in equilibrium and at the ends of levels, and their limits."""
     each, light, heavy = other_fits().values()
     best, levels, limits = smallest_worst(), replica.fits["levels"], allowed()
     ellipses = np.abs(levels.misfit[:, 1:]).max()
@@ -251,9 +254,9 @@ def lost_cells(replica: Replica) -> Values:
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
-    """Smallest ratio of ranges at rest under the two masses, by actuator.
+    """Smallest ratio of equilibrium ranges under the two masses, by actuator.
 
-    Over ε_r, α₁ and the upper voltage [V].
+    All values of ε_r, α₁ and the upper voltage [V] are tried.
     """
     grid, alpha = np.meshgrid(permittivities, alphas, indexing="ij")
     growths = []
@@ -264,14 +267,14 @@ def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Ar
 
 
 def unaccounted(missing: MissingParameters, growth: Array) -> Array:
-    """Mass [kg] beside the stated one on the plate for the growth at rest; by actuator."""
+    """Mass [kg] that must be added to the stated one to explain the growth, by actuator."""
     def extra(column: int, target: float) -> float:
         def moved(row: int, extra: float, permittivity: float) -> float:
             ours = rest_ranges(permittivity, missing.alpha, masses=(MASSES[row] + extra,))
             return float(np.nan_to_num(ours[0, column], nan=1.0))
 
         def miss(extra: float) -> float:
-            # The permittivity follows, so that the range under the smaller mass stays what it is.
+            # ε_r is chosen so that the range under the smaller mass does not change.
             permittivity = float(brentq(lambda value: moved(0, extra, value) - target, 1.0, 9.9,
                                         xtol=1e-9))
             return float(moved(1, extra, permittivity) / target - growth[column])
@@ -282,13 +285,13 @@ def unaccounted(missing: MissingParameters, growth: Array) -> Array:
 
 
 def mass_ratio(replica: Replica) -> Values:
-    """Growth of ranges with the mass: in Table 2, at rest whatever ε_r and α, and over steps."""
+    """Growth of ranges with the mass: in Table 2, in equilibrium for any ε_r and α, over steps."""
     growth, at_rest, at_ends, moving = (heavy / light for light, heavy in (
         ranges(), replica.rest_ranges, replica.level_ranges, replica.random_ranges))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
                             np.array([1e3, 4e3, published.HIGHEST]))
     extra = unaccounted(replica.missing, growth)
-    # Share of the slowest motion, about rest at a voltage, that is there when figure 14 switches.
+    # Share of the slowest motion that remains when figure 14 switches, about each equilibrium.
     remaining = [float(np.exp(-np.abs(linearise(actuator, volts).poles[0]) * published.SWITCH))
                  for volts in (published.STEP[1], published.HIGHEST)
                  for mass in MASSES for actuator in replica.missing.actuators(mass)]

@@ -1,4 +1,4 @@
-"""The ε_r and α missing from Table 1: what Table 2's ranges say of them, with the paper's cones."""
+"""ε_r and α, which Table 1 lacks, found from Table 2's ranges with the paper's cones."""
 
 from __future__ import annotations
 
@@ -11,65 +11,68 @@ import numpy as np
 from scipy.optimize import NonlinearConstraint, least_squares, minimize
 
 from tympan.base.arrays import Array
+from tympan.paper.published import HIGHEST, LOWEST, MASSES, ranges
+from tympan.paper.table1 import VISCOUS, paper_actuators
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.simulate import slow_ends
-from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
-from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.signals import Signal
 
 _START = np.array([8.0, 0.5, 0.5])
 _BOUNDS = np.array([(1.0, 15.0), (0.0, 1.0), (0.0, 1.0)])
-_SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])  # (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses
+#: Matrix that makes (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses.
+_SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])
 
-#: ε_r and α₁ that the search over levels begins at. Steps of derivatives go towards it, so that
+#: ε_r and α₁ where the search over levels begins. Steps of derivatives go towards them, so that
 #: none leaves the bounds.
 _LEVELS_START = np.array([9.0, 0.5])
 #: Bounds of ε_r and α₁, from the lowest to the highest.
 _LEVELS_BOUNDS = ((1.0, 0.0), (11.0, 1.0))
 
-_STEP = 1e-2  # of ε_r and α₁, for derivatives of the ranges over levels
-_DRAWN_IN = 1e-2  # [m], far beyond any range: the search turns back
+#: Step of ε_r and α₁ for derivatives of the ranges over levels.
+_STEP = 1e-2
+#: Range that stands for pull-in [m]: it is far beyond any real range, so the search turns back.
+_DRAWN_IN = 1e-2
 
 
 def paper_array(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES) -> Actuator:
-    """The paper's three actuators under masses [kg] with what is missing, as one array.
+    """Make one array of the paper's three actuators under masses [kg], with the missing values.
 
-    ``permittivity`` ε_r has any shape, ``alpha``, α₁ of the ellipses' short circles, one axis more;
-    the actuators have theirs, and two: masses and shapes.
+    ``permittivity`` has any shape; ``alpha``, α₁ of the ellipses' short circles, has one axis more.
+    The actuators have the shape of ``permittivity`` and two axes more: masses and actuators.
     """
     circle, small, large = paper_actuators(1.0)
     radii = [2 * radii_of(circle.frame), radii_of(small.frame), radii_of(large.frame)]
     short = np.asarray(alpha)[..., None, :]
     short = np.concatenate([0 * short[..., :1] + 1, short], axis=-1)
     return Actuator(ConeCircle(circle, np.array(radii)), np.stack([short, 1 - short], axis=-1),
-                    np.array(masses)[:, None],
+                    np.array(masses)[:, None], VISCOUS,
                     permittivity=np.asarray(permittivity)[..., None, None])
 
 
 def deflections(permittivity: Any, alpha: Any, voltage: Any,
                 masses: Sequence[float] = MASSES) -> Array:
-    """Deflections of these at rest at a voltage [V], in m, (…, masses, 3); nan beyond pull-in."""
+    """Equilibrium deflections [m] of :func:`paper_array`, (…, masses, 3); nan beyond pull-in."""
     moved = paper_array(permittivity, alpha, masses)
     return np.asarray(settle(lambda y: moved.balance(y, voltage), moved.flat))
 
 
 def rest_ranges(permittivity: Any, alpha: Any, high: Any = HIGHEST,
                 masses: Sequence[float] = MASSES) -> Array:
-    """Their ranges [m] at rest between Table 2's lowest voltage and another, (…, masses, 3)."""
+    """Equilibrium ranges [m] from Table 2's lowest voltage to another one, (…, masses, 3)."""
     return (deflections(permittivity, alpha, high, masses)
             - deflections(permittivity, alpha, LOWEST, masses))
 
 
 def ranges_with_slopes(values: Array) -> tuple[Array, Array]:
-    """Ranges at rest [m], shape (masses, 3), and their derivatives by (ε_r, α₁, α₁), (…, 3)."""
+    """Equilibrium ranges [m], shape (masses, 3), and derivatives by (ε_r, α₁, α₁), (…, 3)."""
     steps = values + 1e-30j * np.eye(3)
     stepped = paper_array(steps[:, 0], steps[:, 1:])
     slopes = []
     for voltage in (HIGHEST, LOWEST):
         y = deflections(values[0], values[1:], voltage)
-        # Implicit functions: at rest the balance stays as it is.
+        # Derivative of an implicit function: in equilibrium the balance stays zero.
         force, stiffness = stepped.balance(y, voltage)
         slopes.append(-np.imag(force) / 1e-30 / np.real(stiffness))
     return rest_ranges(values[0], values[1:]), np.moveaxis(slopes[0] - slopes[1], 0, -1)
@@ -79,8 +82,8 @@ def ranges_with_slopes(values: Array) -> tuple[Array, Array]:
 class MissingParameters:
     """Values for the cells that Table 1 lost: ε_r, α₁ of the small and of the large ellipse.
 
-    ``ranges`` with them and ``misfit``, those less the paper's [m]; ``rows`` of Table 2 they were
-    found from.
+    ``ranges`` [m] are those with these values, ``misfit`` [m] is their difference from the paper's.
+    ``rows`` are the rows of Table 2 from which the values were found.
     """
 
     permittivity: float
@@ -115,12 +118,12 @@ class MissingParameters:
         return 1e3 * self.worst
 
     def weights(self, actuator: int) -> tuple[float, ...]:
-        """α of the circles of an actuator (by number)."""
+        """Weights α of the circles of an actuator, given by its number."""
         return (1.0,) if actuator == 0 else (self.alpha[actuator - 1], 1 - self.alpha[actuator - 1])
 
     def actuators(self, mass: float) -> tuple[Actuator, ...]:
         """The paper's three actuators under a mass [kg] with these values."""
-        return tuple(Actuator.of(specimen, mass, self.weights(number))
+        return tuple(Actuator.of(specimen, mass, self.weights(number), VISCOUS)
                      for number, specimen in enumerate(paper_actuators(self.permittivity)))
 
     def json(self) -> dict[str, Any]:
@@ -131,16 +134,16 @@ class MissingParameters:
 
 
 def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParameters:
-    """ε_r and α₁, one for both ellipses or one each, by least squares on rows of Table 2."""
+    """Fit ε_r and α₁, shared by both ellipses or one each, to rows of Table 2 by least squares."""
     spread = _SHARED if shared else np.eye(3)
     count, read, kept = spread.shape[1], ranges(), list(rows)
 
     def residual(free: Array) -> Array:
         values = spread @ free
-        return np.asarray(1e3 * (rest_ranges(values[0], values[1:]) - read)[kept].ravel())
+        return 1e3 * (rest_ranges(values[0], values[1:]) - read)[kept].ravel()
 
     def slopes(free: Array) -> Array:
-        return np.asarray(1e3 * ranges_with_slopes(spread @ free)[1][kept].reshape(-1, 3) @ spread)
+        return 1e3 * ranges_with_slopes(spread @ free)[1][kept].reshape(-1, 3) @ spread
 
     low, high = _BOUNDS[:count].T
     done = least_squares(residual, _START[:count], slopes, (low, high), x_scale=high - low,
@@ -150,7 +153,7 @@ def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParam
 
 
 def other_fits() -> dict[str, MissingParameters]:
-    """Other fits by words: the ellipses each with an α₁ of its own, and each mass alone."""
+    """Other fits by description: one α₁ for each ellipse, and each mass alone."""
     return {"one alpha for each ellipse": fit_rests(shared=False),
             **{f"{1e3 * mass:g} g alone": fit_rests(rows=(row,))
                for row, mass in enumerate(MASSES)}}
@@ -158,7 +161,7 @@ def other_fits() -> dict[str, MissingParameters]:
 
 @cache
 def smallest_worst() -> MissingParameters:
-    """The ε_r and α₁ whose largest misfit over all six ranges is smallest."""
+    """Find the ε_r and α₁ with the smallest worst misfit of the six ranges."""
     began = fit_rests()
     start = np.array([began.permittivity, began.alpha[0], began.worst_mm])
     permittivity, alpha, _ = _limited(start, np.eye(3)[2])
@@ -184,7 +187,7 @@ def worst_misfit(permittivity: Array, alpha: Array) -> Array:
 
 
 def _limited(start: Array, aim: Array, most: float | None = None) -> Array:
-    """(ε_r, α₁, t [mm]) with the least ``aim`` @ them whose misfits are within ±t ≤ ``most``."""
+    """Minimise ``aim`` @ (ε_r, α₁, t) where all misfits are within ±t [mm] and t ≤ ``most``."""
     read = ranges()
 
     def room(z: Array) -> Array:
@@ -209,16 +212,16 @@ def level_ranges(signal: Signal, values: Array) -> Array:
 
 
 def fit_levels(signal: Signal) -> MissingParameters:
-    """ε_r and α₁, one for both ellipses, by least squares over Table 2's ranges at levels' ends.
+    """Fit ε_r and one α₁ for both ellipses to Table 2's ranges, read at the ends of levels.
 
-    Inertia's overshoot does not count: it is gone within seconds of a switch.
+    Overshoot by inertia does not count: it decays within seconds of a switch.
     """
     read = ranges()
 
     @cache
     def both(*values: float) -> tuple[Array, Array]:
         at = np.array(values)
-        # Steps towards the middle of what is allowed, so that none leaves it.
+        # Steps go towards the start of the search, so that none leaves the bounds.
         moves = np.diag(np.where(at > _LEVELS_START, -_STEP, _STEP))
         with np.errstate(all="ignore"):
             stepped = level_ranges(signal, np.vstack([at, at + moves]))

@@ -1,1 +1,0 @@
-"""The page and pictures of the paper's figures, computed again."""
