@@ -6,9 +6,9 @@ Whatever lists limits asks :data:`LIMIT_STATES`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -92,6 +92,11 @@ class LimitState:
             raise ValueError(f"the label {self.label!r} must contain {self.word!r}")
 
     @property
+    def local(self) -> bool:
+        """Whether it begins at one place, by the least value of its field."""
+        return any(sign.local for sign in self.signs)
+
+    @property
     def word(self) -> str:
         """Words of the key as people write them."""
         return self.kind.replace("_", "-")
@@ -103,6 +108,31 @@ class LimitState:
 
 #: All limit states by kind, the most severe last.
 LIMIT_STATES: Registry[LimitState] = Registry("kind")
+
+P = TypeVar("P", bound=BranchPoint)
+
+
+def begun(point: BranchPoint) -> list[LimitState]:
+    """Local limit states that a film is beyond at a point."""
+    return [state for state in LIMIT_STATES.values()
+            if state.local and not state.field(point).min() > 0]
+
+
+def passed(before: P, after: P, where: Callable[[Sign], P | None]
+           ) -> Iterator[tuple[LimitState, Sign, P]]:
+    """Limit states that a film passes between two points of a branch, each with the point there.
+
+    ``where`` finds the point between them at which a sign changes, on the stepper's own segment;
+    None where it does not. The first sign of a limit state that is found stands for it.
+    """
+    for state in LIMIT_STATES.values():
+        for sign in state.signs:
+            if sign.value(before) * sign.value(after) >= 0:
+                continue
+            point = where(sign)
+            if point is not None:
+                yield state, sign, point
+                break
 
 
 def _least(field: Callable[[BranchPoint], AnyArray]) -> Sign:
