@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, Self, cast
+from typing import Annotated, Literal, Self
 
 import numpy as np
 
@@ -37,7 +37,6 @@ from tympan.geometry.outlines import area
 from tympan.studies.case import (
     Case,
     CaseRecord,
-    LimitKind,
     Settings,
     Unknowns,
     WallTime,
@@ -110,7 +109,7 @@ class Station:
 class Event:
     """Something that happens at one point of a branch."""
 
-    what: Annotated[LimitKind, Key("what happens there, a kind of limit")]
+    what: Annotated[str, Key("what happens there, a kind of limit", choices=LIMIT_STATES)]
     value: Annotated[float, Key("value of what grows along the path")]
     unit: Annotated[str, Key("unit of the value")]
     x_m: Annotated[float, Key("where in the mounted film: at a limit, where the film thins "
@@ -330,7 +329,7 @@ class Stop:
     def at(self, state: LimitState) -> Stop:
         """The same stop where what happens is another limit state."""
         assert self.event is not None
-        return replace(self, event=replace(self.event, what=cast(LimitKind, state.kind)))
+        return replace(self, event=replace(self.event, what=state.kind))
 
     def landed(self, settings: PathSettings) -> Solution | None:
         """Equilibrium to which the plate comes from here, at a limit point; None if nowhere."""
@@ -419,7 +418,7 @@ def _happening(case: Case, along: Along, passage: Passage) -> Stop:
     x, y = passage.here.place(state)
     off = spread(passage, lambda film: _measured(case, film, along))
     return replace(stop, event=Event(
-        what=cast(LimitKind, state.kind), value=_measured(case, passage.here, along),
+        what=state.kind, value=_measured(case, passage.here, along),
         unit=_GROWING[along][1], x_m=x, y_m=y, spread=off, station=stop.station))
 
 

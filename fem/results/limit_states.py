@@ -66,12 +66,13 @@ class Sign:
 class LimitState:
     """One kind of limit.
 
-    ``kind`` is its key in JSON, CSV and Python. ``label`` is the one name of it that people read,
-    on the terminal, in pages, pictures and messages; it contains the words of the key. ``field``:
-    at the nodes of every element, least where it begins; ``by_element`` the same by each element
-    alone, whose jumps say how certain it is. ``signs``: it happens where the first of them changes;
-    a snap, which has none, is a limit point beyond which the plate comes to rest again. ``marker``
-    is matplotlib's. ``falling``: it is met as the voltage falls, once it was beyond another.
+    ``kind`` is its key in JSON, CSV and Python, ``meaning`` what is said of that key. ``label`` is
+    the one name of it that people read, on the terminal, in pages, pictures and messages; it
+    contains the words of the key. ``field``: at the nodes of every element, least where it begins;
+    ``by_element`` the same by each element alone, whose jumps say how certain it is. ``signs``: it
+    happens where the first of them changes; a snap, which has none, is a limit point beyond which
+    the plate comes to rest again. ``marker`` is matplotlib's. ``falling``: it is met as the voltage
+    falls, once it was beyond another.
 
     Raises
     ------
@@ -81,6 +82,7 @@ class LimitState:
 
     kind: str
     label: str
+    meaning: str
     field: Callable[[BranchPoint], AnyArray]
     by_element: Callable[[BranchPoint], AnyArray]
     signs: tuple[Sign, ...]
@@ -135,7 +137,8 @@ def passed(before: P, after: P, where: Callable[[Sign], P | None]
                 break
 
 
-def _least(field: Callable[[BranchPoint], AnyArray]) -> Sign:
+def least(field: Callable[[BranchPoint], AnyArray]) -> Sign:
+    """Sign of the least value of a field at the nodes of every element."""
     return Sign(lambda point: float(field(point).min()))
 
 
@@ -156,21 +159,29 @@ def _firmness(point: BranchPoint) -> AnyArray:
 
 
 SNAP_THROUGH: LimitState = LIMIT_STATES.register(LimitState(
-    "snap_through", "snap-through", _thinning, _thinning, (), ">"))
+    "snap_through", "snap-through",
+    "where a mechanism of the rig makes the plate jump to another stable equilibrium",
+    _thinning, _thinning, (), ">"))
 
 SNAP_BACK: LimitState = LIMIT_STATES.register(LimitState(
-    "snap_back", "snap-back", _thinning, _thinning, (), "<", falling=True))
+    "snap_back", "snap-back",
+    "where it jumps back as the voltage falls; none where it stays there without voltage",
+    _thinning, _thinning, (), "<", falling=True))
 
 TENSION: LimitState = LIMIT_STATES.register(LimitState(
-    "tension", "loss of tension", _tension, _tension, (_least(_tension),), "s"))
+    "tension", "loss of tension", "first loss of tension",
+    _tension, _tension, (least(_tension),), "s"))
 
 BREAKDOWN: LimitState = LIMIT_STATES.register(LimitState(
-    "breakdown", "breakdown", _strength_left, _strength_left, (_least(_strength_left),), "X"))
+    "breakdown", "breakdown", "first breakdown",
+    _strength_left, _strength_left, (least(_strength_left),), "X"))
 
 INSTABILITY: LimitState = LIMIT_STATES.register(LimitState(
-    "instability", "instability", _firmness, lambda point: point.rough_firmness,
-    (_least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)), "D"))
+    "instability", "instability",
+    "instability of the film itself, before the plate's pull-in",
+    _firmness, lambda point: point.rough_firmness,
+    (least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)), "D"))
 
 PULL_IN: LimitState = LIMIT_STATES.register(LimitState(
-    "pull_in", "pull-in", _thinning, _thinning,
-    (Sign(lambda point: point.growth, of_state=False, local=False),), "x"))
+    "pull_in", "pull-in", "pull-in of the plate",
+    _thinning, _thinning, (Sign(lambda point: point.growth, of_state=False, local=False),), "x"))

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self, cast
+from typing import Self
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from tympan.base.arrays import AnyArray
-from tympan.studies.case import LimitKind
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import KINDS, Margins, first_limits
 from tympan.studies.films.many_films import Charged, Films, FilmsAt, Local
@@ -82,7 +81,7 @@ class FamilyRise:
     deflection: AnyArray
     squared: AnyArray
     stiffness: AnyArray
-    limits: dict[LimitKind, FamilyLimit]
+    limits: dict[str, FamilyLimit]
     whole: bool
     off: float
     rest: AnyArray
@@ -270,9 +269,9 @@ def _to_end(film: _Film, way: _Way, kind: str | None, last: float) -> FamilyRise
     """The way to the first of tension lost and pull-in, or as far as states are there."""
     states, first = way.states, float(way.path.x[0])
     off = _force_error(film, states.some(states.q[:, 0] < last))
-    limits: dict[LimitKind, FamilyLimit] = {}
+    limits: dict[str, FamilyLimit] = {}
     if kind in ("tension", "pull_in"):
-        limits[cast(LimitKind, kind)], last = _limit(film, way, kind, last, off)
+        limits[kind], last = _limit(film, way, kind, last, off)
     places = [last]
     if film.family.box.specimen.membrane.strength is not None:
         share = film.local(np.column_stack([states.squared, states.q])).share.max(1)

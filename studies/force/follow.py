@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -28,8 +28,7 @@ from tympan.fem.results.limit_states import (
     passed,
 )
 from tympan.fem.roots import NoValueHere, root_between
-from tympan.studies.case import LimitKind
-from tympan.studies.force.result import ForceCurve, ForceLimit
+from tympan.studies.force.result import NOT_FOLLOWED, ForceCurve, ForceLimit
 from tympan.studies.walk.film_point import HeldPoint
 
 #: Error of a displacement at which a limit is passed, relative to the frame: far below what a mesh
@@ -113,7 +112,7 @@ def follow(model: Model, voltage: float, displacements: Sequence[float], start: 
                                 <= gone[0].displacement_m and limit != gone[0])
             loose = any(limit.kind == TENSION.kind for limit in curve.limits)
             if not loose and HeldPoint.of(model, gone[1]).thins:  # it wrinkles before it thins
-                curve.limits.append(replace(gone[0], kind="tension"))
+                curve.limits.append(replace(gone[0], kind=TENSION.kind))
             curve.limits.append(gone[0])
             return replace(curve, ended=gone[0])
         curve.limits.extend(limit for limit, _ in events)
@@ -121,7 +120,7 @@ def follow(model: Model, voltage: float, displacements: Sequence[float], start: 
     if len(curve.states) < len(displacements):
         last = curve.states[-1]
         return replace(curve, ended=ForceLimit(
-            kind="not_followed", displacement_m=model.deflection(last), force_N=last.force))
+            kind=NOT_FOLLOWED, displacement_m=model.deflection(last), force_N=last.force))
     return curve
 
 
@@ -196,5 +195,5 @@ def _where(span: Span, before: HeldPoint, after: HeldPoint, sign: Sign) -> HeldP
 
 def _limit(film: HeldPoint, state: LimitState) -> ForceLimit:
     x, y = film.place(state)
-    return ForceLimit(kind=cast(LimitKind, state.kind), displacement_m=film.deflection,
+    return ForceLimit(kind=state.kind, displacement_m=film.deflection,
                       force_N=film.point.state.force, x_m=x, y_m=y)

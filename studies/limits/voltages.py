@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 
-from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -19,6 +18,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import firmness
 from tympan.fem.results.limit_states import (
+    BREAKDOWN,
     INSTABILITY,
     LIMIT_STATES,
     PULL_IN,
@@ -33,7 +33,6 @@ from tympan.studies.case import (
     Case,
     CaseResult,
     Limit,
-    LimitKind,
     Limits,
     Settings,
     SpecimenRecord,
@@ -167,7 +166,7 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
     settings = settings.bounded(model)
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
-        ended = Limits(ended=_before_voltage(case, start, settings))
+        ended = Limits({}, ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
     passed = list(_to_limit(case, model, start.state, settings, first, beyond))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
@@ -176,7 +175,8 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
                     (Stop(FilmPoint(model, _still(start))),), flat)
     reached = _limits(case, passed)
     if reached.snap_through is not None and not first:
-        reached = replace(reached, snap_back=_snap_back(case, model, passed, settings))
+        back = _snap_back(case, model, passed, settings)
+        reached = replace(reached, by_kind={**reached.by_kind, SNAP_BACK.kind: back})
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop.station.voltage_V)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
@@ -286,15 +286,15 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
         return None
     share = pressed.fields.breakdown_share
     tension = _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall)
-    first: dict[LimitKind, Array] = {
-        "tension": tension, "breakdown": _TRIED / np.where(share > 0, share, 1e-300)}
+    first = {TENSION.kind: tension,
+             BREAKDOWN.kind: _TRIED / np.where(share > 0, share, 1e-300)}
     reached = {kind: _flat_limit(case, flat, kind, float(voltages.min()), int(voltages.argmin()))
                for kind, voltages in first.items() if not _highest(case, float(voltages.min()))}
     gone = _flat_instability(case, flat, float(tension.min()))
     still = "no pull-in was found: the film stays flat, the voltage moves nothing"
     if gone is not None:
-        reached["instability"] = gone
-    return Limits.of(reached, still if reached else above_words(case))
+        reached[INSTABILITY.kind] = gone
+    return Limits(reached, ended=still if reached else above_words(case))
 
 
 def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None:
@@ -312,10 +312,10 @@ def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None
     if voltage is None or _highest(case, voltage):
         return None
     place = int(np.argmin(firmness(flat.model, state(voltage))))
-    return _flat_limit(case, flat, "instability", voltage, place)
+    return _flat_limit(case, flat, INSTABILITY.kind, voltage, place)
 
 
-def _flat_limit(case: Case, flat: FilmPoint, kind: LimitKind, voltage: float, place: int) -> Limit:
+def _flat_limit(case: Case, flat: FilmPoint, kind: str, voltage: float, place: int) -> Limit:
     x, y = mounted_place(flat.fields.position[place])
     nominal = case.rig.nominal_voltage(voltage, case.direction)
     return Limit(kind=kind, voltage_V=nominal, x_m=x, y_m=y, ring=case.axisymmetric)
@@ -334,11 +334,12 @@ def _nominal(case: Case, film_voltage: float) -> float:
 
 def _limits(case: Case, passed: list[Stop]) -> Limits:
     """The first of each kind on the way."""
-    reached: dict[LimitKind, Limit] = {}
+    reached: dict[str, Limit] = {}
     thins = False
     for state in begun(passed[0].film) if passed else ():  # under the mass alone
-        kind, (x, y) = cast(LimitKind, state.kind), passed[0].film.place(state)
-        reached[kind] = Limit(kind=kind, voltage_V=0.0, x_m=x, y_m=y, ring=case.axisymmetric)
+        x, y = passed[0].film.place(state)
+        reached[state.kind] = Limit(kind=state.kind, voltage_V=0.0, x_m=x, y_m=y,
+                                    ring=case.axisymmetric)
     for stop in passed:
         if stop.event is None:
             continue
@@ -350,14 +351,14 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
     if passed and ended == UNFOLLOWED:
         followed = _nominal(case, passed[-1].station.voltage_V)
         ended = f"the film could not be followed beyond {followed / 1e3:.4g} kV"
-    tension, gone = reached.get("tension"), reached.get("instability")
+    tension, gone = reached.get(TENSION.kind), reached.get(INSTABILITY.kind)
     if gone is not None and thins:
         if tension is None or tension.voltage_V > gone.voltage_V:
-            tension = replace(gone, kind="tension")  # it wrinkles before it thins
+            tension = replace(gone, kind=TENSION.kind)  # it wrinkles before it thins
         if _same(tension, gone):
-            gone = replace(tension, kind="instability")
-        reached |= {"tension": tension, "instability": gone}
-    return Limits.of(reached, f"no pull-in was found: {ended}", thins)
+            gone = replace(tension, kind=INSTABILITY.kind)
+        reached |= {TENSION.kind: tension, INSTABILITY.kind: gone}
+    return Limits(reached, ended=f"no pull-in was found: {ended}", thins=thins)
 
 
 def _limit(case: Case, stop: Stop) -> Limit:
@@ -392,7 +393,7 @@ def _told(limits: Limits) -> str:
 
 def _before_voltage(case: Case, outcome: Outcome, settings: Settings) -> str:
     """Why a film has no equilibrium even without voltage, and which part of the rig makes it so."""
-    if outcome.limited != "force" or outcome.kind != "pull_in" or outcome.limit is None:
+    if outcome.limited != "force" or outcome.thins or outcome.limit is None:
         return failure_reason(outcome)
     names = list(dict.fromkeys(bias.law.replace("_", " ") for bias in case.rig.biases))
     both = " and ".join(["weight", *names])

@@ -47,8 +47,8 @@ SHARE = Chance(probability=0.31, low=0.3, high=0.32)
 
 
 def limits_of_all_kinds() -> Limits:
-    return Limits.of({state.kind: Limit(kind=state.kind, voltage_V=1e3 + 100 * number, x_m=1e-3,
-                                        y_m=0.0) for number, state in enumerate(ALL)}, "ended")
+    return Limits({state.kind: Limit(kind=state.kind, voltage_V=1e3 + 100 * number, x_m=1e-3,
+                                     y_m=0.0) for number, state in enumerate(ALL)}, ended="ended")
 
 
 def failures() -> tuple[FilmFailure, ...]:
@@ -149,7 +149,7 @@ def test_the_name_has_the_words_of_the_key() -> None:
     assert len({state.label for state in ALL}) == len(ALL)
     assert {*VERBS} == {*LIMIT_STATES}
     with pytest.raises(ValueError, match="must contain 'pull-in'"):
-        LimitState("pull_in", "collapse", np.asarray, np.asarray, (), "x")
+        LimitState("pull_in", "collapse", "collapse", np.asarray, np.asarray, (), "x")
 
 
 def test_words_of_a_curve_and_of_a_stored_path_are_the_registry_s() -> None:

@@ -233,11 +233,11 @@ def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
     """The curve of a view as :func:`tympan.studies.limits.curve` gives it, to its end here."""
     rig, mass = view.rig, view.mass
     nominal = [_nominal(rig, squared) for squared in risen.squared.tolist()]
-    limits = Limits.of({kind: Limit(
+    limits = Limits({kind: Limit(
         kind=kind, voltage_V=_nominal(rig, limit.squared), x_m=limit.x, y_m=limit.y,
         spread=limit.off / (2 * limit.squared),
         ring=view.case.axisymmetric)
-        for kind, limit in risen.limits.items()}, PULL_IN.label if risen.whole else
+        for kind, limit in risen.limits.items()}, ended=PULL_IN.label if risen.whole else
         "finite elements follow it on from there")
     table = {column.name: np.full(len(nominal), np.nan) if column.choices is None
              else np.full(len(nominal), "") for column in CURVES}
