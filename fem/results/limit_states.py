@@ -72,7 +72,8 @@ class LimitState:
     ``by_element`` the same by each element alone, whose jumps say how certain it is. ``signs``: it
     happens where the first of them changes; a snap, which has none, is a limit point beyond which
     the plate comes to rest again. ``marker`` is matplotlib's. ``falling``: it is met as the voltage
-    falls, once it was beyond another.
+    falls, once it was beyond another. ``strained``: its field is one of principal stretches and
+    stresses alone, so that reduced films have it too.
 
     Raises
     ------
@@ -88,6 +89,7 @@ class LimitState:
     signs: tuple[Sign, ...]
     marker: str
     falling: bool = False
+    strained: bool = False
 
     def __post_init__(self) -> None:
         if self.word not in self.label:
@@ -170,7 +172,7 @@ SNAP_BACK: LimitState = LIMIT_STATES.register(LimitState(
 
 TENSION: LimitState = LIMIT_STATES.register(LimitState(
     "tension", "loss of tension", "first loss of tension",
-    _tension, _tension, (least(_tension),), "s"))
+    _tension, _tension, (least(_tension),), "s", strained=True))
 
 BREAKDOWN: LimitState = LIMIT_STATES.register(LimitState(
     "breakdown", "breakdown", "first breakdown",

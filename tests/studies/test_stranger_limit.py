@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,20 @@ from tympan.studies.case import Case, CaseResult, Settings
 from tympan.studies.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits import LimitsResult, limits, solve_within
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import PathResult, path
+from tympan.studies.tolerance.given import (
+    LengthScatter,
+    Scatter,
+    StrengthScatter,
+    Tolerances,
+    causes,
+)
+from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase
 
+NONE, NO_LENGTH = Scatter(), LengthScatter()
+STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
+                   StrengthScatter(shape=0))
 SOFT, MASS = circular(NeoHooke(15e3)), 17.9e-3
 SOFT_TOML = specimen_toml("soft", ROUND, 'material = { law = "neo_hooke", mu = "15 kPa" }', ROOT5)
 ORACLE = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
@@ -39,7 +52,7 @@ def left(point: BranchPoint) -> np.ndarray:
 @pytest.fixture(autouse=True)
 def stranger() -> Iterator[LimitState]:
     state = LimitState("overstretch", "overstretch", "first stretch of 2.5", left, left,
-                       (least(left),), "*")
+                       (least(left),), "*", strained=True)
     LIMIT_STATES.register(state)
     yield state
     del LIMIT_STATES["overstretch"]
@@ -90,6 +103,20 @@ def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> Non
     assert passed.force_N == pytest.approx(MASS * 9.80665, rel=1e-5)
     pulled.save(tmp_path)
     assert ForceResult.load(tmp_path).curves[0].limits == pulled.curves[0].limits
+
+
+def test_reduced_films_meet_it_first_too() -> None:
+    """A family of films of one scatter, each against finite elements."""
+    given = replace(STILL, stiffness=Scatter(film=0.1))
+    case = ToleranceCase(SOFT, films=200, tolerances=given)
+    drawn = Drawn.of(case, causes(SOFT, given)[0], MASS, 4e3, COARSE)
+    found = drawn.limits()
+    assert found.record().kinds == {"overstretch": 1.0}
+    member = drawn.family.box.member(drawn.rows[0])
+    first = first_limit(Case(member, mass=MASS), COARSE)
+    assert first is not None
+    assert first.kind == "overstretch"
+    assert found.voltage[0] == pytest.approx(first.voltage_V, rel=3e-3)
 
 
 @pytest.mark.parametrize("command", ["limits", "path", "force"])
