@@ -186,9 +186,10 @@ def to_json(value: Any, unit: str = "") -> Any:
         return value
     if is_dataclass(value):
         kind: Any = type(value)
-        record = {key: None if says.may_miss and part != part else to_json(part, unit)
-                  for name, key, says in _stored(kind, unit)
-                  if (part := getattr(value, name)) is not None or not says.may_miss}
+        record: dict[str, Any] = {
+            key: None if says.may_miss and part != part else to_json(part, unit)
+            for name, key, says in _stored(kind, unit)
+            if (part := getattr(value, name)) is not None or not says.may_miss}
         return {**record.pop(_INLINE, {}), **record}
     if isinstance(value, Mapping):
         return {str(name): to_json(entry, unit) for name, entry in value.items()}
@@ -232,7 +233,8 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: s
             own, says = stored.get(item.name, (None, Key("")))
             path = f"{key}.{own}".lstrip(".")
             if own == _INLINE:
-                beside = {name: entry for name, entry in value.items() if name in says.choices}
+                choices = says.choices or {}
+                beside = {name: entry for name, entry in value.items() if name in choices}
                 arguments[item.name] = _converted(hints[item.name], beside, file, key, unit)
             elif says.may_miss and value.get(own, 0) is None:
                 arguments[item.name] = nan

@@ -103,8 +103,7 @@ class FamilyFilms:
     def first_limit(self) -> Array:
         strength = np.broadcast_to(self.strength, self.loads.shape)
         found = self.family.first_limits(self.rows, self.loads, strength).voltage
-        return np.array([self.rig.nominal_voltage(each) if np.isfinite(each) else each
-                         for each in (found / self.amplifier).tolist()])
+        return np.asarray(self.rig.nominal_voltage(found / self.amplifier))
 
     @property
     def sound(self) -> Mask:

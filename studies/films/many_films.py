@@ -453,7 +453,7 @@ class Films:
 
     def least(self, field: Callable[[Any], AnyArray], at: FilmsAt, films: AnyArray, q: AnyArray,
               squared: AnyArray) -> AnyArray:
-        """Least value of a limit state's field at points, (states,); nan where there is no state."""
+        """Least value of a limit state's field at points, (states,); nan without a state."""
         result = np.full(len(q), np.nan)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
         for part in self.parts(sound, len(sites.cells)):

@@ -32,7 +32,8 @@ LOOP_COLUMNS: tuple[Column, ...] = (
 #: Kind of the end of a curve beyond which no equilibrium was found.
 NOT_FOLLOWED = "not_followed"
 #: Kinds of what a curve passes, or ends with: limits of the film, and that.
-CURVE_EVENTS: Mapping[str, LimitState | None] = ChainMap({NOT_FOLLOWED: None}, LIMIT_STATES)
+CURVE_EVENTS: Mapping[str, LimitState | None] = ChainMap[str, Any](
+    {NOT_FOLLOWED: None}, LIMIT_STATES)
 
 #: Columns of the CSV, one row for each displacement; a dataset's force.csv has the first four.
 COLUMNS: tuple[Column, ...] = (

@@ -27,7 +27,7 @@ from tympan.fem.results.limit_states import (
     TENSION,
     begun,
 )
-from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
+from tympan.fem.rig import AGAINST_THE_WAY
 from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
@@ -317,8 +317,8 @@ def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None
 
 def _flat_limit(case: Case, flat: FilmPoint, kind: str, voltage: float, place: int) -> Limit:
     x, y = mounted_place(flat.fields.position[place])
-    nominal = case.rig.nominal_voltage(voltage, case.direction)
-    return Limit(kind=kind, voltage_V=nominal, x_m=x, y_m=y, ring=case.axisymmetric)
+    return Limit(kind=kind, voltage_V=_nominal(case, voltage), x_m=x, y_m=y,
+                 ring=case.axisymmetric)
 
 
 def _still(outcome: Outcome) -> PathPoint:
@@ -327,9 +327,7 @@ def _still(outcome: Outcome) -> PathPoint:
 
 def _nominal(case: Case, film_voltage: float) -> float:
     """The nominal voltage at which a film sees so much [V]."""
-    nominal = case.rig.nominal_voltage(film_voltage, case.direction)
-    # At the most that the supply gives, rounding must not lead beyond.
-    return max(min(nominal, case.rig.sag_voltage, MOST_VOLTAGE), 0.0)
+    return case.rig.shown_voltage(film_voltage, case.direction)
 
 
 def _limits(case: Case, passed: list[Stop]) -> Limits:

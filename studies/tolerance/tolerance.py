@@ -284,10 +284,8 @@ class Drawn:
         some = np.array([0, *(1 + numbers)])
         drawn = self.copies.drawn
         found = self.family.first_limits(drawn.rows[some], self.forces[some], drawn.strength[some])
-        across = found.voltage / drawn.amplifier[some]
-        nominal = [self.copies.rig.nominal_voltage(voltage) if np.isfinite(voltage) else voltage
-                   for voltage in across.tolist()]
-        return Limited(self, design, np.array(nominal), found.kind)
+        nominal = self.copies.rig.nominal_voltage(found.voltage / drawn.amplifier[some])
+        return Limited(self, design, nominal, found.kind)
 
     def spread(self, values: AnyArray, design: Design) -> Spread:
         """Scatter of values of the nominal film and those of a design, nan left out."""
