@@ -80,7 +80,9 @@ class Key:
     dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
     key. ``doubled``: a word for twice each of its numbers, as a width is of a half extent; all of
     them may stand in place of the key. ``repeats``: one number stands for all of a list. Of
-    results: ``printed`` is the key where it is not the field's name; ``in_unit``: it ends in the
+    results: ``choices`` are the names that a text may be; of a mapping that is ``inline`` they are
+    keys beside this one's, each with a ``meaning``. ``printed`` is the key where it is not the
+    field's name; ``in_unit``: it ends in the
     unit that the whole result has, such as ``noise_um``; ``may_miss``: there is no key where a
     result of its kind has no such thing, None;
     nan is null, where there happens to be none.
@@ -102,6 +104,7 @@ class Key:
     printed: str = ""
     in_unit: bool = False
     may_miss: bool = False
+    choices: Mapping[str, Any] | None = None
     made: Rule | None = None
 
     def spelled(self, name: str, unit: str = "") -> str:

@@ -231,8 +231,22 @@ class Rig:
             return supplied
         return _not_turned(supplied, supplied - direction * self.lag_voltage)
 
-    def nominal_voltage(self, film_voltage: float, direction: float = 0.0) -> float:
-        """The lowest nominal voltage at which the film responds to so much [V]; inf for none.
+    @property
+    def most_voltage(self) -> float:
+        """Nominal voltage [V] up to :data:`MOST_VOLTAGE` at which the film sees most.
+
+        An amplifier that sags gives most at its ``sag_voltage``.
+        """
+        return min(self.sag_voltage, MOST_VOLTAGE)
+
+    def most_film_voltage(self, direction: float = 0.0) -> float:
+        """Highest voltage [V] that the film sees at any nominal one."""
+        return float(self.film_voltage(self.most_voltage, direction))
+
+    def nominal_voltage(self, film_voltage: Any, direction: float = 0.0) -> Any:
+        """Lowest nominal voltage at which the film sees so much [V], numbers or arrays.
+
+        Infinite where no nominal voltage gives it; what is not finite stays as it is.
 
         Examples
         --------
@@ -240,21 +254,35 @@ class Rig:
         3316.923...
         >>> Rig(sag_voltage=7000.0, amplifier_gain=0.1).nominal_voltage(3316.9230769)
         3999.99...
-        >>> Rig(sag_voltage=7000.0).nominal_voltage(3600.0)
-        inf
+        >>> Rig(sag_voltage=7000.0).nominal_voltage([3500.0, 3600.0])
+        array([7000.,   inf])
         """
-        supplied = (film_voltage + direction * self.lag_voltage) / self.circuit.share
+        film = np.asarray(film_voltage, dtype=float)
+        supplied = (film + direction * self.lag_voltage) / self.circuit.share
         gain = 1 + self.amplifier_gain
-        # gain U = supplied (1 + (U/U_s)²), its smaller root.
-        square = gain**2 - (2 * supplied / self.sag_voltage) ** 2
-        return float(2 * supplied / (gain + np.sqrt(square))) if square >= 0 else inf
+        with np.errstate(invalid="ignore"):
+            # gain U = supplied (1 + (U/U_s)²), its smaller root.
+            square = gain**2 - (2 * supplied / self.sag_voltage) ** 2
+            root = 2 * supplied / (gain + np.sqrt(np.maximum(square, 0.0)))
+        nominal = np.where(square >= 0, root, inf)
+        nominal = np.where(np.isfinite(film), nominal, film)
+        return nominal if nominal.ndim else float(nominal)
 
-    def most_film_voltage(self, direction: float = 0.0) -> float:
-        """Highest voltage [V] that the film sees at any nominal one up to :data:`MOST_VOLTAGE`.
+    def shown_voltage(self, film_voltage: float, direction: float = 0.0) -> float:
+        """Nominal voltage [V] that the supply shows where a film sees so much.
 
-        An amplifier that sags gives most at its ``sag_voltage``.
+        It is from 0 to the most: neither rounding at the most that the supply gives leads beyond,
+        nor a lag below 0.
+
+        Examples
+        --------
+        >>> Rig(sag_voltage=7000.0).shown_voltage(3500.0 * (1 + 1e-15))
+        7000.0
+        >>> Rig(lag_voltage=100.0).shown_voltage(50.0, direction=-1.0)
+        0.0
         """
-        return float(self.film_voltage(min(self.sag_voltage, MOST_VOLTAGE), direction))
+        nominal = self.nominal_voltage(film_voltage, direction)
+        return float(max(min(nominal, self.most_voltage), 0.0))
 
     def gauged(self, force: Callable[[Any], Any], stiffness: Callable[[Any], Any],
                displacement: Any) -> Any:

@@ -119,12 +119,24 @@ def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
     for item in fields(cls):
         if item.compare:
             hint, key = get_args(hints[item.name])
+            if key.inline:
+                for name, choice in key.choices.items():
+                    yield from _keys(f"{at}{name}", get_args(hint)[1], choice.meaning)
+                continue
+            if key.choices is not None:
+                hint = _chosen(hint, key.choices)
             first, *below = _keys(f"{at}{key.spelled(item.name, _UNIT)}", hint, key.meaning)
             if key.may_miss:
                 none = not first.kind.startswith("number")
                 first = replace(first, kind=first.kind.removesuffix(" or none" * none) + _MISSING)
             yield first
             yield from below
+
+
+def _chosen(hint: Any, choices: Mapping[str, Any]) -> Any:
+    """The type of a text that is one of some names, or none where the hint has that."""
+    none = (None,) if type(None) in get_args(hint) else ()
+    return Union[Literal[*choices], *none]
 
 
 def _keys(path: str, hint: Any, meaning: str = "one of them") -> Iterator[JsonKey]:

@@ -9,7 +9,7 @@ from functools import lru_cache
 from itertools import islice
 from math import hypot
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 
@@ -215,9 +215,6 @@ class CaseRecord(SpecimenRecord):
                                              "it, none where there is no gas")] = None
 
 
-#: The kinds of :data:`LIMIT_STATES`.
-LimitKind = Literal["snap_through", "snap_back", "tension", "breakdown", "instability", "pull_in"]
-
 #: Distance from the centre below which a place is the centre [m].
 _CENTRE = 1e-6
 
@@ -234,9 +231,10 @@ _VAGUE = 1.0
 class Limit:
     """First limit of a film as its voltage rises, and where in the mounted film."""
 
-    kind: Annotated[LimitKind, Key("what happens there: snap_through and snap_back of a plate that "
-                                   "a mechanism makes jump, loss of tension, breakdown, "
-                                   "instability of the film itself, or pull_in")]
+    kind: Annotated[str, Key(
+        "what happens there: snap_through and snap_back of a plate that a mechanism makes jump, "
+        "loss of tension, breakdown, instability of the film itself, or pull_in",
+        choices=LIMIT_STATES)]
     voltage_V: Annotated[float, Key("nominal voltage")]
     x_m: Annotated[float, Key("where it begins, in the mounted film: for a pull-in, where the film "
                               "thins fastest")]
@@ -302,51 +300,47 @@ class Limit:
         return self.spread < _RESOLVED
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Limits:
-    """Voltages of loss of tension, breakdown, instability and pull-in of a film under a mass.
+    """First limits of a film under a mass, by their kinds, those of :data:`LIMIT_STATES`.
 
-    Voltages at which a mechanism of the rig first makes its plate snap are included. None means
-    that the limit is not reached within the voltages followed.
+    A limit is an attribute by its kind too, such as ``pull_in``. None stands for a limit that is
+    not met as far as the voltage was raised.
     """
 
-    snap_through: Annotated[Limit | None, Key(
-        "where a mechanism of the rig makes the plate jump to another stable equilibrium")] = None
-    snap_back: Annotated[Limit | None, Key(
-        "where it jumps back as the voltage falls; none where it stays there without voltage")] = (
-        None)
-    tension: Annotated[Limit | None, Key("first loss of tension")] = None
-    breakdown: Annotated[Limit | None, Key("first breakdown")] = None
-    instability: Annotated[Limit | None, Key("instability of the film itself, before the plate's "
-                                             "pull-in")] = None
-    pull_in: Annotated[Limit | None, Key("pull-in of the plate")] = None
-    first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
+    by_kind: Annotated[Mapping[str, Limit | None], Key("limits by their kinds", inline=True,
+                                                       choices=LIMIT_STATES)]
+    _: KW_ONLY
+    first: Annotated[str | None, Key("kind of the limit that comes first",
+                                     choices=LIMIT_STATES)] = None
     ended: Annotated[str, Key("why the voltage was not raised further")]
     thins: Annotated[bool, Key("whether the instability is thinning without bound of a film that "
                                "has lost tension; a pull-in after that is the one of a film kept "
                                "from wrinkling")] = False
 
     def __post_init__(self) -> None:
+        every = {kind: self.by_kind.get(kind) for kind in LIMIT_STATES}
+        object.__setattr__(self, "by_kind", every)
         object.__setattr__(self, "first", self.reached[0].kind if self.reached else None)
 
-    @classmethod
-    def of(cls, reached: Mapping[LimitKind, Limit], ended: str, thins: bool = False) -> Limits:
-        """Collect the limits that are reached, of any kinds."""
-        return cls(ended=ended, thins=thins, **cast(dict[str, Any], dict(reached)))
+    def __getattr__(self, kind: str) -> Limit | None:
+        if kind not in LIMIT_STATES:
+            raise AttributeError(f"{type(self).__name__} has no {kind!r}")
+        return self.by_kind.get(kind)
 
     @property
     def reached(self) -> tuple[Limit, ...]:
-        """Limits reached as the voltage rises, in their order."""
-        limits = [limit for kind, state in LIMIT_STATES.items()
-                  if not state.falling and (limit := getattr(self, kind)) is not None]
-        return tuple(sorted(limits, key=lambda limit: limit.voltage_V))
+        """Limits that are reached as the voltage rises, in the order in which they come."""
+        return tuple(sorted(self._met(falling=False), key=lambda limit: limit.voltage_V))
 
     @property
     def told(self) -> tuple[Limit, ...]:
-        """All limits; those reached as the voltage falls come last."""
-        falling = [limit for kind, state in LIMIT_STATES.items()
-                   if state.falling and (limit := getattr(self, kind)) is not None]
-        return *self.reached, *falling
+        """All limits: those that are met as the voltage falls come last."""
+        return *self.reached, *self._met(falling=True)
+
+    def _met(self, falling: bool) -> list[Limit]:
+        return [limit for kind, limit in self.by_kind.items()
+                if limit is not None and LIMIT_STATES[kind].falling == falling]
 
     @property
     def limit(self) -> Limit | None:
@@ -429,7 +423,8 @@ class CaseResult(CaseRecord):
         "spread between films made to the tolerances, by result; empty where none were given, "
         "and where more than 5 % of the films do not reach the voltage")] = field(
             default_factory=dict)
-    first: Annotated[LimitKind | None, Key("kind of the limit that comes first")] = None
+    first: Annotated[str | None, Key("kind of the limit that comes first",
+                                     choices=LIMIT_STATES)] = None
     limit: Annotated[Limit | None, Key("the most severe limit that the voltage is beyond")] = None
     dofs: Unknowns
     wall_s: WallTime
@@ -705,9 +700,9 @@ def failure_reason(outcome: Outcome) -> str:
     if outcome.limit is None:
         return outcome.advice
     load = in_words(outcome.limit, outcome.limited or "force")
-    if outcome.limited == "pressure" and outcome.kind == "pull_in":
+    if outcome.limited == "pressure" and not outcome.thins:
         # A film blown up like a balloon is pulled nowhere.
         return f"the film bears no more than {load}"
-    if outcome.kind == "thinning":
+    if outcome.thins:
         return f"{TENSION.at(load)}, where the film, wrinkled, thins without bound"
     return PULL_IN.at(load)

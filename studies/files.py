@@ -153,16 +153,21 @@ def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Pa
     return files[0]
 
 
+#: Key of a mapping whose own keys stand beside it: that of no field.
+_INLINE = ""
+
+
 @cache
-def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, bool], ...]:
-    """Each field of a dataclass that is stored: its name, its key, and whether that may miss.
+def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, Key], ...]:
+    """Each field of a dataclass that is stored: its name, its key, and what is said of it.
 
     Fields that take no part in comparisons stand in files of their own and are left out.
     """
-    keys = {field.name: field.says for field in fields_of(cls)}
+    says = {field.name: field.says for field in fields_of(cls)}
     plain = Key("")
-    return tuple((item.name, keys.get(item.name, plain).spelled(item.name, unit),
-                  keys.get(item.name, plain).may_miss) for item in fields(cls) if item.compare)
+    stored = [(item.name, says.get(item.name, plain)) for item in fields(cls) if item.compare]
+    return tuple((name, _INLINE if key.inline else key.spelled(name, unit), key)
+                 for name, key in stored)
 
 
 def to_json(value: Any, unit: str = "") -> Any:
@@ -181,9 +186,11 @@ def to_json(value: Any, unit: str = "") -> Any:
         return value
     if is_dataclass(value):
         kind: Any = type(value)
-        return {key: None if may_miss and part != part else to_json(part, unit)
-                for name, key, may_miss in _stored(kind, unit)
-                if (part := getattr(value, name)) is not None or not may_miss}
+        record: dict[str, Any] = {
+            key: None if says.may_miss and part != part else to_json(part, unit)
+            for name, key, says in _stored(kind, unit)
+            if (part := getattr(value, name)) is not None or not says.may_miss}
+        return {**record.pop(_INLINE, {}), **record}
     if isinstance(value, Mapping):
         return {str(name): to_json(entry, unit) for name, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -221,14 +228,22 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: s
         if not isinstance(value, dict):
             raise fail("must be an object")
         hints, arguments = get_type_hints(kind), {}
-        stored = {name: (own, may_miss) for name, own, may_miss in _stored(cast(Any, kind), unit)}
+        stored = {name: (own, says) for name, own, says in _stored(cast(Any, kind), unit)}
         for item in fields(kind):
-            own, may_miss = stored.get(item.name, (None, False))
+            own, says = stored.get(item.name, (None, Key("")))
             path = f"{key}.{own}".lstrip(".")
-            if may_miss and value.get(own, 0) is None:
+            if own == _INLINE:
+                choices = says.choices or {}
+                beside = {name: entry for name, entry in value.items() if name in choices}
+                arguments[item.name] = _converted(hints[item.name], beside, file, key, unit)
+            elif says.may_miss and value.get(own, 0) is None:
                 arguments[item.name] = nan
             elif own in value:
-                arguments[item.name] = _converted(hints[item.name], value[own], file, path, unit)
+                part = _converted(hints[item.name], value[own], file, path, unit)
+                if says.choices is not None and part is not None and part not in says.choices:
+                    raise InputError(f"must be one of {', '.join(says.choices)}", file=file,
+                                     key=path, given=part)
+                arguments[item.name] = part
             elif item.default is MISSING and item.default_factory is MISSING:
                 raise InputError("is missing: run the command that wrote the file again",
                                  file=file, key=path)

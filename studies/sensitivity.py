@@ -25,6 +25,7 @@ from tympan.fem.derivatives.sensitivity import (
 from tympan.fem.derivatives.shape import edge_nodes
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
+from tympan.fem.results.limit_states import PULL_IN
 from tympan.studies.case import (
     Case,
     CaseRecord,
@@ -105,9 +106,10 @@ def sensitivity(case: Case, settings: Settings,
         return replace(result, warnings=(failure_reason(outcome), *case.remarks))
     else:
         by, state = case_parameters(case, model, load), critical.state
-        name, value = f"{outcome.kind}_{load}", state.load(load)
+        kind = "thinning" if outcome.thins else PULL_IN.kind
+        name, value = f"{kind}_{load}", state.load(load)
         warnings = [failure_reason(outcome)]
-        of_limit = thinning_gradient if outcome.kind == "thinning" else limit_gradient
+        of_limit = thinning_gradient if outcome.thins else limit_gradient
         slopes = {name: of_limit(model, critical, load, by)}
         if load == "voltage":  # value and slopes are those of U²
             value = float(np.sqrt(value))

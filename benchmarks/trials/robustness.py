@@ -92,6 +92,13 @@ class Record:
         return "; ".join([*faults, *differing])
 
 
+def _kind(outcome: Outcome) -> str | None:
+    """How a film ends that has no equilibrium; None where it has one, or no limit was found."""
+    if outcome.limit is None:
+        return None
+    return "thinning" if outcome.thins else "pull_in"
+
+
 def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     """A case solved and checked; every ``sample``-th from the other directions that cost as much as
     the search."""
@@ -100,7 +107,7 @@ def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     search, (model, outcome) = _timed(lambda: equilibrate(drawn.case, settings))
     seconds = meshing + search
     record = Record(drawn.number, drawn.refused, outcome.status, outcome.advice, seconds,
-                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=outcome.kind)
+                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=_kind(outcome))
     if outcome.limited == "voltage" and outcome.limit is not None:
         share = 0.95 * outcome.limit**0.5 / drawn.case.film_voltage
         inner = replace(drawn.case, voltage=share * drawn.case.voltage)

@@ -1,8 +1,8 @@
-"""Equilibria at many deflections of a held plate, most of them found between two others."""
+"""Equilibria at many deflections of a held plate, and those that a load has between them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +16,8 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import UNNOTICED
 from tympan.fem.equilibrium.span import GivenDeflection, Span
 from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.roots import cubic_roots
 
 #: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
 _LONGEST = 12
@@ -23,6 +25,9 @@ _LONGEST = 12
 _EASY = 2
 #: A step may miss what was foretold by this share of its motion: else it is on another branch.
 _SURPRISE = 0.3
+#: Distance below which two equilibria are one, relative to their interval: rounding puts the same
+#: one a little before or beyond an end of it.
+BESIDE = 1e-6
 
 _HELD = GivenDeflection()
 
@@ -63,6 +68,43 @@ class HeldSpan:
         matrix = np.vstack([t[:, None] ** powers, rise[[0, -1]]])
         factors = np.linalg.solve(matrix, np.concatenate([forces, scale * ends]))
         return places, forces, np.array([ends[0], *(rise[1:-1] @ factors) / scale, ends[1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Two deflections of a held plate [m] next to each other, and the film between them.
+
+    ``excess``: force that holds the plate over that of its load [N], and ``slopes`` of that [N/m],
+    at both ends; ``foretold``: the state that is expected at a deflection.
+    """
+
+    low: float
+    high: float
+    excess: Array
+    slopes: Array
+    foretold: Callable[[float], State]
+
+
+def crossings(model: Model, intervals: Iterable[Interval], force: float, settings: PathSettings,
+              beyond: float = BESIDE) -> Iterator[Solution]:
+    """Equilibria under a force [N] where the force of a held plate crosses that of its load.
+
+    Newton's method begins at the roots of each interval's cubic. An equilibrium that was found
+    before is left out, and so is one ``beyond`` the interval by more than so many times its length.
+    """
+    found: list[float] = []
+    for interval in intervals:
+        span = interval.high - interval.low
+        for share in cubic_roots(interval.excess, span * interval.slopes, BESIDE):
+            guess = interval.foretold(interval.low + share * span).under(force=force)
+            solution = newton(model, guess, settings=settings.newton)
+            if not solution.converged:
+                continue
+            place = model.deflection(solution.state)
+            known = any(abs(place - other) <= BESIDE * abs(span) for other in found)
+            if not known and -beyond <= (place - interval.low) / span <= 1 + beyond:
+                found.append(place)
+                yield solution
 
 
 def held_stiffness(solution: Solution) -> float:

@@ -40,14 +40,9 @@ _RESIDUAL_SHARE = 0.1
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
-#: How a film ends: its load passes a maximum, or wrinkled it has no stable width.
-LimitKind = Literal["pull_in", "thinning"]
-
 #: A number of a state that is positive up to where something happens to it.
 Margin = Callable[[State], float]
 
-#: What the outcome says of each kind.
-_ENDS: dict[LimitKind, str] = {"pull_in": "pull-in", "thinning": "the film thins without bound"}
 #: What is said of such a film, still slack under what is named.
 SLACK = ("the film is slack when mounted, and still {}: it has no definite shape; prestretch or "
          "load it more")
@@ -77,8 +72,8 @@ class Outcome:
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status
     "no_equilibrium" the film reached its end: ``limit`` is the largest U² [V²], force [N] or
     pressure [Pa], as ``limited`` says, that has an equilibrium on this path, ``critical`` the point
-    of the branch where it has it, and ``kind`` what happens there. ``snapped``: on the way a
-    mechanism made the plate jump.
+    of the branch where it has it. There the load passes a maximum; or the film ``thins``: wrinkled,
+    it has no stable width. ``snapped``: on the way a mechanism made the plate jump.
     """
 
     status: Status
@@ -87,7 +82,7 @@ class Outcome:
     limit: float | None = None
     limited: Load | None = None
     critical: PathPoint | None = None
-    kind: LimitKind | None = None
+    thins: bool = False
     snapped: bool = False
 
     @property
@@ -135,7 +130,7 @@ class Ramp:
         if self.target == origin:
             return Outcome("equilibrium", start)
         if start.thinning_margin(self.model) < 0:
-            return self._ended("thinning", start, self._point(start))
+            return self._thins(start, self._point(start))
         solution, done, step = start, 0.0, self.settings.first
         before = abs(origin / (self.target - origin))
         while done < 1:
@@ -231,7 +226,7 @@ class Ramp:
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
         """The film's end between two equilibria where it begins to thin; None if unclear."""
         ends = self._around(before, after, self.model.thinning_margin)
-        return ends and self._ended("thinning", ends[0], self._point(ends[1]))
+        return ends and self._thins(ends[0], self._point(ends[1]))
 
     def _around(self, before: Solution, after: Solution, margin: Margin
                 ) -> tuple[Solution, Solution] | None:
@@ -317,14 +312,14 @@ class Ramp:
                 if thin is None or sense * thin.rate < 0:
                     break
                 if sense * thin.state.load(load) < sense * target:
-                    return self._ended("thinning", stable, thin)
+                    return self._thins(stable, thin)
                 after = thin
             if sense * after.rate < 0:
                 critical = branch.where(before, after, lambda point: point.rate)
                 if critical is None:
                     break
                 if sense * critical.state.load(load) < sense * target:
-                    return self._ended("pull_in", stable, critical)
+                    return self._ended(stable, critical, "pull-in")
                 after = critical  # the target is before it, if not before the point after it
             if sense * after.state.load(load) >= sense * target:
                 return self._landed(stable, branch.where(
@@ -332,7 +327,7 @@ class Ramp:
             # Where the film by itself resists no more, the plate's stiffness passes a pole: its
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
-                return self._ended("pull_in", stable, after, "the film loses its stability")
+                return self._ended(stable, after, "the film loses its stability")
             if abs(self.model.deflection(after.state)) > settings.reach * self.model.high:
                 break
             if branch.subspace is FULL:
@@ -362,12 +357,14 @@ class Ramp:
         beyond = without_mechanism(self.model, self.model.deflection(ahead))
         return Outcome("not_converged", last, beyond or _UNFOLLOWED)
 
-    def _ended(self, kind: LimitKind, last: Solution, critical: PathPoint | None, words: str = ""
-               ) -> Outcome:
+    def _thins(self, last: Solution, critical: PathPoint | None) -> Outcome:
+        ended = self._ended(last, critical, "the film thins without bound")
+        return replace(ended, thins=True)
+
+    def _ended(self, last: Solution, critical: PathPoint | None, words: str) -> Outcome:
         state = last.state if critical is None else critical.state
-        return Outcome("no_equilibrium", last,
-                       f"{words or _ENDS[kind]} before the {self._word} is reached",
-                       state.load(self.load), self.load, critical, kind)
+        return Outcome("no_equilibrium", last, f"{words} before the {self._word} is reached",
+                       state.load(self.load), self.load, critical)
 
     @property
     def _word(self) -> str:

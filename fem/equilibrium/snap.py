@@ -12,25 +12,22 @@ from itertools import pairwise
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.held_path import held_path, with_tangent
-from tympan.fem.equilibrium.newton import Solution, newton
+from tympan.fem.equilibrium.held_path import Interval, crossings, held_path, with_tangent
+from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE
-from tympan.fem.roots import cubic_roots
 
 #: Deflections looked at in each interval where a mechanism softens: there the force bends.
 _SOFT = 32
 #: The same elsewhere: the force only grows there.
 _FIRM = 8
-#: Of as many more where such an interval begins, which may have no end, the first one, relative to
-#: the frame: far below what plates jump that are not limited by a short interval.
+#: Distance of the nearest deflection from the start, relative to the frame: far below what plates
+#: jump that are not limited by a short interval. As many more are looked at where such an interval
+#: begins, since it may have no end.
 _NEAREST = 1e-3
-#: How many times as far one of these is as the one before: they lead over the whole frame.
+#: Distance of one of them over that of the one before: the last is beyond the whole frame.
 _WIDER = 1.25
-#: How far beyond its interval an equilibrium may be, relative to that; so near to each other two
-#: are one.
-_BESIDE = 1e-6
 
 
 def snapped(model: Model, limit: PathPoint, settings: PathSettings) -> Solution | None:
@@ -45,7 +42,10 @@ def snapped(model: Model, limit: PathPoint, settings: PathSettings) -> Solution 
 
 
 def landed(model: Model, start: Solution, way: float, settings: PathSettings) -> Solution | None:
-    """Equilibrium of a plate that nothing holds just beyond a state, by the sign of a way."""
+    """Equilibrium to which a plate moves from a state that does not hold it, by the sign of a way.
+
+    None where a mechanism cannot make it jump, or nothing holds it any more.
+    """
     if not model.loading.softening:
         return None
     found = next(_equilibria(model, start, float(np.sign(way)), settings), None)
@@ -53,7 +53,7 @@ def landed(model: Model, start: Solution, way: float, settings: PathSettings) ->
 
 
 def resting(model: Model, reached: Solution, settings: PathSettings) -> list[Solution]:
-    """All stable equilibria under the loads of one that is, by deflection; itself among them."""
+    """All stable equilibria under the loads of a stable one, which is among them, by deflection."""
     others = [solution for way in (-1.0, 1.0)
               for solution in _equilibria(model, reached, way, settings)]
     return sorted([reached, *(other for other in others if _rests(model, other))],
@@ -68,9 +68,15 @@ def _equilibria(model: Model, start: Solution, way: float, settings: PathSetting
                 ) -> Iterator[Solution]:
     """Equilibria under the loads of one that a held plate passes on one way (1 or -1) from there.
 
-    As far as there may be others: beyond the last interval in which a mechanism softens a plate
-    that is held back moves no further. A film that would thin without bound is followed no further.
+    The last interval in which a mechanism softens ends the search: a plate that is held back beyond
+    it moves no further. A film that would thin without bound ends it, too.
     """
+    return crossings(model, _ahead(model, start, way, settings), start.state.force, settings)
+
+
+def _ahead(model: Model, start: Solution, way: float, settings: PathSettings
+           ) -> Iterator[Interval]:
+    """Intervals that a held plate passes on its way from a start, without the one it starts in."""
     force = start.state.force
     places, last = _places(model, model.deflection(start.state), way, settings)
     if not places:
@@ -80,17 +86,9 @@ def _equilibria(model: Model, start: Solution, way: float, settings: PathSetting
         where, forces, slopes = step.forces
         for number, (low, high) in enumerate(pairwise(where)):
             ends = slice(number, number + 2)
-            # The start itself is in the first interval.
-            shares = cubic_roots(forces[ends] - force, (high - low) * slopes[ends]) if begun else []
-            begun, last_found = True, np.inf
-            for share in shares:
-                guess = step.span.foretold(low + share * (high - low)).under(force=force)
-                solution = newton(model, guess, settings=settings.newton)
-                found = (model.deflection(solution.state) - low) / (high - low)
-                if (solution.converged and -_BESIDE <= found <= 1 + _BESIDE
-                        and abs(found - last_found) > _BESIDE):
-                    last_found = found
-                    yield solution
+            if begun:
+                yield Interval(low, high, forces[ends] - force, slopes[ends], step.span.foretold)
+            begun = True
         held_back = way * (forces[-1] - force) > 0 and way * (where[-1] - last) >= 0
         if held_back or step.span.end.thinning_margin(model) < 0:
             return

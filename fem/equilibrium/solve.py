@@ -82,7 +82,7 @@ def _begun(model: Model, settings: PathSettings, sense: int) -> Solution:
 def _ramped(ramp: Ramp, start: Solution) -> Outcome:
     """A load changed to its target; where a mechanism makes the plate jump, on from there."""
     outcome = ramp.run(start)
-    while outcome.kind == "pull_in" and outcome.critical is not None:
+    while outcome.critical is not None and not outcome.thins:
         landed = snapped(ramp.model, outcome.critical, ramp.settings)
         if landed is None:
             break

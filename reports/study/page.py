@@ -63,7 +63,7 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
         not_pulled=[item.name for item, stored in zip(
             run.specimens, run.stored.specimens, strict=True) if stored.force is None],
         limit_states={kind: state for kind, state in LIMIT_STATES.items()
-                      if any(getattr(curve.limits, kind) for item in run.specimens
+                      if any(curve.limits.by_kind.get(kind) for item in run.specimens
                              for curve in item.curves)},
         curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
         design=stress_figure.lay_out(run.specimens, run.stress_range),

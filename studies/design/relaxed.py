@@ -33,14 +33,14 @@ _NEIGHBOUR = 0.02
 _AT_END = 1e-3
 
 #: End of a number: of the range that was asked for, or of what reduced films know.
-EndKind = Literal["range", "known"]
+NumberEnd = Literal["range", "known"]
 
 
 @dataclass(frozen=True)
 class Ends:
     """Ends at which a film is: ``numbers`` by their keys, and whether reduced films go on there."""
 
-    numbers: Mapping[str, EndKind]
+    numbers: Mapping[str, NumberEnd]
     known: bool
 
 
@@ -63,7 +63,7 @@ class Attained:
 def ends_at(space: DesignSpace, x: Array) -> Ends:
     """Ends of ranges at which a film is, at shares x of them, and whether all around are films."""
     size = len(space.variables)
-    x, numbers = x[:size], dict[str, EndKind]()
+    x, numbers = x[:size], dict[str, NumberEnd]()
     around = np.clip(x + _NEIGHBOUR * np.concatenate([np.eye(size), -np.eye(size)]), 0, 1)
     there = space.films(space.values(around)).sound
     for number, (own, asked) in enumerate(zip(space.variables, space.asked, strict=True)):

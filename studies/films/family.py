@@ -13,7 +13,7 @@ the family was not made from: the estimate is scaled so that it covers the error
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
@@ -32,12 +32,21 @@ from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
+from tympan.fem.results.limit_states import BREAKDOWN, PULL_IN, TENSION
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
 from tympan.studies.films.box import PRESSURE, Box, between
 from tympan.studies.films.check import ResidualCheck
-from tympan.studies.films.first_limits import KINDS, FirstLimits, Margins, first_limits
+from tympan.studies.films.first_limits import (
+    ENDS,
+    WITHIN,
+    FirstLimits,
+    Margins,
+    first_limits,
+    kinds,
+    strained,
+)
 from tympan.studies.films.many_films import (
     Balance,
     Films,
@@ -515,25 +524,26 @@ class FilmFamily:
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
                                                             if np.ndim(forces) else 1))
         each = np.repeat(rows, force.shape[1], axis=0), force.ravel()
-        whole, first = (self.first_limits(*each, strength, firm=False)
-                        for strength in (np.inf, 1.0))
+        whole, first = (self.first_limits(*each, wanted=wanted)
+                        for wanted in (ENDS, (*ENDS, BREAKDOWN.kind)))
         taut, none = whole.voltage, np.where(np.isnan(whole.voltage), np.nan, np.inf)
-        slack = (whole.kind == KINDS.index("tension")) & np.isfinite(taut)
-        broken = (first.kind == KINDS.index("breakdown")) & np.isfinite(first.voltage)
+        slack = (whole.kind == TENSION.kind) & np.isfinite(taut)
+        broken = (first.kind == BREAKDOWN.kind) & np.isfinite(first.voltage)
         breakdown = np.where(broken, first.voltage, np.where(np.isinf(taut), taut, np.nan))
         return FamilyLimits(*(voltage.reshape(force.shape) for voltage in (
             breakdown, np.where(slack, taut, none), np.where(slack, np.nan, taut))))
 
     def first_limits(self, parameters: Any, forces: AnyArray, strengths: Any = 1.0, *,
-                     firm: bool = True) -> FirstLimits:
+                     wanted: Collection[str] = ()) -> FirstLimits:
         """First limits of films, (films, names), as the voltage rises under forces [N], (films,).
 
-        ``strengths``: factors on the films' electric strength, (films,) or one; ``firm``: also
-        instability, and where films leave the range of their law.
+        ``strengths``: factors on the films' electric strength, (films,) or one; ``wanted``: kinds
+        that are looked for, all :func:`~tympan.studies.films.first_limits.kinds` if none is given.
         """
         strength = np.broadcast_to(np.asarray(strengths, float), forces.shape)
         found = [first_limits(partial(self.margins, films, films.at(self.looked_at), forces[part],
-                                      strength[part], firm), len(films), *self.squared)
+                                      strength[part], wanted or kinds()), len(films),
+                              *self.squared)
                  for part, films in self.blocks(parameters)]
         return FirstLimits(np.concatenate([some.voltage for some in found]),
                            np.concatenate([some.kind for some in found]))
@@ -543,9 +553,10 @@ class FilmFamily:
         """Lowest and highest U² [V²]."""
         return self.voltage[0] ** 2, self.voltage[1] ** 2
 
-    def margins(self, films: Films, at: FilmsAt, forces: AnyArray, strengths: AnyArray, firm: bool,
-                 number: AnyArray, squared: AnyArray, near: AnyArray | None) -> Margins:
-        """Margins of some of the films, by their numbers, at a U² of each."""
+    def margins(self, films: Films, at: FilmsAt, forces: AnyArray, strengths: AnyArray,
+                wanted: Collection[str], number: AnyArray, squared: AnyArray,
+                near: AnyArray | None) -> Margins:
+        """Margins of ``wanted`` kinds of some of the films, by their numbers, at a U² of each."""
         force, strength = forces[number], strengths[number]
         if near is None:
             balance = self._rests(films, number, force, squared)
@@ -559,9 +570,13 @@ class FilmFamily:
         q = np.where(holds[:, None], balance.q, np.nan)
         extremes = films.extremes(at, number, q, squared)
         least = np.where(holds, balance.least, np.nan)
-        return Margins(np.stack([extremes.tension, least**2,
-                                 1 - (extremes.share / strength) ** 2], 1),
-                       extremes.sound | (not firm), extremes.lawful, q)
+        by_kind = {TENSION.kind: extremes.tension, PULL_IN.kind: least**2,
+                   BREAKDOWN.kind: 1 - (extremes.share / strength) ** 2}
+        by_kind = {kind: margin for kind, margin in by_kind.items() if kind in wanted}
+        by_kind |= {state.kind: films.least(state.field, at, number, q, squared)
+                    for state in strained() if state.kind in wanted}
+        unasked = not set(WITHIN) & set(wanted)
+        return Margins(by_kind, extremes.sound | unasked, extremes.lawful, q)
 
     def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """States of films in equilibrium, by their numbers, under loads of each."""

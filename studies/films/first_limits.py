@@ -10,28 +10,47 @@ do the other margins: they fall ever faster, but need not reach 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from tympan.base.arrays import AnyArray, Mask, Numbers
-from tympan.fem.results.limit_states import BREAKDOWN, INSTABILITY, LIMIT_STATES, PULL_IN, TENSION
+from tympan.base.arrays import AnyArray, Mask
+from tympan.fem.results.limit_states import (
+    BREAKDOWN,
+    INSTABILITY,
+    LIMIT_STATES,
+    PULL_IN,
+    TENSION,
+    LimitState,
+)
 
 #: What is met beside limit states: the film leaves the range of stretches that its law is made for.
 LAW_RANGE = "law_range"
-#: What is met, in the order of the margins; the last two have no margin.
-KINDS: tuple[str, ...] = (TENSION.kind, PULL_IN.kind, BREAKDOWN.kind, INSTABILITY.kind, LAW_RANGE)
+#: Kinds that end the way of a film; it goes on beyond others.
+ENDS = (TENSION.kind, PULL_IN.kind)
+#: Kinds that films meet in themselves. They have no margin: a film is firm and within its law's
+#: range, or not.
+WITHIN = (INSTABILITY.kind, LAW_RANGE)
 
-_PULL_IN = KINDS.index(PULL_IN.kind)
-_INSTABILITY = KINDS.index(INSTABILITY.kind)
-_LAW_RANGE = KINDS.index(LAW_RANGE)
+
+def kinds() -> tuple[str, ...]:
+    """Kinds that films of a family may meet first: limit states, and the end of the law's range."""
+    return (*ENDS, BREAKDOWN.kind, *(state.kind for state in strained()), *WITHIN)
+
+
+def strained() -> list[LimitState]:
+    """Further limit states whose margins follow from the films' stretches and stresses."""
+    return [state for state in LIMIT_STATES.values()
+            if state.strained and state.kind not in ENDS]
+
 
 #: Part of the range of U² of the first state above the lowest.
 _FIRST = 0.25
-#: Part of the way to a limit that is foreseen at which the next state is: beyond a pull-in there is
-#: none.
-_ON = np.array([1.0, 0.93, 1.0])
+#: Part of the way to a foreseen pull-in at which the next state is: beyond it there is none. States
+#: of other kinds are at the limit that is foreseen.
+_ON = 0.93
 #: How near to a state a limit is foreseen at last, relative in U².
 _NEAR = 1e-2
 #: Most states of a film.
@@ -39,33 +58,44 @@ _MOST = 14
 
 
 def label_of(kind: str) -> str:
-    """Name of one of :data:`KINDS` for people."""
+    """Name of one of :func:`kinds` for people."""
     return "the end of the law's range" if kind == LAW_RANGE else str(LIMIT_STATES[kind].label)
 
 
 @dataclass(frozen=True, eq=False)
 class FirstLimits:
-    """Voltages [V] of films' first limits, (films,), and the numbers of their :data:`KINDS`.
+    """Voltages [V] of films' first limits, and their :func:`kinds`, (films,).
 
-    Infinite where none is met within the family's voltages, nan where there is no state at the
-    lowest of these; the kind is then what is wrong with that state, a pull-in where there is none.
+    Voltages are infinite where none is met within the family's voltages, nan where there is no
+    state at the lowest of these; the kind is then what is wrong with that state, a pull-in where
+    there is none.
     """
 
     voltage: AnyArray
-    kind: Numbers
+    kind: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """States q of films at some U²: margins (films, 3), nan without a state.
+    """States q of films at some U²: margins by their kinds, (films,), nan without a state.
 
     ``firm``: whether the film is firm there and its law holds; ``lawful``: whether its law does.
     """
 
-    values: AnyArray
+    by_kind: Mapping[str, AnyArray]
     firm: Mask
     lawful: Mask
     q: AnyArray
+
+    @cached_property
+    def values(self) -> AnyArray:
+        """Margins in columns, (films, margins)."""
+        return np.stack([*self.by_kind.values()], 1)
+
+    @property
+    def names(self) -> AnyArray:
+        """Kinds of the columns."""
+        return np.array([*self.by_kind], dtype=object)
 
 
 #: States of some films, by their numbers, at a U² of each, near states q where these are given.
@@ -75,11 +105,13 @@ Find = Callable[[AnyArray, AnyArray, AnyArray | None], Margins]
 def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits:
     """First limits of so many films between U² of ``low`` and ``high``."""
     start = find(np.arange(count), np.full(count, low), None)
+    names = start.names
+    pulls_in = names == PULL_IN.kind
     sound, kind = _reasons(start)
     some = np.flatnonzero(sound)
     voltage = np.full(count, np.nan)
     below, beyond = np.full(count, low), np.full(count, np.inf)
-    met = np.zeros(count, dtype=np.int64)
+    met = np.full(count, PULL_IN.kind, dtype=object)
     # U², margins and states of the last three that there are, the last one first.
     x = np.full((3, count), low)
     margins, q = np.array([start.values] * 3), np.array([start.q] * 3)
@@ -92,17 +124,18 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
             kept[1:, on], kept[0, on] = kept[:2, on], new
         below[some[sound]], beyond[some[~sound]] = tried[some[sound]], tried[some[~sound]]
         met[some[~sound]] = reason[~sound]
-        ahead = _ahead(x[:, some], margins[:, some])
+        ahead = _ahead(x[:, some], margins[:, some], pulls_in)
         foreseen = x[0, some] + ahead.min(1)
         # What is met before it was foreseen is between two states.
         inside = (foreseen > below[some]) & (foreseen < beyond[some])
         middle = np.where(np.isfinite(beyond[some]), (below[some] + beyond[some]) / 2, high)
-        kind[some] = np.where(inside, ahead.argmin(1), met[some])
+        kind[some] = np.where(inside, names[ahead.argmin(1)], met[some])
         end = np.where(inside, foreseen, middle)
         voltage[some] = np.sqrt(end)
         near = np.where(inside, np.abs(end - x[0, some]), beyond[some] - below[some])
         ready = (near < _NEAR * end) | (below[some] >= high)
-        tried[some] = np.minimum(np.where(inside, x[0, some] + (_ON * ahead).min(1), end), high)
+        next_to = x[0, some] + (np.where(pulls_in, _ON, 1.0) * ahead).min(1)
+        tried[some] = np.minimum(np.where(inside, next_to, end), high)
         some = some[~ready]
         if not len(some):
             break
@@ -110,11 +143,11 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
     return FirstLimits(voltage, kind)
 
 
-def _reasons(found: Margins) -> tuple[Mask, Numbers]:
-    """Mask of states before all limits, and the number of the kind that the others are beyond."""
+def _reasons(found: Margins) -> tuple[Mask, AnyArray]:
+    """Mask of states before all limits, and the kind that the others are beyond."""
     there, positive = np.isfinite(found.values).all(1), (found.values > 0).all(1)
-    infirm = np.where(found.lawful, _INSTABILITY, _LAW_RANGE)
-    met = np.where(there, found.values.argmin(1), _PULL_IN)
+    infirm = np.where(found.lawful, *WITHIN).astype(object)
+    met = np.where(there, found.names[found.values.argmin(1)], PULL_IN.kind)
     return positive & found.firm, np.where(positive, infirm, met)
 
 
@@ -126,15 +159,18 @@ def _carried(x: AnyArray, q: AnyArray, tried: AnyArray, some: AnyArray) -> AnyAr
     return np.asarray(q[0, some] + step * np.where(np.isfinite(rate), rate, 0.0))
 
 
-def _ahead(x: AnyArray, margins: AnyArray) -> AnyArray:
-    """Distance in U² to where margins are 0, (films, 3): infinite beyond a pull-in."""
-    most = _root(x, margins[..., _PULL_IN:_PULL_IN + 1])[:, 0]
+def _ahead(x: AnyArray, margins: AnyArray, pulls_in: Mask) -> AnyArray:
+    """Distance in U² to where margins are 0, (films, margins): infinite beyond a pull-in.
+
+    ``pulls_in``: a mask of the margin of pull-in.
+    """
+    most = _root(x, margins[..., pulls_in])[:, 0]
     with np.errstate(all="ignore"):
         left = np.sqrt(x[0] + most - x)
         ahead, to_most = _root(np.where(np.isfinite(left), -left, x), margins), left[0, :, None]
         bent = np.where(ahead < to_most, ahead * (2 * to_most - ahead), np.inf)
     ahead = np.where(np.isfinite(most)[:, None], bent, ahead)
-    ahead[:, _PULL_IN] = most
+    ahead[:, pulls_in] = most[:, None]
     return ahead
 
 

@@ -14,7 +14,7 @@ from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.family import FamilyStates, FilmFamily
-from tympan.studies.films.first_limits import KINDS
+from tympan.studies.films.first_limits import ENDS, kinds
 
 #: How near to a voltage a limit is met at it, relative: limits are found to some 1e-4.
 _SAME = 1e-3
@@ -103,8 +103,7 @@ class FamilyFilms:
     def first_limit(self) -> Array:
         strength = np.broadcast_to(self.strength, self.loads.shape)
         found = self.family.first_limits(self.rows, self.loads, strength).voltage
-        return np.array([self.rig.nominal_voltage(each) if np.isfinite(each) else each
-                         for each in (found / self.amplifier).tolist()])
+        return np.asarray(self.rig.nominal_voltage(found / self.amplifier))
 
     @property
     def sound(self) -> Mask:
@@ -126,34 +125,33 @@ class FamilyFilms:
                            self.rig, self.margin, of(self.amplifier), of(self.strength), specimens)
 
     def failures(self, some: Mask) -> Array:
-        """First limit of each of ``some`` films, a mask, on the way to its voltage, (some,).
+        """Kind of the first limit of each of ``some`` films, a mask, on the way to its voltage.
 
-        Numbers of :data:`~tympan.studies.films.first_limits.KINDS`: a loss of tension or pull-in
-        also up to the margin, all others up to the voltage; -1 where nothing is met there.
+        They are :func:`~tympan.studies.films.first_limits.kinds`, (some,): a loss of tension or
+        pull-in also up to the margin, all others up to the voltage; "" where nothing is met there.
         """
         films = self.part(np.flatnonzero(some))
-        met = np.full(len(films.rows), -1)
+        met = np.full(len(films.rows), "", dtype=object)
         if not len(met):
             return met
         strength = np.broadcast_to(films.strength, films.loads.shape)
-        ways = [(films.across[:, 1], strength, True)]
+        ways = [(films.across[:, 1], kinds())]
         if self.margin > 1:
-            ways.append((films.across[:, 2], np.full_like(strength, np.inf), False))
-        for highest, strengths, firm in ways:
-            found = self.family.first_limits(films.rows, films.loads, strengths, firm=firm)
+            ways.append((films.across[:, 2], ENDS))
+        for highest, wanted in ways:
+            found = self.family.first_limits(films.rows, films.loads, strength, wanted=wanted)
             beyond = np.isnan(found.voltage) | (found.voltage <= highest * (1 + _SAME))
-            met = np.where((met < 0) & beyond, found.kind, met)
+            met = np.where((met == "") & beyond, found.kind, met)
         return films._by_states(met)
 
     def _by_states(self, met: Array) -> Array:
         """First limits of films, by their states where no limit is known."""
-        some = np.flatnonzero(met < 0)
+        some = np.flatnonzero(met == "")
         if not len(some):
             return met
         films = self.part(some)
         with np.errstate(invalid="ignore"):
             slack, broken = films.tension.min(1) <= 0, films.breakdown[:, 1] >= 1
         met = met.copy()
-        met[some] = np.where(slack, KINDS.index(TENSION.kind),
-                             np.where(broken, KINDS.index(BREAKDOWN.kind), -1))
+        met[some] = np.where(slack, TENSION.kind, np.where(broken, BREAKDOWN.kind, ""))
         return met

@@ -9,7 +9,7 @@ equations are those of :class:`tympan.studies.films.film.ReducedFilm` with relax
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import combinations_with_replacement, permutations
@@ -451,6 +451,17 @@ class Films:
         return Extremes(stretch, stress, tension, electric, share, there[0], there[1], weakest,
                         sure, within)
 
+    def least(self, field: Callable[[Any], AnyArray], at: FilmsAt, films: AnyArray, q: AnyArray,
+              squared: AnyArray) -> AnyArray:
+        """Least value of a limit state's field at points, (states,); nan without a state."""
+        result = np.full(len(q), np.nan)
+        sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
+        for part in self.parts(sound, len(sites.cells)):
+            some = sound[part]
+            here = self.local(at, films[some], q[some], squared[some])
+            result[some] = field(LocalPoint(here)).min(1)
+        return result
+
     def local(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> Local:
         """Stretches, stresses and fields of states at points."""
         strained, film = self.strain(at, films, q), self.some(films).membrane
@@ -705,6 +716,18 @@ class Local:
     def share(self) -> AnyArray:
         """Field over strength."""
         return self.electric / self.strength
+
+
+@dataclass(frozen=True, eq=False)
+class LocalPoint:
+    """Films as limit states of stretches and stresses look at them."""
+
+    fields: Local
+
+    @property
+    def pressed(self) -> Local:
+        """The fields: films of a family are taut."""
+        return self.fields
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self, cast
+from typing import Self
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from tympan.base.arrays import AnyArray
-from tympan.studies.case import LimitKind
 from tympan.studies.films.family import FilmFamily
-from tympan.studies.films.first_limits import KINDS, Margins, first_limits
+from tympan.studies.films.first_limits import ENDS, WITHIN, Margins, first_limits
 from tympan.studies.films.many_films import Charged, Films, FilmsAt, Local
 
 #: Points of a curve, closer at both ends: there the deflection bends most against the voltage.
@@ -82,7 +81,7 @@ class FamilyRise:
     deflection: AnyArray
     squared: AnyArray
     stiffness: AnyArray
-    limits: dict[LimitKind, FamilyLimit]
+    limits: dict[str, FamilyLimit]
     whole: bool
     off: float
     rest: AnyArray
@@ -111,8 +110,8 @@ def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
 
     def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> Margins:
         # Breakdown is looked for later: films go on beyond it.
-        margins = family.margins(film.films, film.places, np.array([film.force]),
-                                 np.array([np.inf]), True, some, squared, near)
+        margins = family.margins(film.films, film.places, np.array([film.force]), np.ones(1),
+                                 (*ENDS, *WITHIN), some, squared, near)
         seen.append((squared, margins))
         return margins
 
@@ -125,7 +124,7 @@ def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
     if len(q) < 2 or not (np.diff(q[:, 0]) > 0).all():
         return None
     way = _Way.of(film.charged(squared, q))
-    kind = KINDS[end.kind[0]] if np.isfinite(end.voltage[0]) else None
+    kind = end.kind[0] if np.isfinite(end.voltage[0]) else None
     highest = float(min(end.voltage[0] ** 2, family.squared[1]))
     last = way.place(kind, highest)
     near = way.path(_spaced(q[0, 0], (1 + _BEYOND) * (last - q[0, 0]), _MORE))
@@ -270,9 +269,9 @@ def _to_end(film: _Film, way: _Way, kind: str | None, last: float) -> FamilyRise
     """The way to the first of tension lost and pull-in, or as far as states are there."""
     states, first = way.states, float(way.path.x[0])
     off = _force_error(film, states.some(states.q[:, 0] < last))
-    limits: dict[LimitKind, FamilyLimit] = {}
-    if kind in ("tension", "pull_in"):
-        limits[cast(LimitKind, kind)], last = _limit(film, way, kind, last, off)
+    limits: dict[str, FamilyLimit] = {}
+    if kind in ENDS:
+        limits[kind], last = _limit(film, way, kind, last, off)
     places = [last]
     if film.family.box.specimen.membrane.strength is not None:
         share = film.local(np.column_stack([states.squared, states.q])).share.max(1)

@@ -7,14 +7,17 @@ with the plate held the supply gives ΔS, at a constant voltage U ΔQ.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.equilibrium.newton import Solution, newton
+from tympan.fem.equilibrium.held_path import Interval, crossings
+from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.model import Model
@@ -22,13 +25,13 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.results.firmness import firmness
 from tympan.fem.rig import Rig
-from tympan.fem.roots import cubic_roots
 from tympan.fem.transient.energy import load_work
 from tympan.studies.force.follow import Followed, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
 
-#: How far beyond a curve's interval a crossing found in it may be, relative to the interval.
-_BESIDE = 1e-6
+#: Distance of a crossing from the curve's interval in which its cubic has it, relative to the
+#: interval: displacements of a curve are chosen by people, and may be far apart.
+_FAR = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,28 +97,26 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
 def _equilibria(model: Model, load: PlateLoad, curve: Followed, settings: PathSettings
                 ) -> list[_Equilibrium]:
     """Crossings of a curve and a load line, in order of displacement."""
+    crossed = crossings(model, _intervals(load, curve), load.weight, settings, _FAR)
+    found = [_Equilibrium(curve, solution, _stable(model, solution)) for solution in crossed]
+    return sorted(found, key=lambda each: each.displacement)
+
+
+def _intervals(load: PlateLoad, curve: Followed) -> Iterator[Interval]:
+    """Intervals between neighbouring displacements of a curve under a load."""
     where = curve.displacement
-    if len(where) < 2:
-        return []
     pull, slope = load.pull(where)
     excess, rise = curve.force - pull, np.array(curve.stiffness) - slope
-    result: list[_Equilibrium] = []
-    for number, span in enumerate(np.diff(where)):
-        ends = excess[number : number + 2], rise[number : number + 2]
-        for share in cubic_roots(ends[0], span * ends[1], _BESIDE):
-            place = where[number] + share * span
-            guess = near(curve, place).under(force=load.weight)
-            solution = newton(model, guess, settings=settings.newton)
-            if not solution.converged or solution.tangent is None:
-                continue
-            beside = abs(model.deflection(solution.state) - place)
-            known = any(abs(model.deflection(solution.state) - other.displacement)
-                        <= _BESIDE * span for other in result)
-            if beside <= span and not known:
-                firm = bool(firmness(model, solution.state).min() > 0)
-                result.append(_Equilibrium(curve, solution,
-                                           solution.tangent.negative == 0 and firm))
-    return sorted(result, key=lambda each: each.displacement)
+    for number, (low, high) in enumerate(pairwise(where)):
+        ends = slice(number, number + 2)
+        yield Interval(low, high, excess[ends], rise[ends], partial(near, curve))
+
+
+def _stable(model: Model, solution: Solution) -> bool:
+    """Whether a plate under a load stays where it is, and the film is firm in itself."""
+    assert solution.tangent is not None
+    firm = bool(firmness(model, solution.state).min() > 0)
+    return solution.tangent.negative == 0 and firm
 
 
 def _reached(load: PlateLoad, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, cast
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.constraints import held_plate, length
+from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.held_path import HeldSpan, held_path, held_stiffness, with_tangent
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -21,15 +21,15 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import film_integrals, node_fields
 from tympan.fem.results.limit_states import (
     INSTABILITY,
-    LIMIT_STATES,
     TENSION,
     LimitState,
     Sign,
+    begun,
+    passed,
 )
 from tympan.fem.roots import NoValueHere, root_between
-from tympan.studies.case import LimitKind
-from tympan.studies.force.result import ForceCurve, ForceLimit
-from tympan.studies.path import Stop
+from tympan.studies.force.result import NOT_FOLLOWED, ForceCurve, ForceLimit
+from tympan.studies.walk.film_point import HeldPoint
 
 #: Error of a displacement at which a limit is passed, relative to the frame: far below what a mesh
 #: leaves uncertain.
@@ -94,32 +94,33 @@ def follow(model: Model, voltage: float, displacements: Sequence[float], start: 
     """Follow a film from a state held at the first of some displacements [m], ascending."""
     first = with_tangent(model, start, settings)
     curve = Followed(model, voltage, [first.state], [held_stiffness(first)], [_firm(first)])
-    before = _stop(model, first)
-    for state in LIMIT_STATES.values():
-        if any(sign.local for sign in state.signs) and not state.field(before).min() > 0:
-            curve.limits.append(_limit(before, state))
+    before = HeldPoint.of(model, first)
+    curve.limits.extend(_limit(before, state) for state in begun(before))
     if any(limit.kind == INSTABILITY.kind for limit in curve.limits):
         return Followed(model, voltage, ended=curve.limits[-1])
     for step in held_path(model, displacements[1:], first, settings):
-        after = _stop(model, step.span.end)
-        passed = sorted(_passed(step.span, before, after), key=lambda pair: pair[0].displacement_m)
-        gone = next((pair for pair in passed if pair[0].kind == INSTABILITY.kind), None)
+        after = HeldPoint.of(model, step.span.end)
+        events = [(_limit(film, state), film.point.solution)
+                  for state, _, film in passed(before, after,
+                                               partial(_where, step.span, before, after))]
+        events.sort(key=lambda event: event[0].displacement_m)
+        gone = next((event for event in events if event[0].kind == INSTABILITY.kind), None)
         gone = gone and (gone[0], with_tangent(model, gone[1]))
         _add(curve, step, gone)
         if gone is not None:
-            curve.limits.extend(limit for limit, _ in passed if limit.displacement_m
+            curve.limits.extend(limit for limit, _ in events if limit.displacement_m
                                 <= gone[0].displacement_m and limit != gone[0])
             loose = any(limit.kind == TENSION.kind for limit in curve.limits)
-            if not loose and _stop(model, gone[1]).thins:  # it wrinkles before it thins
-                curve.limits.append(replace(gone[0], kind="tension"))
+            if not loose and HeldPoint.of(model, gone[1]).thins:  # it wrinkles before it thins
+                curve.limits.append(replace(gone[0], kind=TENSION.kind))
             curve.limits.append(gone[0])
             return replace(curve, ended=gone[0])
-        curve.limits.extend(limit for limit, _ in passed)
+        curve.limits.extend(limit for limit, _ in events)
         before = after
     if len(curve.states) < len(displacements):
         last = curve.states[-1]
         return replace(curve, ended=ForceLimit(
-            kind="not_followed", displacement_m=model.deflection(last), force_N=last.force))
+            kind=NOT_FOLLOWED, displacement_m=model.deflection(last), force_N=last.force))
     return curve
 
 
@@ -172,48 +173,27 @@ def _firm(solution: Solution) -> bool:
     return bool(solution.tangent.negative == (held_stiffness(solution) < 0))
 
 
-def _stop(model: Model, solution: Solution) -> Stop:
-    """A state of a curve, by its own tangent, as limit states look at it."""
-    assert solution.tangent is not None
-    (film, plate), loads = solution.tangent.along()
-    scale = length(model, (film, plate))
-    return Stop(model, PathPoint(solution, (film / scale, plate / scale), loads["force"] / scale),
-                along="mass")
-
-
-def _passed(span: Span, before: Stop, after: Stop) -> Iterator[tuple[ForceLimit, Solution]]:
-    """Limits between two states of a curve, each with the film there."""
-    for state in LIMIT_STATES.values():
-        for sign in state.signs[:1]:
-            if sign.value(before) * sign.value(after) >= 0:
-                continue
-            found = _where(span, sign, before, after)
-            if found is not None:
-                yield _limit(found, state), found.point.solution
-
-
-def _where(span: Span, sign: Sign, before: Stop, after: Stop) -> Stop | None:
-    """The state between two at which a sign changes."""
+def _where(span: Span, before: HeldPoint, after: HeldPoint, sign: Sign) -> HeldPoint | None:
+    """The film between two points of a step at which a sign changes; None if not found."""
     low, high = span.ends
-    stops = {low: before, high: after}
+    films = {low: before, high: after}
 
     def value(place: float) -> float:
-        if place not in stops:
+        if place not in films:
             solution = span.at(place) or newton(
                 span.model, span.foretold(place), ("force",), (held_plate(place),), span.newton)
             if not solution.converged:
                 raise NoValueHere
             if not sign.of_state:
                 solution = with_tangent(span.model, solution)
-            stops[place] = _stop(span.model, solution)
-        return sign.value(stops[place])
+            films[place] = HeldPoint.of(span.model, solution)
+        return sign.value(films[place])
 
     root = root_between(value, low, high, xtol=_SHARP * span.model.size)
-    return None if root is None else stops[min(stops, key=lambda place: abs(place - root))]
+    return None if root is None else films[min(films, key=lambda place: abs(place - root))]
 
 
-def _limit(stop: Stop, state: LimitState) -> ForceLimit:
-    x, y = stop.place(state)
-    return ForceLimit(kind=cast(LimitKind, state.kind),
-                      displacement_m=stop.model.deflection(stop.point.state),
-                      force_N=stop.point.state.force, x_m=x, y_m=y)
+def _limit(film: HeldPoint, state: LimitState) -> ForceLimit:
+    x, y = film.place(state)
+    return ForceLimit(kind=state.kind, displacement_m=film.deflection,
+                      force_N=film.point.state.force, x_m=x, y_m=y)

@@ -23,7 +23,7 @@ from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.force.cycle import load_line
 from tympan.studies.force.follow import Followed, at_displacement, follow
 from tympan.studies.force.loops import Motion, loop
-from tympan.studies.force.result import ForceLimit, ForceLoop, ForceResult
+from tympan.studies.force.result import NOT_FOLLOWED, ForceLimit, ForceLoop, ForceResult
 
 #: Displacements of a curve where their number is not given: a smooth line.
 USUAL_POINTS = 61
@@ -142,7 +142,7 @@ def followed_curves(case: ForceCase, model: Model, path: PathSettings,
         if outcome.status != "equilibrium":
             state = outcome.state
             yield Followed(model, voltage, ended=ForceLimit(
-                kind="not_followed", displacement_m=model.deflection(state), force_N=state.force))
+                kind=NOT_FOLLOWED, displacement_m=model.deflection(state), force_N=state.force))
             continue
         start = outcome.solution
         yield follow(model, voltage, displacements, start, path)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.base.units import place_text
-from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN
-from tympan.studies.case import Band, LimitKind, SpecimenRecord, Unknowns, WallTime, Warnings
+from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
+from tympan.studies.case import Band, SpecimenRecord, Unknowns, WallTime, Warnings
 from tympan.studies.columns import Column, write_sheet
 from tympan.studies.files import remove
 
@@ -27,8 +29,11 @@ LOOP_COLUMNS: tuple[Column, ...] = (
     Column("t", "s"),
 )
 
-#: A limit of the film, or that no equilibrium was found beyond.
-EndKind = Literal[LimitKind, "not_followed"]
+#: Kind of the end of a curve beyond which no equilibrium was found.
+NOT_FOLLOWED = "not_followed"
+#: Kinds of what a curve passes, or ends with: limits of the film, and that.
+CURVE_EVENTS: Mapping[str, LimitState | None] = ChainMap[str, Any](
+    {NOT_FOLLOWED: None}, LIMIT_STATES)
 
 #: Columns of the CSV, one row for each displacement; a dataset's force.csv has the first four.
 COLUMNS: tuple[Column, ...] = (
@@ -50,9 +55,10 @@ COLUMNS: tuple[Column, ...] = (
 class ForceLimit:
     """Limit of the film that a force-displacement curve passes, or its end."""
 
-    kind: Annotated[EndKind, Key(
+    kind: Annotated[str, Key(
         "what happens there: loss of tension, breakdown or instability of the film; pull_in, where "
-        "the force turns, so that a weight goes on by itself; or no equilibrium was found beyond")]
+        "the force turns, so that a weight goes on by itself; or no equilibrium was found beyond",
+        choices=CURVE_EVENTS)]
     displacement_m: Annotated[float, Key("displacement of the plate")]
     force_N: Annotated[float, Key("force on the plate")]
     x_m: Annotated[float | None, Key("where in the mounted film; none where it is not known")] = (
@@ -62,7 +68,7 @@ class ForceLimit:
     @property
     def words(self) -> str:
         """Description of what happens there, of the film."""
-        if self.kind == "not_followed":
+        if self.kind == NOT_FOLLOWED:
             return "no equilibrium found beyond"
         if self.kind == PULL_IN.kind:
             return f"{PULL_IN.label}, the force turns: a weight goes on by itself"

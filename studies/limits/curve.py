@@ -118,8 +118,9 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
         dofs = ascent.model.unknowns
         # The model changes where a film is followed on as one kept from wrinkling.
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
-                                  lambda pair: pair[1].model):
-            solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
+                                  lambda pair: pair[1].film.model):
+            solved = ((case, Outcome("equilibrium", stop.film.point.solution))
+                      for case, stop in way)
             cells += [_row(False, result, ascent)
                       for result, _ in summaries(model, solved, 0.0)]
         curves.append(MassCurve(mass_kg=mass, limits=ascent.limits, stroke_m=ascent.stroke))

@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 
-from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -19,20 +18,21 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import firmness
 from tympan.fem.results.limit_states import (
+    BREAKDOWN,
     INSTABILITY,
     LIMIT_STATES,
     PULL_IN,
     SNAP_BACK,
     SNAP_THROUGH,
     TENSION,
+    begun,
 )
-from tympan.fem.rig import AGAINST_THE_WAY, MOST_VOLTAGE
+from tympan.fem.rig import AGAINST_THE_WAY
 from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
     CaseResult,
     Limit,
-    LimitKind,
     Limits,
     Settings,
     SpecimenRecord,
@@ -45,6 +45,7 @@ from tympan.studies.case import (
 )
 from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
+from tympan.studies.walk.film_point import FilmPoint
 
 #: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
 _TRIED = 1.0
@@ -81,7 +82,7 @@ class Rise:
     @property
     def rest(self) -> float | None:
         """Deflection without voltage [m]."""
-        return (float(self.model.deflection(self.stops[0].point.state)) if self.stops else None)
+        return self.stops[0].film.deflection if self.stops else None
 
     @property
     def stroke(self) -> float | None:
@@ -90,7 +91,7 @@ class Rise:
                   if self.limits.beyond(case.voltage) is None]
         if not within or self.rest is None:
             return None
-        return float(within[-1].model.deflection(within[-1].point.state)) - self.rest
+        return within[-1].film.deflection - self.rest
 
     @property
     def warnings(self) -> list[str]:
@@ -100,8 +101,8 @@ class Rise:
         tears is said of what comes before its first limit.
         """
         film = self.model.specimen.membrane
-        visits = [(stop.fields.position, stop.fields.stretch_1, stop.fields.stretch_2)
-                  for stop in self.stops]
+        films = [stop.film.fields for stop in self.stops]
+        visits = [(fields.position, fields.stretch_1, fields.stretch_2) for fields in films]
         begins = next((case.voltage for case, visited in zip(self.cases, visits, strict=True)
                        if beyond_range(film, *visited)), None)
         if begins is None:
@@ -165,16 +166,17 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
     settings = settings.bounded(model)
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":
-        ended = Limits(ended=_before_voltage(case, start, settings))
+        ended = Limits({}, ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
     passed = list(_to_limit(case, model, start.state, settings, first, beyond))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
     if flat is not None:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
-                    (Stop(model, _still(start)),), flat)
+                    (Stop(FilmPoint(model, _still(start))),), flat)
     reached = _limits(case, passed)
     if reached.snap_through is not None and not first:
-        reached = replace(reached, snap_back=_snap_back(case, model, passed, settings))
+        back = _snap_back(case, model, passed, settings)
+        reached = replace(reached, by_kind={**reached.by_kind, SNAP_BACK.kind: back})
     way = tuple(apart(passed))
     cases = tuple(replace(case, voltage=_nominal(case, stop.station.voltage_V)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
@@ -230,8 +232,7 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
     # Of a mesh that does not resolve the branch the limits say how certain they are.
     unchecked = replace(settings.path, unbalanced=np.inf)
     for stop in stops(case, model, start, "voltage", unchecked):
-        turns = stop.event is not None and stop.event.what == PULL_IN.kind
-        landed = stop.landed(settings.path) if turns else None
+        landed = stop.landed(settings.path) if stop.happens(PULL_IN) else None
         if landed is not None:
             yield stop.at(SNAP_THROUGH)
             if not first:
@@ -241,8 +242,8 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
         if stop.event is None:
             continue
         # A film that thins may be followed on as one kept from wrinkling, to where that pulls in.
-        gone = stop.event.what == INSTABILITY.kind and not (beyond and stop.thins)
-        if first or gone or stop.event.what == PULL_IN.kind:
+        gone = stop.happens(INSTABILITY) and not (beyond and stop.film.thins)
+        if first or gone or stop.happens(PULL_IN):
             return
 
 
@@ -251,14 +252,13 @@ def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings)
 
     None where it stays there to the last.
     """
-    snaps = next(number for number, stop in enumerate(passed)
-                 if stop.event is not None and stop.event.what == SNAP_THROUGH.kind)
+    snaps = next(number for number, stop in enumerate(passed) if stop.happens(SNAP_THROUGH))
     if snaps + 1 == len(passed):
         return None
-    rest = passed[snaps + 1].point.state
+    rest = passed[snaps + 1].film.point.state
     unchecked = replace(settings.path, unbalanced=np.inf)
     for stop in stops(case, model, rest, "voltage", unchecked, falling=True):
-        if stop.event is not None and stop.event.what == PULL_IN.kind:
+        if stop.happens(PULL_IN):
             return _limit(case, stop.at(SNAP_BACK))
     return None
 
@@ -275,29 +275,29 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
     """
     if model.specimen.plate is not None:
         return None
-    flat = Stop(model, _still(start))
+    flat = FilmPoint(model, _still(start))
     charged = equilibrium(model, 0.0, _TRIED, start.state.pressure, settings=settings.path)
     if charged.status != "equilibrium":
         return None
-    pressed = Stop(model, _still(charged))
+    pressed = FilmPoint(model, _still(charged))
     fall = flat.pressed.stress_2 - pressed.pressed.stress_2
     moved = np.abs(charged.state.positions - model.discretisation.reference).max()
     if not (fall > 0).all() or moved > _FLAT * model.size:
         return None
     share = pressed.fields.breakdown_share
     tension = _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall)
-    first: dict[LimitKind, Array] = {
-        "tension": tension, "breakdown": _TRIED / np.where(share > 0, share, 1e-300)}
+    first = {TENSION.kind: tension,
+             BREAKDOWN.kind: _TRIED / np.where(share > 0, share, 1e-300)}
     reached = {kind: _flat_limit(case, flat, kind, float(voltages.min()), int(voltages.argmin()))
                for kind, voltages in first.items() if not _highest(case, float(voltages.min()))}
     gone = _flat_instability(case, flat, float(tension.min()))
     still = "no pull-in was found: the film stays flat, the voltage moves nothing"
     if gone is not None:
-        reached["instability"] = gone
-    return Limits.of(reached, still if reached else above_words(case))
+        reached[INSTABILITY.kind] = gone
+    return Limits(reached, ended=still if reached else above_words(case))
 
 
-def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
+def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None:
     """Limit of a flat film that gives way before it is slack at a voltage [V]."""
     def state(voltage: float) -> State:
         return flat.point.state.under(voltage=voltage**2)
@@ -312,13 +312,13 @@ def _flat_instability(case: Case, flat: Stop, slack: float) -> Limit | None:
     if voltage is None or _highest(case, voltage):
         return None
     place = int(np.argmin(firmness(flat.model, state(voltage))))
-    return _flat_limit(case, flat, "instability", voltage, place)
+    return _flat_limit(case, flat, INSTABILITY.kind, voltage, place)
 
 
-def _flat_limit(case: Case, flat: Stop, kind: LimitKind, voltage: float, place: int) -> Limit:
+def _flat_limit(case: Case, flat: FilmPoint, kind: str, voltage: float, place: int) -> Limit:
     x, y = mounted_place(flat.fields.position[place])
-    nominal = case.rig.nominal_voltage(voltage, case.direction)
-    return Limit(kind=kind, voltage_V=nominal, x_m=x, y_m=y, ring=case.axisymmetric)
+    return Limit(kind=kind, voltage_V=_nominal(case, voltage), x_m=x, y_m=y,
+                 ring=case.axisymmetric)
 
 
 def _still(outcome: Outcome) -> PathPoint:
@@ -327,38 +327,36 @@ def _still(outcome: Outcome) -> PathPoint:
 
 def _nominal(case: Case, film_voltage: float) -> float:
     """The nominal voltage at which a film sees so much [V]."""
-    nominal = case.rig.nominal_voltage(film_voltage, case.direction)
-    # At the most that the supply gives, rounding must not lead beyond.
-    return max(min(nominal, case.rig.sag_voltage, MOST_VOLTAGE), 0.0)
+    return case.rig.shown_voltage(film_voltage, case.direction)
 
 
 def _limits(case: Case, passed: list[Stop]) -> Limits:
     """The first of each kind on the way."""
-    reached: dict[LimitKind, Limit] = {}
+    reached: dict[str, Limit] = {}
     thins = False
-    for state in (TENSION, INSTABILITY) if passed else ():  # under the mass alone
-        if not state.field(passed[0]).min() > 0:
-            kind, (x, y) = cast(LimitKind, state.kind), passed[0].place(state)
-            reached[kind] = Limit(kind=kind, voltage_V=0.0, x_m=x, y_m=y, ring=case.axisymmetric)
+    for state in begun(passed[0].film) if passed else ():  # under the mass alone
+        x, y = passed[0].film.place(state)
+        reached[state.kind] = Limit(kind=state.kind, voltage_V=0.0, x_m=x, y_m=y,
+                                    ring=case.axisymmetric)
     for stop in passed:
         if stop.event is None:
             continue
         kind = stop.event.what
         if kind not in reached:
             reached[kind] = _limit(case, stop)
-            thins |= kind == INSTABILITY.kind and stop.thins
+            thins |= kind == INSTABILITY.kind and stop.film.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
         followed = _nominal(case, passed[-1].station.voltage_V)
         ended = f"the film could not be followed beyond {followed / 1e3:.4g} kV"
-    tension, gone = reached.get("tension"), reached.get("instability")
+    tension, gone = reached.get(TENSION.kind), reached.get(INSTABILITY.kind)
     if gone is not None and thins:
         if tension is None or tension.voltage_V > gone.voltage_V:
-            tension = replace(gone, kind="tension")  # it wrinkles before it thins
+            tension = replace(gone, kind=TENSION.kind)  # it wrinkles before it thins
         if _same(tension, gone):
-            gone = replace(tension, kind="instability")
-        reached |= {"tension": tension, "instability": gone}
-    return Limits.of(reached, f"no pull-in was found: {ended}", thins)
+            gone = replace(tension, kind=INSTABILITY.kind)
+        reached |= {TENSION.kind: tension, INSTABILITY.kind: gone}
+    return Limits(reached, ended=f"no pull-in was found: {ended}", thins=thins)
 
 
 def _limit(case: Case, stop: Stop) -> Limit:
@@ -368,8 +366,8 @@ def _limit(case: Case, stop: Stop) -> Limit:
     state = LIMIT_STATES[kind]
     return Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
-                 at_edge=stop.on_electrode_edge(state), at_corner=stop.at_sharp_corner(state),
-                 ring=case.axisymmetric)
+                 at_edge=stop.film.on_electrode_edge(state),
+                 at_corner=stop.film.at_sharp_corner(state), ring=case.axisymmetric)
 
 
 def _same(first: Limit, second: Limit) -> bool:
@@ -393,7 +391,7 @@ def _told(limits: Limits) -> str:
 
 def _before_voltage(case: Case, outcome: Outcome, settings: Settings) -> str:
     """Why a film has no equilibrium even without voltage, and which part of the rig makes it so."""
-    if outcome.limited != "force" or outcome.kind != "pull_in" or outcome.limit is None:
+    if outcome.limited != "force" or outcome.thins or outcome.limit is None:
         return failure_reason(outcome)
     names = list(dict.fromkeys(bias.law.replace("_", " ") for bias in case.rig.biases))
     both = " and ".join(["weight", *names])

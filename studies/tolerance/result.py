@@ -11,7 +11,7 @@ import numpy as np
 from tympan.base.arrays import Mask
 from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
-from tympan.studies.films.first_limits import KINDS, label_of
+from tympan.studies.films.first_limits import ENDS, kinds, label_of
 from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.wanted import Bound
 
@@ -144,21 +144,20 @@ class FilmFailure:
     def of(cls, films: FamilyFilms, lost: Mask, voltage: float,
            independent: Independent = len) -> tuple[FilmFailure, ...]:
         """Failures of ``lost`` films, a mask, on the way to a nominal voltage; the usual first."""
-        met = np.full(len(lost), len(KINDS))
+        met = np.full(len(lost), None, dtype=object)
         met[lost] = films.failures(lost)
+        met[met == ""] = UNKNOWN
         found = []
-        for number, kind in [*enumerate(KINDS), (-1, UNKNOWN)]:
-            if (met == number).any():
-                margin = films.margin if kind in _BY_MARGIN else 1.0
+        for kind in (*kinds(), UNKNOWN):
+            if (met == kind).any():
+                margin = films.margin if kind in ENDS else 1.0  # that is to be kept to these
                 found.append(cls(kind=kind, before_V=margin * voltage,
-                                 share=Chance.of(met == number, independent)))
+                                 share=Chance.of(met == kind, independent)))
         return tuple(sorted(found, key=lambda failure: -failure.share.probability))
 
 
 #: Kind of a failure of which reduced films know neither state nor limit.
 UNKNOWN = "unknown"
-#: Kinds that must not be met up to the margin.
-_BY_MARGIN = ("tension", "pull_in")
 
 
 @dataclass(frozen=True, kw_only=True)

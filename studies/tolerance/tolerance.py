@@ -17,7 +17,7 @@ from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
-from tympan.studies.films.first_limits import KINDS, label_of
+from tympan.studies.films.first_limits import kinds, label_of
 from tympan.studies.limits.loads import require_moved, usual_masses, usual_voltages
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Copies, Scattered
@@ -284,10 +284,8 @@ class Drawn:
         some = np.array([0, *(1 + numbers)])
         drawn = self.copies.drawn
         found = self.family.first_limits(drawn.rows[some], self.forces[some], drawn.strength[some])
-        across = found.voltage / drawn.amplifier[some]
-        nominal = [self.copies.rig.nominal_voltage(voltage) if np.isfinite(voltage) else voltage
-                   for voltage in across.tolist()]
-        return Limited(self, design, np.array(nominal), found.kind)
+        nominal = self.copies.rig.nominal_voltage(found.voltage / drawn.amplifier[some])
+        return Limited(self, design, nominal, found.kind)
 
     def spread(self, values: AnyArray, design: Design) -> Spread:
         """Scatter of values of the nominal film and those of a design, nan left out."""
@@ -323,7 +321,7 @@ class Drawn:
 
 @dataclass(frozen=True, eq=False)
 class Limited:
-    """First limits of films of a design, nominal voltages and numbers of their kinds, (films,)."""
+    """First limits of films of a design, nominal voltages and kinds, (films,)."""
 
     drawn: Drawn
     design: Design
@@ -336,8 +334,7 @@ class Limited:
 
     def record(self) -> FilmLimits:
         """Record that is stored."""
-        shares = {kind: float((self._met & (self.kind[1:] == number)).mean())
-                  for number, kind in enumerate(KINDS)}
+        shares = {kind: float((self._met & (self.kind[1:] == kind)).mean()) for kind in kinds()}
         return FilmLimits(
             films=len(self._met),
             highest_V=self.drawn.copies.rig.nominal_voltage(self.drawn.family.voltage[1]),
@@ -369,7 +366,7 @@ class Limited:
         # A median strength by the electrode's area is another than the stated one.
         if known is None or not np.isclose(self.drawn.copies.drawn.strength[0], 1.0):
             return []
-        kind = KINDS[self.kind[0]]
+        kind = self.kind[0]
         if kind == known.kind and abs(found - known.voltage_V) <= _ASTRAY * known.voltage_V:
             return []
         said = (f"{label_of(kind)} at {found / 1e3:.3g} kV" if np.isfinite(found)

@@ -20,7 +20,7 @@ from tympan.options import print_record
 from tympan.reports.figures.curve import VoltageCurve
 from tympan.studies.case import Limit, Limits
 from tympan.studies.design.result import DesignedFilm, DesignResult
-from tympan.studies.films.first_limits import KINDS, LAW_RANGE, label_of
+from tympan.studies.films.first_limits import LAW_RANGE, kinds, label_of
 from tympan.studies.force.result import ForceLimit
 from tympan.studies.limits import LimitsResult
 from tympan.studies.limits.curve import CurveResult, MassCurve
@@ -47,12 +47,12 @@ SHARE = Chance(probability=0.31, low=0.3, high=0.32)
 
 
 def limits_of_all_kinds() -> Limits:
-    return Limits.of({state.kind: Limit(kind=state.kind, voltage_V=1e3 + 100 * number, x_m=1e-3,
-                                        y_m=0.0) for number, state in enumerate(ALL)}, "ended")
+    return Limits({state.kind: Limit(kind=state.kind, voltage_V=1e3 + 100 * number, x_m=1e-3,
+                                     y_m=0.0) for number, state in enumerate(ALL)}, ended="ended")
 
 
 def failures() -> tuple[FilmFailure, ...]:
-    return tuple(FilmFailure(kind=kind, before_V=3e3, share=SHARE) for kind in KINDS)
+    return tuple(FilmFailure(kind=kind, before_V=3e3, share=SHARE) for kind in kinds())
 
 
 def printed(command: str, capsys: pytest.CaptureFixture[str], **given: object) -> str:
@@ -99,12 +99,12 @@ def of_sweep(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def of_tolerance(capsys: pytest.CaptureFixture[str]) -> str:
-    limits = FilmLimits(films=100, highest_V=5e3, kinds=dict.fromkeys(KINDS, 0.2))
+    limits = FilmLimits(films=100, highest_V=5e3, kinds=dict.fromkeys(kinds(), 0.2))
     found = ToleranceResult(
         specimen="film", mass_kg=1e-3, voltage_V=3e3, films=100, seed=1, tolerances=(),
         reached=SHARE, fails=failures(), quantities={}, limits=limits, error=None, made_s=1.0,
         wall_s=2.0)
-    assert [each["kind"] for each in found.json()["fails"]] == [*KINDS]
+    assert [each["kind"] for each in found.json()["fails"]] == [*kinds()]
     return printed("tolerance", capsys, result=found, quantities={}, label_of=label_of)
 
 
@@ -114,7 +114,7 @@ def of_design(capsys: pytest.CaptureFixture[str]) -> str:
                         quantities=(), reached=SHARE, fails=failures())
     found = DesignResult(name="wanted", status="impossible", best="", share=0.95, films=(film,),
                          wall_s=1.0)
-    assert [each["kind"] for each in found.json()["films"][0]["fails"]] == [*KINDS]
+    assert [each["kind"] for each in found.json()["films"][0]["fails"]] == [*kinds()]
     return printed("design", capsys, result=found)
 
 
@@ -136,7 +136,7 @@ def test_a_command_prints_the_one_name_of_each_limit(
         command: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = OF[command](capsys)
     for state in ALL:
-        if command in REDUCED and state.kind not in KINDS:
+        if command in REDUCED and state.kind not in kinds():
             continue
         assert state.label in text, state.kind
         assert not re.search(VERBS[state.kind], text), state.kind
@@ -149,7 +149,7 @@ def test_the_name_has_the_words_of_the_key() -> None:
     assert len({state.label for state in ALL}) == len(ALL)
     assert {*VERBS} == {*LIMIT_STATES}
     with pytest.raises(ValueError, match="must contain 'pull-in'"):
-        LimitState("pull_in", "collapse", np.asarray, np.asarray, (), "x")
+        LimitState("pull_in", "collapse", "collapse", np.asarray, np.asarray, (), "x")
 
 
 def test_words_of_a_curve_and_of_a_stored_path_are_the_registry_s() -> None:

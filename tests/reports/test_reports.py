@@ -406,7 +406,7 @@ def test_a_film_without_force_curves_is_named(stored: StudyView, page: Page) -> 
 
 
 def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
-    limited = Limits(pull_in=Limit(kind="pull_in", voltage_V=8234.0, x_m=0.0, y_m=0.0),
+    limited = Limits({"pull_in": Limit(kind="pull_in", voltage_V=8234.0, x_m=0.0, y_m=0.0)},
                      ended="pull-in")
     curve = replace(stored.specimens[0].curves[0], limits=limited)
     assert curve.end == "pull-in at 8.234 kV (the limit)"
@@ -426,8 +426,8 @@ def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
 
 def test_limits_that_are_not_sure_and_curves_without_an_end_are_warned_of(
         stored: StudyView) -> None:
-    rough = Limits(tension=Limit(kind="tension", voltage_V=6e3, x_m=0.0, y_m=0.0, spread=0.3),
-                   ended="the film was not followed further")
+    lost = Limit(kind="tension", voltage_V=6e3, x_m=0.0, y_m=0.0, spread=0.3)
+    rough = Limits({"tension": lost}, ended="the film was not followed further")
     texts = list(html.curve_warnings("a", replace(stored.specimens[0].curves[0], limits=rough)))
     assert texts == [
         "a: under 17.9 g loss of tension at 6 kV ± 30 %; the mesh hardly resolves "
@@ -501,7 +501,7 @@ def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
 
 
 def test_curve_without_any_equilibrium() -> None:
-    curve = VoltageCurve(10.0, Limits(ended="pull-in"), np.zeros(0), np.zeros(0),
+    curve = VoltageCurve(10.0, Limits({}, ended="pull-in"), np.zeros(0), np.zeros(0),
                          np.array([1.0, 2.0]), ("no_equilibrium",) * 2, np.full(2, np.nan))
     assert curve.end == "no equilibrium"
     assert html.stroke("a", curve, 1.0, 2.0)["trouble"] == "no equilibrium"
@@ -514,9 +514,9 @@ def curve_to(end: float, thins: bool) -> VoltageCurve:
         Limit(kind=kind, voltage_V=1e3 * (end + beyond), x_m=0.0, y_m=0.0)
         for kind, beyond in (("tension", 0.0), ("breakdown", 0.02), ("pull_in", 0.2)))
     thinned = replace(tension, kind="instability") if thins else None
-    limits = Limits(tension=tension, breakdown=breakdown, instability=thinned, pull_in=pull_in,
-                    thins=thins,
-                    ended="pull-in")
+    reached = {"tension": tension, "breakdown": breakdown, "instability": thinned,
+               "pull_in": pull_in}
+    limits = Limits(reached, ended="pull-in", thins=thins)
     deflection = 2 + 8 * (voltage / voltage[-1]) ** 6
     return VoltageCurve(10.0, limits, voltage, deflection, np.zeros(0), (), np.zeros(0))
 

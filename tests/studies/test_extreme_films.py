@@ -163,8 +163,8 @@ def test_a_contradiction_would_be_seen() -> None:
     assert not list(faults_of(case, reached, result, drawn))
     assert reached.end is not None
     low = replace(reached.end, voltage_V=2000.0)
-    field = reached.end.kind
-    faults = list(faults_of(case, replace(reached, **{field: low}), result, drawn))
+    lowered = replace(reached, by_kind={**reached.by_kind, reached.end.kind: low})
+    faults = list(faults_of(case, lowered, result, drawn))
     assert any("beyond the end" in fault for fault in faults)
     assert "curve and limits end differently" in faults
     unreal = replace(result, energy_J=float("nan"))

@@ -249,7 +249,7 @@ def test_a_magnet_that_nothing_stops_pulls_the_plate_in() -> None:
 def test_a_rig_that_cannot_snap_is_looked_at_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even beyond a pull-in."""
     monkeypatch.setattr(snap, "held_path", None)
-    monkeypatch.setattr(snap, "newton", None)
+    monkeypatch.setattr(snap, "with_tangent", None)
     case = Case(circular(), mass=17.9e-3, voltage=3e3, rig=Rig(spring=5.0))
     assert solve_within(case, COARSE).equilibria == ()
     assert limits(case, COARSE).end is not None

@@ -21,7 +21,6 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.ranges import Ranges
 from tympan.studies.design.requirements import Requirements
-from tympan.studies.films.first_limits import KINDS
 
 #: Tension of the film without voltage [N/m], and what a voltage takes from it [N/m/V²].
 TAUT, SOFTER = 20.0, 4e-7
@@ -110,7 +109,7 @@ class ClosedFilms:
 
     def failures(self, some: AnyArray) -> AnyArray:
         """All of them lose tension."""
-        return np.full(int(some.sum()), KINDS.index("tension"))
+        return np.full(int(some.sum()), "tension", dtype=object)
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,7 +99,7 @@ def _limits(curve: FollowedCurve) -> Iterator[Row]:
         yield _row(limit.kind, limit.state.label, f"{_voltage(limit, curve)}{first}")
     unknown = curve.off is not None and not curve.off.whole
     for kind, state in LIMIT_STATES.items():
-        if getattr(limits, kind) is None and state.signs:
+        if limits.by_kind.get(kind) is None and state.signs:
             yield _row(kind, state.label, "…" if unknown else "not reached", unknown)
     if curve.readings is not None:
         yield _row("rms", "rms of measured − simulated",

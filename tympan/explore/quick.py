@@ -19,7 +19,7 @@ from tympan.explore.latest import Answer, Pause
 from tympan.explore.session import Bands, Blocked, FollowedCurve, Off
 from tympan.explore.view import FilmView, controls, value_of
 from tympan.fem.results.limit_states import PULL_IN
-from tympan.fem.rig import MOST_VOLTAGE, Rig
+from tympan.fem.rig import MOST_VOLTAGE
 from tympan.studies.case import Limit, Limits, Settings
 from tympan.studies.films.box import STIFFNESS, Box, kind_of, varying
 from tympan.studies.films.family import FamilySettings, FilmFamily, require_reducible
@@ -214,7 +214,7 @@ def by_family(films: Neighbours) -> Answer:
         yield (QuickCurve(view) if row is None or risen is None else
                _quick(view, family, row, risen))
         if risen is not None and scatter is not None:
-            yield from scatter.bands(view, _nominal(view.rig, float(risen.squared[-1])))
+            yield from scatter.bands(view, view.rig.shown_voltage(float(risen.squared[-1]) ** 0.5))
 
     return answer
 
@@ -232,12 +232,12 @@ def _quick(view: FilmView, family: FilmFamily, row: Array, risen: FamilyRise) ->
 def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
     """The curve of a view as :func:`tympan.studies.limits.curve` gives it, to its end here."""
     rig, mass = view.rig, view.mass
-    nominal = [_nominal(rig, squared) for squared in risen.squared.tolist()]
-    limits = Limits.of({kind: Limit(
-        kind=kind, voltage_V=_nominal(rig, limit.squared), x_m=limit.x, y_m=limit.y,
+    nominal = [rig.shown_voltage(squared**0.5) for squared in risen.squared.tolist()]
+    limits = Limits({kind: Limit(
+        kind=kind, voltage_V=rig.shown_voltage(limit.squared**0.5), x_m=limit.x, y_m=limit.y,
         spread=limit.off / (2 * limit.squared),
         ring=view.case.axisymmetric)
-        for kind, limit in risen.limits.items()}, PULL_IN.label if risen.whole else
+        for kind, limit in risen.limits.items()}, ended=PULL_IN.label if risen.whole else
         "finite elements follow it on from there")
     table = {column.name: np.full(len(nominal), np.nan) if column.choices is None
              else np.full(len(nominal), "") for column in CURVES}
@@ -245,8 +245,3 @@ def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
               "asked": np.zeros(len(nominal)), "deflection": risen.deflection}
     return CurveResult(specimen=view.specimen.name, dofs=0, wall_s=0.0, table=table,
                        curves=(MassCurve(mass_kg=mass, limits=limits),))
-
-
-def _nominal(rig: Rig, squared: float) -> float:
-    """Nominal voltage [V] at which the film sees U² [V²]."""
-    return min(rig.nominal_voltage(squared**0.5), rig.sag_voltage, MOST_VOLTAGE)

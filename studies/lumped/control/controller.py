@@ -50,8 +50,8 @@ class StaticInverse:
 
         def squared(t: Array) -> Array:
             film = squared_at(actuator, (low + high + t * (high - low)) / 2)
-            return np.array([actuator.rig.nominal_voltage(each) ** 2
-                             for each in np.sqrt(np.maximum(film, 0.0)).tolist()])
+            voltage = actuator.rig.nominal_voltage(np.sqrt(np.maximum(film, 0.0)))
+            return np.asarray(voltage**2)
 
         between = np.linspace(-1, 1, _BETWEEN)
         for degree in _DEGREES:

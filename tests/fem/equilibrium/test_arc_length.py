@@ -132,7 +132,7 @@ def test_a_limit_is_found_on_any_mesh() -> None:
                        plate=Plate(Ellipse((12e-3, 9e-3)), (4e-3, 0.0)))
     outcomes = [equilibrium(pressed_model(specimen, refine=refine), 17.9e-3 * 9.81, 20e3)
                 for refine in (1.0, 1.2, 1.3)]
-    assert {outcome.kind for outcome in outcomes} == {"pull_in"}
+    assert not any(outcome.thins for outcome in outcomes)
     limits = [np.sqrt(outcome.limit) for outcome in outcomes]
     assert np.ptp(limits) < 1e-5 * limits[-1]
 
