@@ -34,7 +34,6 @@ from tympan.fem.results.limit_states import (
     Sign,
 )
 from tympan.fem.rig import MOST_VOLTAGE
-from tympan.geometry.outlines import area
 from tympan.studies.case import (
     Case,
     CaseRecord,
@@ -650,7 +649,7 @@ def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
 def _measured(case: Case, station: Station, along: Along) -> float:
     """Quantity that grows along the branch: the nominal mass, but the film's own voltage."""
     if along == "mass":
-        idle = case.rig.force(0.0, area(case.specimen.needed_plate().outline))
+        idle = case.rig.force(0.0, case.specimen.plate_area)
         return float((station.force_N - idle) / case.rig.gravity)
     return {"voltage": station.voltage_V, "charge": station.charge_C,
             "pressure": station.pressure_Pa}[along]

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import qmc
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.paths import at, with_numbers
+from tympan.base.points import drawn_points
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
@@ -105,8 +105,7 @@ class DesignSpace(Ranges):
     @cached_property
     def random(self) -> tuple[Array, FamilyFilms]:
         """Shares of random films, (films, variables), and these films without scatter."""
-        sequence = qmc.Sobol(len(self.variables), seed=np.random.default_rng(1))
-        x = np.asarray(sequence.random_base2(int(np.log2(_RANDOM))))
+        x = drawn_points(len(self.variables), _RANDOM, 1)
         return x, self.films(self.values(x))
 
     def load(self, values: Array) -> float:

@@ -22,6 +22,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray, Mask
 from tympan.base.errors import InputError
+from tympan.base.points import drawn_points
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -710,11 +711,8 @@ class _Making:
 
     def drawn(self, count: int, seed: int) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Parameters (count, names), forces and U² of random films, even over the box."""
-        from scipy.stats import qmc  # half a second, and no need of one who is sent a family
-
         box = self.ground.box
-        sequence = qmc.Sobol(len(box.names) + 2, seed=np.random.default_rng(seed))
-        shares = sequence.random_base2((count - 1).bit_length())[:count]
+        shares = drawn_points(len(box.names) + 2, count, seed)
         low, high = (np.array([*edge, self.force[end], self.squared[end]])
                      for end, edge in enumerate((box.low, box.high)))
         points = low + shares * (high - low)

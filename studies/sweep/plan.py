@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.process.interruption import signals_wait
+from tympan.base.points import METHODS, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import WHOLE, Rule, Table, one_of
 from tympan.base.units import DIMENSIONS, any_quantity, quantity
@@ -32,9 +31,6 @@ from tympan.studies.tolerance.given import Tolerances
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
 Choice = dict[str, Any]
 
-
-#: Ways to sample ranges.
-METHODS = ("random", "latin_hypercube", "sobol")
 
 #: More specimens than these are a slip of the pen.
 MOST = 1_000_000
@@ -322,7 +318,7 @@ def _sample(table: Table) -> list[Choice]:
         raise table.error("ranges", "must name at least one key", {})
     table.done()
     _limit(table, "count", "values", count * len(limits), _MOST_VALUES)
-    points = sample_points(method, len(limits), count, seed)
+    points = drawn_points(len(limits), count, seed, method)
     choices: list[Choice] = [{} for _ in points]
     for (key, (low, high, unit)), shares in zip(limits.items(), points.T.tolist(), strict=True):
         for choice, share in zip(choices, shares, strict=True):
@@ -343,25 +339,6 @@ def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str
     if not -np.inf < low < high < np.inf:
         raise table.error(key, "must be two finite values, the smaller first", values)
     return low, high, unit
-
-
-def sample_points(method: str, dimensions: int, count: int, seed: int) -> Array:
-    """Points in the unit cube, shape (count, dimensions).
-
-    Signals wait: an interruption within scipy's Sobol sequence is swallowed, and leaves all points
-    equal.
-    """
-    from scipy.stats import qmc
-
-    rng = np.random.default_rng(seed)
-    with signals_wait():
-        if method == "random":
-            return rng.random((count, dimensions))
-        if method == "latin_hypercube":
-            return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
-        # The first points of the scrambled sequence; a power of two of them is balanced.
-        sequence = qmc.Sobol(dimensions, seed=rng)
-        return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
 
 
 def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:
