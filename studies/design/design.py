@@ -13,6 +13,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.points import drawn_points
 from tympan.base.units import DIMENSIONS, quantity_text
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -32,7 +33,6 @@ from tympan.studies.design.result import (
 from tympan.studies.design.scatter import (
     KeptByMost,
     ScatteredFilms,
-    drawn,
     kept_by_most,
     missed_exactly,
     of_share,
@@ -264,7 +264,8 @@ def _with_margins(found: Sought, settings: Settings) -> Sought:
     """A film with margins for what scatters and for what reduced films miss."""
     space = found.search.space
     requirements = space.requirements
-    failing, points = 1 - requirements.share, drawn(space, _DRAWN, 1) if space.scatter else None
+    failing = 1 - requirements.share
+    points = drawn_points(space.inputs, _DRAWN, 1) if space.scatter else None
     level, shifts, vain = _AIMED * failing, dict[str, float](), 0
     kept: Sought | None = None
     likely, most = found, -1.0
@@ -344,7 +345,7 @@ def _checked(found: Sought, settings: Settings) -> Sought:
 def _judged(found: Sought) -> Sought:
     """The film with others about it, by which it is possible or not."""
     space = found.search.space
-    films = ScatteredFilms.of(found.search, found.values, drawn(space, _JUDGED, 2))
+    films = ScatteredFilms.of(found.search, found.values, drawn_points(space.inputs, _JUDGED, 2))
     enough = Chance.of(films.kept(found.off)).high >= space.requirements.share
     return replace(found, films=films, possible=found.possible and enough)
 

@@ -14,7 +14,7 @@ the family was not made from: the estimate is scaled so that it covers the error
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -48,6 +48,7 @@ from tympan.studies.films.many_films import (
 )
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
+from tympan.studies.films.states import FilmEnds, FilmStates
 
 
 @dataclass(frozen=True)
@@ -117,65 +118,6 @@ _LEVEL = 0.3
 
 #: Random films that are solved on meshes of their own.
 _REMESHED = 4
-
-
-@dataclass(frozen=True, eq=False)
-class FamilyStates:
-    """Films of a family under loads; arrays have the shape (films, states), in SI.
-
-    ``deflection`` of the plate, the ``force`` that the film carries, ``capacitance``, ``energy`` of
-    the film, ``stiffness`` of film and spring against the plate; ``error`` of the deflection, which
-    it exceeds in some 1 of 40 films; the largest ``stretch``, true ``stress``, ``electric`` field
-    and share of the strength at ``breakdown``, with the place in the mounted film, (films, states,
-    2), field and strength there (``weakest``), the least ``tension``, the plate's ``tilt``, the
-    lowest ``frequency`` [Hz] along the load, nan where no masses were given; whether the film is
-    ``sound``: firm in itself, its law within its range. ``stress_error``: by how much the largest
-    stress differs at most from that on a mesh of the film's own. nan where the family ``holds`` no
-    state: outside its box or loads, without a stable equilibrium, or no longer in tension
-    everywhere, which is ``slack``. Finite elements then say what is there. ``q``: the shapes'
-    amplitudes, (films, states, shapes).
-    """
-
-    deflection: AnyArray
-    force: AnyArray
-    capacitance: AnyArray
-    energy: AnyArray
-    stiffness: AnyArray
-    error: AnyArray
-    stretch: AnyArray
-    stress: AnyArray
-    tension: AnyArray
-    electric: AnyArray
-    breakdown: AnyArray
-    weakest: AnyArray
-    weakest_field: AnyArray
-    weakest_strength: AnyArray
-    tilt: AnyArray
-    frequency: AnyArray
-    sound: Mask
-    holds: Mask
-    q: AnyArray
-    stress_error: AnyArray
-    slack: Mask
-
-
-@dataclass(frozen=True, eq=False)
-class FamilyLimits:
-    """Voltages [V] at which films break down, lose tension or pull in, (films, forces) each.
-
-    Infinite where that does not happen within the family's voltages, or a pull-in comes first; nan
-    where it is not looked for: without a state at the lowest of these, and beyond the loss of
-    tension.
-    """
-
-    breakdown: AnyArray
-    tension: AnyArray
-    pull_in: AnyArray
-
-    @property
-    def taut(self) -> AnyArray:
-        """Up to which voltages films are taut and stable [V]."""
-        return np.asarray(np.fmin(self.tension, self.pull_in))
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,7 +339,7 @@ class FilmFamily:
         return ShapesAt(self.places, self.reduction.every)
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
-               masses: Any = None, loose: bool = False) -> FamilyStates:
+               masses: Any = None, loose: bool = False) -> FilmStates:
         """Equilibria of films under forces on their plates [N] and voltages across them [V].
 
         ``parameters``: (films, names), in the order of ``family.box.names``, or what :meth:`films`
@@ -414,8 +356,7 @@ class FilmFamily:
         force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
         blocks = [self._states(films, force[part], voltage[part], mass[part], check, loose)
                   for part, films in self.blocks(parameters)]
-        return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
-                              for item in fields(FamilyStates)))
+        return FilmStates.joined(blocks)
 
     def rests(self, parameters: Any, forces: AnyArray, voltages: AnyArray) -> AnyArray:
         """Amplitudes q of equilibria, (films, shapes), whether or not films are in tension.
@@ -448,7 +389,7 @@ class FilmFamily:
         return result
 
     def _states(self, films: Films, force: AnyArray, voltage: AnyArray, mass: AnyArray, check: bool,
-                loose: bool) -> FamilyStates:
+                loose: bool) -> FilmStates:
         shape, rows = force.shape, films.rows
         number = np.repeat(np.arange(len(rows)), shape[1])
         force, voltage, mass = force.ravel(), voltage.ravel(), mass.ravel()
@@ -477,7 +418,7 @@ class FilmFamily:
                   "stress_error": self.restressed * extremes.stress}
         masked = {name: np.where(holds, value, np.nan).reshape(shape)
                   for name, value in values.items()}
-        return FamilyStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
+        return FilmStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
                             slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
                             q=q.reshape(*shape, -1))
 
@@ -510,7 +451,7 @@ class FilmFamily:
         ends = self.ends(parameters, forces)
         return ends.breakdown, ends.taut
 
-    def ends(self, parameters: Any, forces: Any) -> FamilyLimits:
+    def ends(self, parameters: Any, forces: Any) -> FilmEnds:
         """Voltages at which films break down, lose tension or pull in; forces as :meth:`limits`."""
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
@@ -522,8 +463,10 @@ class FilmFamily:
         slack = (whole.kind == KINDS.index("tension")) & np.isfinite(taut)
         broken = (first.kind == KINDS.index("breakdown")) & np.isfinite(first.voltage)
         breakdown = np.where(broken, first.voltage, np.where(np.isinf(taut), taut, np.nan))
-        return FamilyLimits(*(voltage.reshape(force.shape) for voltage in (
-            breakdown, np.where(slack, taut, none), np.where(slack, np.nan, taut))))
+        tension, pull_in = np.where(slack, taut, none), np.where(slack, np.nan, taut)
+        return FilmEnds(breakdown=breakdown.reshape(force.shape),
+                        tension=tension.reshape(force.shape),
+                        pull_in=pull_in.reshape(force.shape))
 
     def first_limits(self, parameters: Any, forces: AnyArray, strengths: Any = 1.0, *,
                      firm: bool = True) -> FirstLimits:
@@ -857,7 +800,7 @@ class _Making:
                                          settings=ground.path))
 
 
-def _relative(states: FamilyStates) -> AnyArray:
+def _relative(states: FilmStates) -> AnyArray:
     """Errors of one state of each film over its deflection, or a part of the largest, (films,)."""
     deflection = np.abs(states.deflection[:, 0])
     largest = float(np.nanmax(deflection, initial=0.0))

@@ -24,6 +24,7 @@ from tympan.fem.film.density import FilmDensity
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.specimen import Specimen
+from tympan.studies.films.box import plate_areas
 from tympan.studies.films.film import ITERATIONS
 from tympan.studies.films.reduction import squares_of
 from tympan.studies.films.sites import Sites
@@ -325,12 +326,7 @@ class Films:
         linear = flat @ self.whole.values[..., 2].T
         square = (nodes.swapaxes(1, 2).reshape(len(nodes), -1) @ by_nodes).reshape(
             len(nodes), *2 * (len(cubic),))
-        areas = [float(self.specimen.plate_area)]
-        if any(path.startswith("plate.outline") for path in self.columns):
-            areas = [with_arrays(self.specimen, {path: column[film].item() for path, column in
-                                                 self.columns.items()}).plate_area
-                     for film in range(len(self))]
-        plates = np.broadcast_to(areas, len(self))
+        plates = plate_areas(self.specimen, self.columns, len(self))
         turns = np.zeros((2, len(cubic)))
         turns[:, :self.count] = self.turns
         return Volume(linear, square, cubic, plates, turns)
