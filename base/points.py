@@ -24,6 +24,8 @@ def drawn_points(dimensions: int, count: int, seed: int, method: str = "sobol") 
         if method == "random":
             return rng.random((count, dimensions))
         if method == "latin_hypercube":
-            return qmc.LatinHypercube(dimensions, seed=rng).random(count)
-        sequence = qmc.Sobol(dimensions, seed=rng)
-        return sequence.random_base2(max(count - 1, 0).bit_length())[:count]
+            cube: Array = qmc.LatinHypercube(dimensions, seed=rng).random(count)
+            return cube
+        power = max(count - 1, 0).bit_length()
+        sequence: Array = qmc.Sobol(dimensions, seed=rng).random_base2(power)
+        return sequence[:count]

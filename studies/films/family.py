@@ -309,6 +309,11 @@ class FilmFamily:
         """Its parameters and their limits."""
         return self.ground.box
 
+    def drawn(self, count: int, seed: int = 1) -> AnyArray:
+        """Draw parameters of random films, evenly over the box, (count, names)."""
+        shares = drawn_points(len(self.box.names), count, seed)
+        return self.box.low + shares * (self.box.high - self.box.low)
+
     def films(self, rows: AnyArray) -> Films:
         """The films with these parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),

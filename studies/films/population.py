@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from tympan.base.arrays import Array, Mask
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -123,8 +123,9 @@ class Population:
 
     def reached(self, states: FilmStates) -> Mask:
         """Mask of the states that films reach: firm, in tension, below their strength."""
-        reached: Mask = states.holds & ~states.slack & states.sound
-        return reached & (states.breakdown < self.strength[:, None])
+        broken = states.breakdown >= self.strength[:, None]
+        reached: Mask = states.holds & ~states.slack & states.sound & ~broken
+        return reached
 
     def numbers(self, mass: float, voltages: Any) -> dict[str, Array]:
         """Numbers under a mass [kg] at nominal voltages [V], (films, voltages), by result's key.
@@ -142,7 +143,8 @@ class Population:
     def loaded(self, forces: Array) -> Mask:
         """Mask of films on which something acts: others are flat, and their deflection rounding."""
         pressure = self.family.box.pressures(self.rows, self.family.ground.pressure)
-        return (forces != 0) | bool(pressure.any())
+        loaded: Mask = (forces != 0) | bool(pressure.any())
+        return loaded
 
     def rests(self, forces: Array) -> Array:
         """Amplitudes q without voltage under forces on the plates [N], (films, shapes)."""
@@ -152,7 +154,7 @@ class Population:
         """Forces [N] that hold plates where states q have them, at voltages across, (films,)."""
         return self.family.held_forces(self.films, q, across)
 
-    def first_limits(self, mass: Any) -> tuple[Array, Array]:
+    def first_limits(self, mass: Any) -> tuple[Array, Numbers]:
         """Nominal voltages [V] of the first limits, and the numbers of their kinds, (films,).
 
         A voltage is infinite where the family meets none, or its supply does not reach it.

@@ -364,6 +364,20 @@ def test_what_films_fail_of_is_what_finite_elements_meet_first() -> None:
         assert met[number] < 0 or KINDS[met[number]] == known.kind
 
 
+def test_a_pressure_loads_each_plate_by_its_own_area_beside_its_own_weight() -> None:
+    """The pressure carries most of the weight, so that forces scatter more than loads do."""
+    rig = Rig(plate_pressure=-400.0)
+    given = replace(STILL, load=Scatter(film=0.05), plate=LengthScatter(film=2e-4))
+    case = ToleranceCase(oval(), tolerances=given, films=100, rig=rig)
+    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, 2000.0, COARSE)
+    radii = [drawn.family.box.member(row).needed_plate().outline.semi_axes[0]
+             for row in drawn.films.rows]
+    forces = 9.80665 * MASS * drawn.films.load - 400.0 * np.pi * np.square(radii)
+    np.testing.assert_allclose(drawn.films.forces(MASS), forces, rtol=1e-12)
+    assert np.std(forces) > 0.1 * np.mean(forces)
+    assert drawn.solved().reached.all()
+
+
 @pytest.mark.study(seconds=9)
 def test_the_words_of_what_is_wanted_are_those_of_a_file_the_option_and_python(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
