@@ -24,6 +24,7 @@ from numpy.random import default_rng
 from scipy.stats import binomtest, qmc
 
 from tympan.base.arrays import Array
+from tympan.base.points import drawn_points
 from tympan.base.process.threads import one_thread
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
@@ -31,7 +32,7 @@ from tympan.studies.case import Case, Settings
 from tympan.studies.design.design import design
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.requirements import Requirements
-from tympan.studies.design.scatter import ScatteredFilms, drawn
+from tympan.studies.design.scatter import ScatteredFilms
 from tympan.studies.design.search import Search
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.limits.voltages import first_limit
@@ -132,12 +133,12 @@ def _likeliest(space: DesignSpace, designs: int, seed: int) -> tuple[Array, floa
     """
     search = Search(space, space.requirements.kept(space.specimen), "")
     places = space.values(qmc.Sobol(len(space.variables), rng=default_rng(seed)).random(designs))
-    points = drawn(space, _COPIES, seed)
+    points = drawn_points(space.inputs, _COPIES, seed)
     shares = [float(ScatteredFilms.of(search, values, points).kept({}).mean())
               for values in places]
     best = places[int(np.argmax(shares))]
     # By other copies: the most of many shares is more than that design's own.
-    again = ScatteredFilms.of(search, best, drawn(space, _AGAIN, seed + 1))
+    again = ScatteredFilms.of(search, best, drawn_points(space.inputs, _AGAIN, seed + 1))
     return best, float(again.kept({}).mean())
 
 
@@ -148,8 +149,8 @@ def _failed(space: DesignSpace, values: Array, points: Array) -> int:
     scattering = [bound for bound in wanted.kept(space.specimen).values()
                   if bound.quantity.scatters]
     failed = 0
-    for row, load, across, strength in zip(drawn.rows, drawn.loads, drawn.across,
-                                           np.ravel(drawn.strength), strict=True):
+    for row, load, across, strength in zip(drawn.films.rows, drawn.loads, drawn.across,
+                                           drawn.films.strength, strict=True):
         exact = ExactFilm(space.family.box.member(row), float(load) / wanted.rig.gravity, voltage,
                           wanted.rig, Settings(), wanted.margin, float(across[1]) / voltage,
                           float(strength))

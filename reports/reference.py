@@ -33,8 +33,10 @@ from tympan.geometry.specimen import (
 )
 from tympan.reports.template import template
 from tympan.studies import wanted
+from tympan.studies.design.requirements import RequirementsFile, SoldFilm
 from tympan.studies.effects import EFFECTS, listing
 from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.plan import Sample, Span, SweepFile
 from tympan.studies.tolerance.given import (
     LengthScatter,
     Scatter,
@@ -58,6 +60,9 @@ def page(rig: type[Rig] = Rig) -> str:
               ("TOLERANCES.toml", Tolerances), ("[thickness] and other shares", Scatter),
               ("[frame], [plate], [offset], [margin]", LengthScatter),
               ("[strength]", StrengthScatter),
+              ("REQUIREMENTS.toml", RequirementsFile), ("[[film]] of requirements", SoldFilm),
+              ("SWEEP.toml", SweepFile), ("[sample] of a sweep", Sample),
+              ("mass and voltage of a sweep as a table", Span),
               ("[columns.static] and others of dataset.toml", Layout),
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
@@ -86,6 +91,8 @@ def _instead(field: Field) -> str:
 
 def _form(field: Field) -> str:
     """Kind of value it holds."""
+    if field.kind is Any:
+        return "quantity"
     title = next((title for title, kinds in _SECTIONS if kinds is field.says.kinds), "")
     if title or is_dataclass(field.item):
         what = "tables" if field.several else "table"

@@ -33,7 +33,6 @@ from tympan.fem.results.limit_states import (
     passed,
 )
 from tympan.fem.rig import MOST_VOLTAGE
-from tympan.geometry.outlines import area
 from tympan.studies.case import (
     Case,
     CaseRecord,
@@ -433,7 +432,7 @@ def _critical_film(film: FilmPoint) -> FilmSurface:
 def _measured(case: Case, film: FilmPoint, along: Along) -> float:
     """Quantity that grows along the branch: the nominal mass, but the film's own voltage."""
     if along == "mass":
-        idle = case.rig.force(0.0, area(case.specimen.needed_plate().outline))
+        idle = case.rig.force(0.0, case.specimen.plate_area)
         return float((film.point.state.force - idle) / case.rig.gravity)
     if along == "charge":
         return film.capacitance * film.voltage

@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, Self
 
 import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.points import drawn_points
 from tympan.base.units import DIMENSIONS, quantity_text
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -32,7 +33,6 @@ from tympan.studies.design.result import (
 from tympan.studies.design.scatter import (
     KeptByMost,
     ScatteredFilms,
-    drawn,
     kept_by_most,
     missed_exactly,
     of_share,
@@ -260,48 +260,130 @@ def _from(found: Sought, x: Array, settings: Settings) -> Sought:
     return _with_margins(_checked(again, settings), settings)
 
 
+@dataclass(frozen=True, eq=False)
+class _Margins:
+    """A film and the margins by which it was found, on the way to a film that suits its margins.
+
+    ``level``: share of the films that may fail each bound; ``shifts``: the margins; ``points`` of
+    the films about each design, None where nothing scatters. Of the rounds before: their count,
+    those in ``vain``, the best film ``kept`` by enough of its copies, and the ``likely`` one, which
+    the ``most`` of its copies keep.
+    """
+
+    found: Sought
+    points: Array | None
+    level: float
+    likely: Sought
+    shifts: Mapping[str, float] = field(default_factory=dict)
+    count: int = 0
+    vain: int = 0
+    kept: Sought | None = None
+    most: float = -1.0
+
+    @classmethod
+    def of(cls, found: Sought) -> Self:
+        """The first round, from a film without margins."""
+        space = found.search.space
+        points = drawn_points(space.inputs, _DRAWN, 1) if space.scatter else None
+        return cls(found, points, _AIMED * (1 - space.requirements.share), found)
+
+    @property
+    def failing(self) -> float:
+        """Share of the films that may fail."""
+        return 1 - self.found.search.space.requirements.share
+
+    @cached_property
+    def films(self) -> ScatteredFilms | None:
+        """Films that scatter about this one."""
+        if self.points is None:
+            return None
+        return ScatteredFilms.of(self.found.search, self.found.values, self.points)
+
+    @cached_property
+    def share(self) -> float:
+        """Share of these films that keep all bounds."""
+        return 1.0 if self.films is None else float(self.films.kept(self.found.off).mean())
+
+    @property
+    def failed(self) -> float:
+        """Share that fails over the one that may; where nothing scatters that which is aimed at."""
+        return _AIMED if self.films is None else (1 - self.share) / self.failing
+
+    @cached_property
+    def wanted(self) -> dict[str, float]:
+        """Margins that suit this film."""
+        shifts = {} if self.films is None else self.films.shifts(self.found.values, self.level)
+        return {key: value + shifts.get(key, 0.0) for key, value in self.found.off.items()}
+
+    @property
+    def change(self) -> float:
+        """Largest change of a margin from those by which the film was found."""
+        return max(abs(value - self.shifts.get(key, np.inf)) for key, value in self.wanted.items())
+
+    @property
+    def many(self) -> bool:
+        """Whether too many copies of a film that keeps all bounds fail."""
+        return self.films is not None and self.found.possible and self.failed > _NEARLY[1]
+
+    @property
+    def in_vain(self) -> int:
+        """Rounds without a film that keeps all bounds."""
+        return self.vain + (not self.found.possible)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the margins suit the film, or no film is found with any."""
+        few = _NEARLY[0] <= self.failed <= _NEARLY[1]
+        return ((self.change < _SETTLED and not self.many) or (few and self.change < _NEAR)
+                or self.in_vain > _IN_VAIN)
+
+    @property
+    def best(self) -> Sought | None:
+        """The best film up to here that enough of its copies keep."""
+        if self.films is None or not self.found.possible or self.many:
+            return self.kept
+        return max(filter(None, [self.kept, self.found]), key=lambda each: each.aim)
+
+    @property
+    def likeliest(self) -> Sought:
+        """The film up to here that most of its copies keep."""
+        return self.found if self.films is not None and self.share > self.most else self.likely
+
+    def next(self, settings: Settings) -> Self | None:
+        """Search on with margins that suit this film; None where they are too wide for any."""
+        space, level, shifts = self.found.search.space, self.level, self.wanted
+        if self.found.possible and self.change < _NEAR and self.films is not None:
+            step = float(np.clip(_AIMED / self.failed, *_LEVEL_STEP))
+            level = min(self.failing, level * step)
+        if self.count >= _DAMPED:
+            shifts = {key: (value + self.shifts[key]) / 2 for key, value in shifts.items()}
+        search = replace(self.found.search, best=space.requirements.best, shifts=shifts)
+        found = _settled(search, self.found.end.x[None, :len(space.variables)])
+        wide = level < _AIMED * self.failing
+        if wide and self.found.possible and not found.possible:
+            return None
+        most = self.most if self.films is None else max(self.share, self.most)
+        return replace(self, found=_checked(found, settings), level=level, shifts=shifts,
+                       count=self.count + 1, vain=self.in_vain, kept=self.best,
+                       likely=self.likeliest, most=most)
+
+
 def _with_margins(found: Sought, settings: Settings) -> Sought:
     """A film with margins for what scatters and for what reduced films miss."""
-    space = found.search.space
-    requirements = space.requirements
-    failing, points = 1 - requirements.share, drawn(space, _DRAWN, 1) if space.scatter else None
-    level, shifts, vain = _AIMED * failing, dict[str, float](), 0
-    kept: Sought | None = None
-    likely, most = found, -1.0
-    for number in range(_ROUNDS):
-        wanted, failed = dict(found.off), _AIMED
-        if points is not None:
-            films = ScatteredFilms.of(found.search, found.values, points)
-            share = float(films.kept(wanted).mean())
-            failed = (1 - share) / failing
-            likely, most = (found, share) if share > most else (likely, most)
-            shift = films.shifts(found.values, level)
-            wanted = {key: value + shift.get(key, 0.0) for key, value in wanted.items()}
-        change = max(abs(value - shifts.get(key, np.inf)) for key, value in wanted.items())
-        few = _NEARLY[0] <= failed <= _NEARLY[1]
-        many = points is not None and found.possible and failed > _NEARLY[1]
-        if points is not None and found.possible and not many:
-            kept = max(filter(None, [kept, found]), key=lambda each: each.aim)
-        vain += not found.possible
-        if (change < _SETTLED and not many) or (few and change < _NEAR) or vain > _IN_VAIN:
+    here = _Margins.of(found)
+    while here.count < _ROUNDS and not here.settled:
+        after = here.next(settings)
+        if after is None:
             break
-        if found.possible and change < _NEAR and points is not None:
-            level = min(failing, level * float(np.clip(_AIMED / failed, *_LEVEL_STEP)))
-        if number >= _DAMPED:
-            wanted = {key: (value + shifts[key]) / 2 for key, value in wanted.items()}
-        shifts, before = wanted, found
-        size = len(space.variables)
-        found = _settled(replace(found.search, best=requirements.best, shifts=shifts),
-                         found.end.x[None, :size])
-        if level < _AIMED * failing and before.possible and not found.possible:
-            found = before
-            break
-        found = _checked(found, settings)
-    else:  # between films that call each for the margins of the other
-        found = kept or found
-    if points is None:
-        return found
-    if found.possible and (judged := _judged(found)).possible:
+        here = after
+    film, likely = here.found, here.likely
+    if here.count == _ROUNDS:  # between films that call each for the margins of the other
+        film = here.kept or film
+    else:
+        likely = here.likeliest
+    if here.points is None:
+        return film
+    if film.possible and (judged := _judged(film)).possible:
         return judged
     return _kept_by_most(likely, settings)
 
@@ -344,7 +426,7 @@ def _checked(found: Sought, settings: Settings) -> Sought:
 def _judged(found: Sought) -> Sought:
     """The film with others about it, by which it is possible or not."""
     space = found.search.space
-    films = ScatteredFilms.of(found.search, found.values, drawn(space, _JUDGED, 2))
+    films = ScatteredFilms.of(found.search, found.values, drawn_points(space.inputs, _JUDGED, 2))
     enough = Chance.of(films.kept(found.off)).high >= space.requirements.share
     return replace(found, films=films, possible=found.possible and enough)
 

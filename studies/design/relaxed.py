@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.studies.design.scatter import ScatteredFilms, drawn, kept_by_most
+from tympan.base.points import drawn_points
+from tympan.studies.design.scatter import ScatteredFilms, kept_by_most
 from tympan.studies.design.search import KEPT, Search
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.tolerance.result import Chance
@@ -114,7 +115,7 @@ def attained(search: Search, bound: Bound, x: Array, off: Mapping[str, float], s
     if not scatters:
         ended = alone.found(np.concatenate([x[None], alone.starts()]))
         return None if ended is None else _told(search, bound, ended.x, off, None)
-    points = drawn(search.space, _DRAWN, 1)
+    points = drawn_points(search.space.inputs, _DRAWN, 1)
 
     def told(design: Array) -> Attained | None:
         return _told(search, bound, design, off, points)
@@ -124,7 +125,7 @@ def attained(search: Search, bound: Bound, x: Array, off: Mapping[str, float], s
                default=None)
     if best is None:  # the second way is the longer one
         best = next(filter(None, map(told, _by_most(alone, bound, x, off))), None)
-    return best and _told(search, bound, best.x, off, drawn(search.space, _JUDGED, 2))
+    return best and _told(search, bound, best.x, off, drawn_points(search.space.inputs, _JUDGED, 2))
 
 
 def _by_margins(alone: Search, bound: Bound, x: Array, off: Mapping[str, float], points: Array

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from tympan.base.errors import InputError
-from tympan.base.fields import checks_types, field_at, fields_of, read
+from tympan.base.fields import Key, Special, checks_types, field_at, fields_of, read
 from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
 from tympan.fem.film.library import library_material, load_specimen
 from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
@@ -64,7 +64,45 @@ _NO_WANT = ('is missing: write a table [want], such as stroke = "largest" and bo
 _SIGNED = 1e-3
 
 _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0.5 to 0.99")
-_LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers from 1 to 100")
+_LAYERS: Rule = (lambda x: 1 <= x <= 100, "must be whole numbers from 1 to 100")
+
+
+@dataclass(frozen=True)
+class SoldFilm:
+    """Films that can be bought: every thickness in every number of layers."""
+
+    thickness: Annotated[tuple[float, ...], Key("virgin thicknesses", "length", POSITIVE)]
+    layers: Annotated[tuple[int, ...], Key("numbers of layers", rule=_LAYERS)] = (1,)
+    material: Annotated[str, Key("name in the library", default="the specimen's material")] = ""
+
+
+@dataclass(frozen=True)
+class RequirementsFile:
+    """Keys of a requirements file; the tables whose keys are names stand as they are written."""
+
+    specimen: Annotated[tuple[str, ...], Key(
+        "file of a specimen, or a list of them, one for each kind of outline; what does not vary "
+        "is of these")]
+    want: Annotated[Table, Key(
+        "bounds of quantities by their names; at most one of these is \"largest\" or \"least\"")]
+    vary: Annotated[Table, Key(
+        "lowest and highest value of each number that may vary: of the specimen by its path, such "
+        "as \"plate.radius\", of mass, voltage or rig.spring")]
+    mass: Annotated[float | None, Key("load on the plate", "mass", LOADS["mass"],
+                                      default="required where it does not vary")] = None
+    voltage: Annotated[float | None, Key("of the supply", "voltage", LOADS["voltage"],
+                                         default="required where it does not vary")] = None
+    name: Annotated[str, Key("of the result and its files", default="the file's name")] = ""
+    share: Annotated[float, Key("of the films that keep all bounds", rule=_SHARE)] = 0.95
+    front: Annotated[tuple[str, ...], Key(
+        "two quantities between whose best films others are sought")] = ()
+    films: Annotated[tuple[SoldFilm, ...], Key(
+        "films of which one is chosen; without, that of the specimen", name="film")] = ()
+    rig: Annotated[Rig, Key("of the actuator: its keys, or the name of their file")] = Rig()
+    tolerances: Annotated[Tolerances | None, Key(
+        "how numbers scatter: keys of TOLERANCES.toml, the name of such a file, or \"none\"")
+        ] = Tolerances()
+    limits: Annotated[Table | None, Key("further bounds, as in want")] = None
 
 
 @checks_types
@@ -107,26 +145,19 @@ class Requirements:
         if "want" not in table:
             raise table.error("want", _NO_WANT)
         _refuse_former(table)
-        rig = Rig.from_table(table.table_or_file("rig"))
-        specimens = _specimens(table)
+        given = read(RequirementsFile, table, _READERS)
+        specimens = _specimens(table, given)
+        variables = _variables(given.vary, specimens, given.rig)
+        mass, voltage = _loads(table, given, variables, specimens)
         for specimen in specimens:
             try:
-                require_reducible(specimen, rig)
+                require_reducible(specimen, given.rig)
+                require_moved(specimen, given.rig, mass)
             except InputError as error:
                 raise error.located(file=table.file) from None
-        variables = _variables(table, specimens, rig)
-        loads = _loads(table, variables, specimens)
-        for specimen in specimens:
-            try:
-                require_moved(specimen, rig, loads[0])
-            except InputError as error:
-                raise error.located(file=table.file) from None
-        bounds, best = _wanted(table, specimens)
-        found = cls(table.text("name", Path(table.file).stem), specimens, *loads, variables, bounds,
-                    best, rig, _tolerances(table),
-                    table.number("share", default=0.95, rule=_SHARE), _front(table))
-        table.done()
-        return found
+        bounds, best = _wanted(table, (given.want, given.limits), specimens)
+        return cls(given.name or Path(table.file).stem, specimens, mass, voltage, variables, bounds,
+                   best, given.rig, given.tolerances, given.share, _front(table, given.front))
 
     @property
     def margin(self) -> float:
@@ -155,16 +186,12 @@ def _refuse_former(table: Table) -> None:
             raise table.error(key, _FORMER[key])
 
 
-def _specimens(table: Table) -> tuple[Specimen, ...]:
+def _specimens(table: Table, given: RequirementsFile) -> tuple[Specimen, ...]:
     """Specimens of all kinds and films that are tried, by different names."""
-    given = table.value("specimen")
-    files = [given] if isinstance(given, str) else given
-    if (not isinstance(files, list) or not files
-            or not all(isinstance(name, str) for name in files)):
-        raise table.error("specimen", "must be a specimen file, or a list of them", given)
-    kinds = [_specimen(table, name) for name in files]
+    kinds = [_specimen(table, name) for name in given.specimen]
     require_different_names(kinds)
-    films = [choice for entry in table.tables("film") for choice in _films(entry)]
+    films = [film for number, sold in enumerate(given.films)
+             for film in _choices(table, f"film.{number}", sold)]
     if not films:
         return tuple(kinds)
     return tuple(_made(specimen, film) for specimen, film in product(kinds, films))
@@ -179,19 +206,14 @@ def _specimen(table: Table, name: str) -> Specimen:
                          else table.named_file("specimen", name))
 
 
-def _films(table: Table) -> list[dict[str, Any]]:
-    """Films of one entry of the catalogue: every thickness in every number of layers."""
-    name = table.text("material") if "material" in table else ""
+def _choices(table: Table, key: str, sold: SoldFilm) -> list[dict[str, Any]]:
+    """Every thickness of one entry of the catalogue in every number of layers."""
     try:
-        material = {"material": library_material(name)} if name else {}
+        material = {"material": library_material(sold.material)} if sold.material else {}
     except InputError as error:
-        raise table.error("material", error.allowed, name) from None
-    thicknesses = table.numbers("thickness", "length", rule=POSITIVE)
-    layers = table.numbers("layers", default=(1,), rule=_LAYERS)
-    table.asked.add("material")
-    table.done()
-    return [{"name": name, "thickness": thickness, "layers": int(count), **material}
-            for thickness, count in product(thicknesses, layers)]
+        raise table.error(f"{key}.material", error.allowed, sold.material) from None
+    return [{"name": sold.material, "thickness": thickness, "layers": count, **material}
+            for thickness, count in product(sold.thickness, sold.layers)]
 
 
 def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
@@ -207,33 +229,37 @@ def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
     return replace(specimen, name="-".join(filter(None, words)), membrane=made)
 
 
-def _loads(table: Table, variables: Mapping[str, tuple[Vary, ...]],
+def _loads(table: Table, given: RequirementsFile, variables: Mapping[str, tuple[Vary, ...]],
            specimens: tuple[Specimen, ...]) -> tuple[float, float]:
     """Mass [kg] and voltage [V]; of one that varies the highest.
 
     Films without plates need no mass.
     """
-    found = {}
-    for key, rule in LOADS.items():
-        varied = next((each.high for several in variables.values() for each in several
-                       if each.key == key), None)
-        if varied is not None and key in table:
-            raise table.error(key, "is given and varies, too: only one of both", table.data[key])
-        if key == "mass" and key not in table and all(each.plate is None for each in specimens):
-            varied = 0.0
-        found[key] = table.number(key, key, rule=rule) if varied is None else varied
-        table.asked.add(key)
-    return found["mass"], found["voltage"]
+    return (_load(table, "mass", given.mass, variables,
+                  needed=any(each.plate is not None for each in specimens)),
+            _load(table, "voltage", given.voltage, variables))
 
 
-def _variables(table: Table, specimens: tuple[Specimen, ...], rig: Rig
+def _load(table: Table, key: str, given: float | None, variables: Mapping[str, tuple[Vary, ...]],
+          *, needed: bool = True) -> float:
+    """A load that is given or varies."""
+    varied = [each.high for several in variables.values() for each in several if each.key == key]
+    if varied and given is not None:
+        raise table.error(key, "is given and varies, too: only one of both", table.data[key])
+    if given is None and not varied and needed:
+        table.value(key)  # says that it is missing
+    return varied[0] if varied else given or 0.0
+
+
+def _variables(inner: Table, specimens: tuple[Specimen, ...], rig: Rig
                ) -> dict[str, tuple[Vary, ...]]:
     """Keys that vary of each specimen, by its name; a key must be known to one of them."""
-    inner, keys = table.table("vary"), {each.name: _keys(each) for each in specimens}
+    keys = {each.name: _keys(each) for each in specimens}
     known = dict.fromkeys(key for several in keys.values() for key in several)
     found: dict[str, list[Vary]] = {specimen.name: [] for specimen in specimens}
     if not inner.data:
-        raise table.error("vary", f"must name at least one of {', '.join(sorted(known))}")
+        raise InputError(f"must name at least one of {', '.join(sorted(known))}", file=inner.file,
+                         key=inner.where)
     for key, given in inner.data.items():
         if key not in known:
             instead = next((words[key] for words in map(_halves, specimens) if key in words), "")
@@ -284,11 +310,12 @@ def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
     return {**found, **dict.fromkeys(_BESIDE, ())}
 
 
-def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, Bound], str]:
+def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Specimen, ...]
+            ) -> tuple[dict[str, Bound], str]:
     """Bounds by their keys, and the quantity that is to be best."""
     bounds: dict[str, Bound] = {}
     best = ""
-    for inner in (table.table("want"), table.table("limits", {})):
+    for inner in filter(None, bounded):
         _refuse_former(inner)
         rest = dict(inner.data)
         for key, given in inner.data.items():
@@ -331,14 +358,13 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, Bo
     return bounds, best
 
 
-def _front(table: Table) -> tuple[str, str] | None:
-    table.asked.add("front")
-    if "front" not in table:
+def _front(table: Table, pair: tuple[str, ...]) -> tuple[str, str] | None:
+    """The two quantities of a front."""
+    if not pair:
         return None
-    pair = table.texts("front")
+    known = {name: each for name, each in SOUGHT.items()
+             if name != TENSION and each.gain is not None}
     for key in pair:
-        known = {name: each for name, each in SOUGHT.items()
-                 if name != TENSION and each.gain is not None}
         if key not in known:
             raise table.error("front", one_of(key, known), key)
     if len(pair) != 2 or pair[0] == pair[1]:
@@ -346,11 +372,32 @@ def _front(table: Table) -> tuple[str, str] | None:
     return pair[0], pair[1]
 
 
-def _tolerances(table: Table) -> Tolerances | None:
-    given = table.value("tolerances", {})
+def _tolerances(table: Table, key: str) -> Tolerances | None:
+    """Tolerances of a table, of a file, or none."""
+    given = table.value(key, {})
     if given == "none":
         return None
     if isinstance(given, str):
-        return Tolerances.read(table.beside("tolerances"))
-    return read(Tolerances, table.table("tolerances", {}))
+        return Tolerances.read(table.beside(key))
+    return read(Tolerances, table.table(key, {}))
 
+
+def _files(table: Table, key: str) -> tuple[str, ...]:
+    """Names of files, of one or of a list."""
+    given = table.value(key)
+    files = [given] if isinstance(given, str) else given
+    if (not isinstance(files, list) or not files
+            or not all(isinstance(name, str) for name in files)):
+        raise table.error(key, "must be a specimen file, or a list of them", given)
+    return tuple(files)
+
+
+#: Readers of keys that may be more than their declaration says.
+_READERS: Special = {
+    (RequirementsFile, "specimen"): _files,
+    (RequirementsFile, "want"): Table.table,
+    (RequirementsFile, "vary"): Table.table,
+    (RequirementsFile, "limits"): lambda table, key: table.table(key, {}),
+    (RequirementsFile, "rig"): lambda table, key: Rig.from_table(table.table_or_file(key)),
+    (RequirementsFile, "tolerances"): _tolerances,
+}

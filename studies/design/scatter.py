@@ -15,11 +15,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy.stats import norm
 
 from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.points import drawn_points
 from tympan.studies.design.search import KEPT, Search, value_of
-from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import (
     Descent,
     DescentSettings,
@@ -28,7 +28,7 @@ from tympan.studies.design.sqp import (
     kkt,
     maximise,
 )
-from tympan.studies.films.loaded import FamilyFilms
+from tympan.studies.films.population import LoadedFilms
 from tympan.studies.wanted import BREAKDOWN, TENSION, Bound
 
 #: What a film without equilibrium misses of the margin to the loss of tension.
@@ -66,12 +66,12 @@ class ScatteredFilms:
     """
 
     search: Search
-    films: FamilyFilms
+    films: LoadedFilms
     missed: Array
 
     @classmethod
     def of(cls, search: Search, designs: Array, points: Array) -> ScatteredFilms:
-        """Films about designs of some values, at points from :func:`drawn`."""
+        """Films about designs of some values, at points (films, inputs) from 0 to 1."""
         films = search.space.scattered(designs, points)
         bounds = {key: bound for key, bound in search.bounds.items() if bound.quantity.scatters}
         bare = replace(search, bounds=bounds, shifts={})
@@ -180,7 +180,8 @@ class KeptByMost:
     def _lines(self) -> tuple[Array, Array]:
         """Misses of copies by that of their design."""
         values = self.search.space.values(self.about)
-        copies = ScatteredFilms.of(self.search, values, drawn(self.search.space, _DRAWN, 1))
+        points = drawn_points(self.search.space.inputs, _DRAWN, 1)
+        copies = ScatteredFilms.of(self.search, values, points)
         rates, constants = copies.lines(values)
         errors = [self.off.get(key, 0.0) for key in copies.keys]
         return rates, constants + np.reshape(errors, (-1, 1))
@@ -229,7 +230,8 @@ class KeptByMost:
                            missed[:, ~self._scatters].max(1, initial=-np.inf))
         order = np.argsort(np.where(np.isfinite(found), found, np.inf))[:_LOOKED_AT]
         starts = np.concatenate([self.about[None], shares[order]])
-        films_about = ScatteredFilms.of(self.search, space.values(starts), drawn(space, _FEW, 1))
+        points = drawn_points(space.inputs, _FEW, 1)
+        films_about = ScatteredFilms.of(self.search, space.values(starts), points)
         worst = films_about.worst(self.off).reshape(len(starts), -1)
         return np.asarray(starts[np.argmin([exceeded(each, 1 - self.share) for each in worst])])
 
@@ -279,12 +281,6 @@ def kept_by_most(search: Search, off: Mapping[str, float], share: float, x: Arra
 
 def _rank(end: Descent) -> tuple[bool, float]:
     return end.status == "optimum", value_of(end)
-
-
-def drawn(space: DesignSpace, count: int, seed: int) -> Array:
-    """Points (films, inputs) of so many films, a power of two."""
-    sequence = qmc.Sobol(space.inputs, seed=np.random.default_rng(seed))
-    return np.asarray(sequence.random_base2(int(np.log2(count))))
 
 
 def of_share(values: Array, share: float, *, gain: bool) -> float:

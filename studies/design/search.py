@@ -15,7 +15,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.studies.design.space import DesignSpace
 from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, maximise
-from tympan.studies.films.loaded import FamilyFilms
+from tympan.studies.films.population import LoadedFilms
 from tympan.studies.wanted import QUANTITIES, Bound
 
 #: Best ones of the random films, from each of which the search goes on.
@@ -53,13 +53,13 @@ class Search:
         """Number of variables, with the common share."""
         return len(self.space.variables) + (not self.best)
 
-    def missed(self, films: FamilyFilms) -> Array:
+    def missed(self, films: LoadedFilms) -> Array:
         """c of films, (films, bounds); nan of those without their states."""
         c = np.array([bound.misses(films) + self.shifts.get(key, 0.0)
                       for key, bound in self.bounds.items()]).T
         return np.where(films.sound[:, None], c, np.nan)
 
-    def aims(self, films: FamilyFilms) -> Array:
+    def aims(self, films: LoadedFilms) -> Array:
         """Aim that is to be largest, (films,)."""
         quantity = QUANTITIES[self.best]
         least = not quantity.gain if self.least is None else self.least

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import qmc
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.paths import at, with_numbers
+from tympan.base.paths import with_numbers
+from tympan.base.points import drawn_points
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.ranges import Ranges, Vary
 from tympan.studies.design.requirements import Requirements
-from tympan.studies.films.box import SPRING, STIFFNESS
+from tympan.studies.films.box import SPRING, Box
 from tympan.studies.films.family import FamilySettings, FilmFamily
-from tympan.studies.films.loaded import FamilyFilms
-from tympan.studies.tolerance.drawn import Rows, Scattered, median_strength
-from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Cause, causes
+from tympan.studies.films.population import LoadedFilms, Population
+from tympan.studies.tolerance.drawn import Scattered
+from tympan.studies.tolerance.given import Cause
 
 #: Random films among which searches begin, a power of two.
 _RANDOM = 512
@@ -75,27 +75,12 @@ class DesignSpace(Ranges):
                              f"{error}", key="vary", given=specimen.name) from None
         box = {name: (each.low, each.high) for each in variables
                for name in (each.names or ((SPRING,) if each.key == SPRING else ()))}
-        loads = {LOAD: (1.0, 1.0), AMPLIFIER: (1.0, 1.0)}
-        scatter: tuple[Cause, ...] = ()
-        if requirements.tolerances is not None:
-            scatter, _ = causes(middle, requirements.tolerances)
-            for name, (low, high) in Scattered(middle, scatter).around().items():
-                if name in loads:
-                    loads[name] = (low, high)
-                    continue
-                own = 1.0 if name == STIFFNESS else _number(middle, name)
-                first, last = box.get(name, (own, own))
-                relative = any(cause.relative for cause in scatter if name in cause.targets)
-                box[name] = ((first * low / own, last * high / own) if relative
-                             else (first + low - own, last + high - own))
-        rig, plate = requirements.rig, float(middle.plate_area)
-        masses = _range(variables, "mass", requirements.mass)
-        most = float(rig.film_voltage(requirements.voltage * requirements.margin))
-        force = (float(rig.force(masses[0] * loads[LOAD][0], plate)),
-                 float(rig.force(masses[1] * loads[LOAD][1], plate)))
-        family = FilmFamily.around(_meshed(middle, box), box, force,
-                                   (0.0, most * loads[AMPLIFIER][1]), rig, settings, _FAMILY)
-        return cls(middle, variables, requirements, family, scatter)
+        scattered = Scattered.of(middle, requirements.tolerances)
+        box = scattered.widened(box)
+        family = scattered.family(
+            Box.around(_meshed(middle, box), box), _range(variables, "mass", requirements.mass),
+            requirements.voltage * requirements.margin, requirements.rig, settings, _FAMILY)
+        return cls(middle, variables, requirements, family, scattered.causes)
 
     @property
     def asked(self) -> tuple[Vary, ...]:
@@ -103,10 +88,9 @@ class DesignSpace(Ranges):
         return self.requirements.variables[self.specimen.name]
 
     @cached_property
-    def random(self) -> tuple[Array, FamilyFilms]:
+    def random(self) -> tuple[Array, LoadedFilms]:
         """Shares of random films, (films, variables), and these films without scatter."""
-        sequence = qmc.Sobol(len(self.variables), seed=np.random.default_rng(1))
-        x = np.asarray(sequence.random_base2(int(np.log2(_RANDOM))))
+        x = drawn_points(len(self.variables), _RANDOM, 1)
         return x, self.films(self.values(x))
 
     def load(self, values: Array) -> float:
@@ -130,10 +114,10 @@ class DesignSpace(Ranges):
         return next((float(value) for each, value in zip(self.variables, values, strict=True)
                      if each.key == key), given)
 
-    def films(self, values: Array) -> FamilyFilms:
-        """Films without scatter, of values (films, variables); those that cannot be built are not.
+    def films(self, values: Array) -> LoadedFilms:
+        """Films without scatter, of values (films, variables).
 
-        Their specimens are None, and their numbers nan.
+        The specimen of one that cannot be built is None, and its numbers are nan.
         """
         specimens = [self._specimen(each) for each in values]
         known = np.array([specimen is not None for specimen in specimens])
@@ -141,32 +125,31 @@ class DesignSpace(Ranges):
                          for specimen, each in zip(specimens, values, strict=True)])
         masses, voltage = (np.array([read(each) for each in values])
                            for read in (self.load, self.voltage))
-        return self._loaded(rows, masses, np.where(known, voltage, np.nan), 1.0, specimens)
+        films = Population.alike(self.family, self.requirements.rig, rows, specimens)
+        return self._loaded(films, masses, np.where(known, voltage, np.nan))
 
-    def scattered(self, designs: Array, points: Array) -> FamilyFilms:
+    def scattered(self, designs: Array, points: Array) -> LoadedFilms:
         """Films that are drawn about designs, at points (films, inputs) from 0 to 1.
 
         ``designs``: values of one, (variables,), or of several, (designs, variables), whose films
         follow one another.
         """
-        designs = np.atleast_2d(designs)
-        specimens, count = [self.built(values) for values in designs], len(points)
-        middles = np.array([self._row(specimen, values)
-                            for specimen, values in zip(specimens, designs, strict=True)])
-        drawn = [Rows.of(Scattered(specimen, self.scatter).values(points))
-                 for specimen in specimens]
-        rows = np.repeat(middles, count, 0)
-        for number, own in enumerate(drawn):
-            places = [self.family.box.names.index(name) for name in own.names]
-            rows[number * count:(number + 1) * count, places] = own.rows
-        strength = [own.strength * median_strength(self.family, middle, self.scatter)
-                    for own, middle in zip(drawn, middles, strict=True)]
-        masses = [self.load(values) * own.load for values, own in zip(designs, drawn, strict=True)]
-        films = self._loaded(rows, np.concatenate(masses),
-                             np.repeat([self.voltage(values) for values in designs], count),
-                             np.concatenate([own.amplifier for own in drawn]),
-                             [specimen for specimen in specimens for _ in range(count)])
-        return replace(films, strength=np.concatenate(strength))
+        designs, count = np.atleast_2d(designs), len(points)
+        copies = [self._copies(values, points) for values in designs]
+        masses, voltages = (np.repeat([read(values) for values in designs], count)
+                            for read in (self.load, self.voltage))
+        return self._loaded(Population.joined(copies), masses, voltages)
+
+    def _copies(self, values: Array, points: Array) -> Population:
+        """Films at points about one design."""
+        specimen = self.built(values)
+        films = Scattered(specimen, self.scatter).films(
+            self.family, self._row(specimen, values), points, self.requirements.rig)
+        return replace(films, specimens=[specimen] * len(points))
+
+    def _loaded(self, films: Population, masses: Array, voltage: Array) -> LoadedFilms:
+        wanted = self.requirements
+        return films.under(masses, voltage, wanted.margin, swings=wanted.swings)
 
     def exact(self, values: Array, settings: Settings) -> ExactFilm:
         """The film without scatter by finite elements."""
@@ -184,21 +167,6 @@ class DesignSpace(Ranges):
         except InputError:
             return None
 
-    def _loaded(self, rows: Array, masses: Array, voltage: Array, amplifier: Array | float,
-                specimens: Sequence[Specimen | None]) -> FamilyFilms:
-        rig, margin = self.requirements.rig, self.requirements.margin
-        plates = np.array([0.0 if specimen is None or not rig.plate_pressure
-                           else float(specimen.plate_area)
-                           for specimen in specimens])
-        moving = masses + rig.unaccounted_mass + rig.added_mass
-        return FamilyFilms(self.family, rows, rig.force(masses, plates),
-                           moving if self.requirements.swings else None, voltage, rig, margin,
-                           amplifier, specimens=specimens)
-
 
 def _range(variables: tuple[Vary, ...], key: str, given: float) -> tuple[float, float]:
     return next(((each.low, each.high) for each in variables if each.key == key), (given, given))
-
-
-def _number(specimen: Specimen, name: str) -> float:
-    return float(at(specimen, name.split(".")))

@@ -21,7 +21,6 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
-from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.case import failure_reason, voltage_ramp
 from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
@@ -196,7 +195,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
                     pressure=rig.gas_pressure) for mass in carried]
     actuated = _actuated(single, mesh, masses[-1] if masses else 0.0, layers, voltages, rig)
     sheet = FlatFilm.of(mesh, specimen)
-    plate_area = 0.0 if specimen.plate is None else area(specimen.plate.outline)
+    plate_area = float(specimen.plate_area)
     lines = film_input(specimen.name, sheet, single.membrane, [*weights, *actuated], plate_area)
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")

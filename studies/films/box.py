@@ -13,6 +13,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import field_at
 from tympan.base.fields import numbers as quantities
 from tympan.base.paths import at, numbers, with_arrays
+from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 
 #: The factor on all stresses of the film's law, a parameter beside the numbers of the specimen.
@@ -29,6 +30,8 @@ _LAW = "membrane.material"
 
 #: Parts of a specimen that have numbers a family's films may differ in.
 _PARTS = ("frame", "plate", "membrane", "electrode")
+#: Numbers of the plate's outline, on which its area depends.
+_PLATE = "plate.outline"
 #: Lengths, which move the mesh, are in these.
 _OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline")
 #: What must be the same for all films, as formulas for many films at once do not have it.
@@ -128,6 +131,16 @@ class Box:
         """Pressures of the gas below the films [Pa], (films,): ``usual`` where they do not vary."""
         return self._beside(rows, PRESSURE, usual)
 
+    def plate_areas(self, rows: Array) -> Array:
+        """Areas of the plates [m²], (films,), 0 without plates."""
+        return plate_areas(self.specimen, self.columns(rows), len(rows))
+
+    def forces(self, rig: Rig, masses: tuple[float, float]) -> tuple[float, float]:
+        """Lowest and highest force [N] on plates of its films under masses of a range [kg]."""
+        areas = self.plate_areas(np.array([self.low, self.high]))
+        forces = [float(rig.force(mass, area)) for mass in masses for area in areas.tolist()]
+        return min(forces), max(forces)
+
     def _beside(self, rows: Array, name: str, usual: float) -> Array:
         if name not in self.names:
             return np.full(len(rows), usual)
@@ -154,6 +167,16 @@ class Box:
     def scaled(self, rows: Array) -> Array:
         """Parameters from -1 to 1 within the box."""
         return np.asarray(2 * (rows - self.low) / (self.high - self.low) - 1)
+
+
+def plate_areas(specimen: Specimen, columns: Mapping[str, Array], count: int) -> Array:
+    """Areas [m²] of the plates of so many films, a specimen with columns of numbers, (films,)."""
+    varied = {path: column for path, column in columns.items() if path.startswith(_PLATE)}
+    if not varied:
+        return np.full(count, float(specimen.plate_area))
+    made = [with_arrays(specimen, {path: column[film].item() for path, column in varied.items()})
+            for film in range(count)]
+    return np.array([float(film.plate_area) for film in made])
 
 
 def between(values: Sequence[float | str], dimension: str, key: str) -> tuple[float, float]:

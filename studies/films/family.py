@@ -14,7 +14,7 @@ the family was not made from: the estimate is scaled so that it covers the error
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -22,6 +22,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray, Mask
 from tympan.base.errors import InputError
+from tympan.base.points import drawn_points
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -56,6 +57,7 @@ from tympan.studies.films.many_films import (
 )
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
+from tympan.studies.films.states import FilmEnds, FilmStates
 
 
 @dataclass(frozen=True)
@@ -125,65 +127,6 @@ _LEVEL = 0.3
 
 #: Random films that are solved on meshes of their own.
 _REMESHED = 4
-
-
-@dataclass(frozen=True, eq=False)
-class FamilyStates:
-    """Films of a family under loads; arrays have the shape (films, states), in SI.
-
-    ``deflection`` of the plate, the ``force`` that the film carries, ``capacitance``, ``energy`` of
-    the film, ``stiffness`` of film and spring against the plate; ``error`` of the deflection, which
-    it exceeds in some 1 of 40 films; the largest ``stretch``, true ``stress``, ``electric`` field
-    and share of the strength at ``breakdown``, with the place in the mounted film, (films, states,
-    2), field and strength there (``weakest``), the least ``tension``, the plate's ``tilt``, the
-    lowest ``frequency`` [Hz] along the load, nan where no masses were given; whether the film is
-    ``sound``: firm in itself, its law within its range. ``stress_error``: by how much the largest
-    stress differs at most from that on a mesh of the film's own. nan where the family ``holds`` no
-    state: outside its box or loads, without a stable equilibrium, or no longer in tension
-    everywhere, which is ``slack``. Finite elements then say what is there. ``q``: the shapes'
-    amplitudes, (films, states, shapes).
-    """
-
-    deflection: AnyArray
-    force: AnyArray
-    capacitance: AnyArray
-    energy: AnyArray
-    stiffness: AnyArray
-    error: AnyArray
-    stretch: AnyArray
-    stress: AnyArray
-    tension: AnyArray
-    electric: AnyArray
-    breakdown: AnyArray
-    weakest: AnyArray
-    weakest_field: AnyArray
-    weakest_strength: AnyArray
-    tilt: AnyArray
-    frequency: AnyArray
-    sound: Mask
-    holds: Mask
-    q: AnyArray
-    stress_error: AnyArray
-    slack: Mask
-
-
-@dataclass(frozen=True, eq=False)
-class FamilyLimits:
-    """Voltages [V] at which films break down, lose tension or pull in, (films, forces) each.
-
-    Infinite where that does not happen within the family's voltages, or a pull-in comes first; nan
-    where it is not looked for: without a state at the lowest of these, and beyond the loss of
-    tension.
-    """
-
-    breakdown: AnyArray
-    tension: AnyArray
-    pull_in: AnyArray
-
-    @property
-    def taut(self) -> AnyArray:
-        """Up to which voltages films are taut and stable [V]."""
-        return np.asarray(np.fmin(self.tension, self.pull_in))
 
 
 @dataclass(frozen=True, eq=False)
@@ -375,6 +318,11 @@ class FilmFamily:
         """Its parameters and their limits."""
         return self.ground.box
 
+    def drawn(self, count: int, seed: int = 1) -> AnyArray:
+        """Draw parameters of random films, evenly over the box, (count, names)."""
+        shares = drawn_points(len(self.box.names), count, seed)
+        return self.box.low + shares * (self.box.high - self.box.low)
+
     def films(self, rows: AnyArray) -> Films:
         """The films with these parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),
@@ -405,7 +353,7 @@ class FilmFamily:
         return ShapesAt(self.places, self.reduction.every)
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
-               masses: Any = None, loose: bool = False) -> FamilyStates:
+               masses: Any = None, loose: bool = False) -> FilmStates:
         """Equilibria of films under forces on their plates [N] and voltages across them [V].
 
         ``parameters``: (films, names), in the order of ``family.box.names``, or what :meth:`films`
@@ -422,8 +370,7 @@ class FilmFamily:
         force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
         blocks = [self._states(films, force[part], voltage[part], mass[part], check, loose)
                   for part, films in self.blocks(parameters)]
-        return FamilyStates(*(np.concatenate([getattr(block, item.name) for block in blocks])
-                              for item in fields(FamilyStates)))
+        return FilmStates.joined(blocks)
 
     def rests(self, parameters: Any, forces: AnyArray, voltages: AnyArray) -> AnyArray:
         """Amplitudes q of equilibria, (films, shapes), whether or not films are in tension.
@@ -456,7 +403,7 @@ class FilmFamily:
         return result
 
     def _states(self, films: Films, force: AnyArray, voltage: AnyArray, mass: AnyArray, check: bool,
-                loose: bool) -> FamilyStates:
+                loose: bool) -> FilmStates:
         shape, rows = force.shape, films.rows
         number = np.repeat(np.arange(len(rows)), shape[1])
         force, voltage, mass = force.ravel(), voltage.ravel(), mass.ravel()
@@ -485,7 +432,7 @@ class FilmFamily:
                   "stress_error": self.restressed * extremes.stress}
         masked = {name: np.where(holds, value, np.nan).reshape(shape)
                   for name, value in values.items()}
-        return FamilyStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
+        return FilmStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
                             slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
                             q=q.reshape(*shape, -1))
 
@@ -518,7 +465,7 @@ class FilmFamily:
         ends = self.ends(parameters, forces)
         return ends.breakdown, ends.taut
 
-    def ends(self, parameters: Any, forces: Any) -> FamilyLimits:
+    def ends(self, parameters: Any, forces: Any) -> FilmEnds:
         """Voltages at which films break down, lose tension or pull in; forces as :meth:`limits`."""
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
@@ -530,8 +477,10 @@ class FilmFamily:
         slack = (whole.kind == TENSION.kind) & np.isfinite(taut)
         broken = (first.kind == BREAKDOWN.kind) & np.isfinite(first.voltage)
         breakdown = np.where(broken, first.voltage, np.where(np.isinf(taut), taut, np.nan))
-        return FamilyLimits(*(voltage.reshape(force.shape) for voltage in (
-            breakdown, np.where(slack, taut, none), np.where(slack, np.nan, taut))))
+        tension, pull_in = np.where(slack, taut, none), np.where(slack, np.nan, taut)
+        return FilmEnds(breakdown=breakdown.reshape(force.shape),
+                        tension=tension.reshape(force.shape),
+                        pull_in=pull_in.reshape(force.shape))
 
     def first_limits(self, parameters: Any, forces: AnyArray, strengths: Any = 1.0, *,
                      wanted: Collection[str] = ()) -> FirstLimits:
@@ -725,11 +674,8 @@ class _Making:
 
     def drawn(self, count: int, seed: int) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Parameters (count, names), forces and U² of random films, even over the box."""
-        from scipy.stats import qmc  # half a second, and no need of one who is sent a family
-
         box = self.ground.box
-        sequence = qmc.Sobol(len(box.names) + 2, seed=np.random.default_rng(seed))
-        shares = sequence.random_base2((count - 1).bit_length())[:count]
+        shares = drawn_points(len(box.names) + 2, count, seed)
         low, high = (np.array([*edge, self.force[end], self.squared[end]])
                      for end, edge in enumerate((box.low, box.high)))
         points = low + shares * (high - low)
@@ -874,7 +820,7 @@ class _Making:
                                          settings=ground.path))
 
 
-def _relative(states: FamilyStates) -> AnyArray:
+def _relative(states: FilmStates) -> AnyArray:
     """Errors of one state of each film over its deflection, or a part of the largest, (films,)."""
     deflection = np.abs(states.deflection[:, 0])
     largest = float(np.nanmax(deflection, initial=0.0))

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import combinations_with_replacement, permutations
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from tympan.fem.film.density import FilmDensity
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.specimen import Specimen
+from tympan.studies.films.box import plate_areas
 from tympan.studies.films.film import ITERATIONS
 from tympan.studies.films.reduction import squares_of
 from tympan.studies.films.sites import Sites
@@ -325,12 +326,7 @@ class Films:
         linear = flat @ self.whole.values[..., 2].T
         square = (nodes.swapaxes(1, 2).reshape(len(nodes), -1) @ by_nodes).reshape(
             len(nodes), *2 * (len(cubic),))
-        areas = [float(self.specimen.plate_area)]
-        if any(path.startswith("plate.outline") for path in self.columns):
-            areas = [with_arrays(self.specimen, {path: column[film].item() for path, column in
-                                                 self.columns.items()}).plate_area
-                     for film in range(len(self))]
-        plates = np.broadcast_to(areas, len(self))
+        plates = plate_areas(self.specimen, self.columns, len(self))
         turns = np.zeros((2, len(cubic)))
         turns[:, :self.count] = self.turns
         return Volume(linear, square, cubic, plates, turns)
@@ -435,21 +431,12 @@ class Films:
 
     def extremes(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> Extremes:
         """Largest or smallest values of states at points; nan of states that are none."""
-        values, weakest = np.full((7, len(q)), np.nan), np.zeros(len(q), dtype=np.int64)
-        sure, within = np.zeros((2, len(q)), dtype=bool)
-        sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
-        for part in self.parts(sound, len(sites.cells)):
-            some = sound[part]
-            here = self.local(at, films[some], q[some], squared[some])
-            weakest[some] = here.share.argmax(1)
-            rows = np.arange(len(some)), weakest[some]
-            values[:, some] = [here.stretch_1.max(1), here.stress_1.max(1), here.stress_2.min(1),
-                               here.electric.max(1), here.share[rows], here.electric[rows],
-                               here.strength[rows]]
-            sure[some], within[some] = here.sound.all(1), here.lawful.all(1)
-        stretch, stress, tension, electric, share, *there = values
-        return Extremes(stretch, stress, tension, electric, share, there[0], there[1], weakest,
-                        sure, within)
+        found, sites = Extremes.none(len(q)), at.shapes.sites
+        there = np.flatnonzero(np.isfinite(q).all(1))
+        for part in self.parts(there, len(sites.cells)):
+            some = there[part]
+            found.put(some, Extremes.of(self.local(at, films[some], q[some], squared[some])))
+        return found
 
     def least(self, field: Callable[[Any], AnyArray], at: FilmsAt, films: AnyArray, q: AnyArray,
               squared: AnyArray) -> AnyArray:
@@ -732,23 +719,51 @@ class LocalPoint:
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """The largest stretch and true stress [Pa], the least tension [Pa], the largest field [V/m].
+    """Largest and smallest local values of films, (states,) each; nan of states that are none."""
 
-    And the largest share of the film's strength, with field and strength there [V/m], and the
-    point's number; whether the film is firm at all points and its law holds, and whether its law
-    does. All of shape (states,).
-    """
-
+    #: Largest principal stretch.
     stretch: AnyArray
+    #: Largest true stress [Pa].
     stress: AnyArray
+    #: Least true stress [Pa].
     tension: AnyArray
+    #: Largest field [V/m].
     electric: AnyArray
+    #: Largest share of the film's strength.
     share: AnyArray
+    #: Field at that point [V/m].
     weakest_field: AnyArray
+    #: Strength at that point [V/m].
     weakest_strength: AnyArray
+    #: Number of that point.
     weakest: AnyArray
+    #: Mask of states that are firm at all points, their law within its range.
     sound: Mask
+    #: Mask of states whose law is within its range at all points.
     lawful: Mask
+
+    @classmethod
+    def of(cls, here: Local) -> Self:
+        """Extremes of states at points."""
+        weakest = here.share.argmax(1)
+        at = np.arange(len(weakest)), weakest
+        return cls(stretch=here.stretch_1.max(1), stress=here.stress_1.max(1),
+                   tension=here.stress_2.min(1), electric=here.electric.max(1),
+                   share=here.share[at], weakest_field=here.electric[at],
+                   weakest_strength=here.strength[at], weakest=weakest,
+                   sound=np.asarray(here.sound.all(1)), lawful=np.asarray(here.lawful.all(1)))
+
+    @classmethod
+    def none(cls, count: int) -> Self:
+        """Values of so many states that are none."""
+        kinds = {"weakest": 0, "sound": False, "lawful": False}
+        return cls(**{item.name: np.full(count, kinds.get(item.name, np.nan))
+                      for item in fields(cls)})
+
+    def put(self, some: AnyArray, other: Extremes) -> None:
+        """Take others in the places of some."""
+        for item in fields(self):
+            getattr(self, item.name)[some] = getattr(other, item.name)
 
 
 @dataclass(frozen=True, eq=False)

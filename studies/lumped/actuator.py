@@ -164,7 +164,7 @@ class Actuator:
     @cached_property
     def plate_area(self) -> float:
         """Area of the plate [m²]."""
-        return float(area(self.specimen.needed_plate().outline))
+        return float(self.specimen.plate_area)
 
     @property
     def load(self) -> Any:
@@ -412,6 +412,6 @@ def _each(values: Any) -> Any:
 def flat_capacitance(specimen: Specimen) -> float:
     """Eq. (1): ε₀ε_r S/d [F] of the flat film between frame and plate, d the mounted thickness."""
     film = specimen.membrane
-    surface = area(specimen.frame) - area(specimen.needed_plate().outline)
+    surface = area(specimen.frame) - specimen.plate_area
     return float(epsilon_0 * film.relative_permittivity * surface * film.layers
                  * film.area_prestretch / film.thickness)

@@ -13,7 +13,6 @@ from tympan.base.errors import InputError
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.integrate import Stopped
-from tympan.geometry.outlines import area
 from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.films.driven_film import ERROR, ReducedMoment
 from tympan.studies.films.film import NoBalance, ReducedFilm
@@ -91,7 +90,7 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         raise InputError("must be positive where the plate swings: the film has no inertia",
                          key="mass", given=f"{mass:g} kg")
     biases = solved_loading(rig.loading, Settings()).biases
-    plate = float(area(film.specimen.needed_plate().outline)) if rig.plate_pressure else 0.0
+    plate = float(film.specimen.plate_area) if rig.plate_pressure else 0.0
     force = float(rig.force(mass, plate)) - rig.gas_pressure * (film.gas_area or 0.0)
     return ReducedMotion(film, force, Supplied(signal, rig), biases,
                          moved if inertia else None, rig.plate_damping, error, budget)

@@ -19,10 +19,10 @@ from tympan.fem.vibration.modes import plate_motion, vibrations
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, Settings
+from tympan.studies.films.population import LoadGrid
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried
-from tympan.studies.sweep.family_rows import FamilyRows
 from tympan.studies.sweep.strokes import WIDER, strokes
 from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
 from tympan.studies.tolerance.given import Tolerances, causes
@@ -84,7 +84,7 @@ _NO_STROKE = "there is no stroke without voltage"
 Answer = Callable[[Any], Any]
 
 #: What a family answers for its rows, films first: a record, or None where finite elements must.
-FamilyAnswer = Callable[[FamilyRows], list[list[Record | None]]]
+FamilyAnswer = Callable[[LoadGrid], list[list[Record | None]]]
 
 #: The quantity that tolerances are for.
 BANDS = "bands"
@@ -218,11 +218,11 @@ def _modes(asked: SolvedCase) -> Record:
             **dict(zip(("tilt_1_Hz", "tilt_2_Hz"), tilt, strict=False)), "warnings": missing}
 
 
-def _force_by_family(rows: FamilyRows) -> list[list[Record | None]]:
-    found, films = strokes(rows), len(rows.forces)
+def _force_by_family(grid: LoadGrid) -> list[list[Record | None]]:
+    found, films = strokes(grid), len(grid.films)
     numbers = {"blocked_force_N": found.blocked, "work_J": found.work, "ideal_work_J": found.ideal,
                "electrical_in_J": found.given, "coupling": found.ideal / found.given}
-    voltages = np.tile(rows.voltages, rows.forces.shape[1]).ravel().tolist()
+    voltages = np.tile(grid.voltages, grid.masses.shape[1]).ravel().tolist()
     records: list[Record | None] = []
     for voltage, sure, *values in zip(voltages, found.sure.tolist(), *(
             column.tolist() for column in numbers.values()), strict=True):

@@ -5,19 +5,20 @@ from __future__ import annotations
 import copy
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.process.interruption import signals_wait
+from tympan.base.fields import Key, Special, read
+from tympan.base.points import drawn_points
 from tympan.base.read_file import file_text
-from tympan.base.toml_reader import WHOLE, Rule, Table, one_of
+from tympan.base.toml_reader import Rule, Table, one_of
 from tympan.base.units import DIMENSIONS, any_quantity, quantity
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
@@ -31,10 +32,6 @@ from tympan.studies.tolerance.given import Tolerances
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
 Choice = dict[str, Any]
-
-
-#: Ways to sample ranges.
-METHODS = ("random", "latin_hypercube", "sobol")
 
 #: More specimens than these are a slip of the pen.
 MOST = 1_000_000
@@ -59,6 +56,50 @@ _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x),
 
 #: A sweep's voltages are found again within this share of the largest one.
 _SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Points drawn in ranges of keys."""
+
+    method: Annotated[Literal["random", "latin_hypercube", "sobol"], Key("way to draw them")]
+    count: Annotated[int, Key("specimens that are drawn", rule=_SPECIMENS)]
+    ranges: Annotated[Table, Key("lowest and highest value of each key, by its dotted name")]
+    seed: Annotated[int, Key("of the random numbers", rule=_SEED)] = 0
+
+
+@dataclass(frozen=True)
+class Span:
+    """Masses or voltages at even distances."""
+
+    low: Annotated[Any, Key("the lowest one", name="from")]
+    high: Annotated[Any, Key("the highest one", name="to")]
+    count: Annotated[int, Key("how many they are", rule=_COUNT)]
+
+
+@dataclass(frozen=True)
+class SweepFile:
+    """Keys of a sweep's file; the tables whose keys are names stand as they are written."""
+
+    specimen: Annotated[tuple[str, ...], Key("file of a specimen, or a list of them")]
+    mass: Annotated[Any, Key("on the plate: one, a list, or a table of the keys below",
+                             default="required where it does not vary")] = None
+    voltage: Annotated[Any, Key("nominal one: as mass; a list ascends",
+                                default="required where it does not vary")] = None
+    grid: Annotated[Table | None, Key(
+        "values of keys of the specimen, of mass, voltage or the rig, by their dotted names; all "
+        "combinations are solved")] = None
+    columns: Annotated[Table | None, Key(
+        "the same, of lists of one length: their first values make a specimen, and so on",
+        name="list")] = None
+    sample: Annotated[Sample | None, Key("points drawn in ranges of such keys")] = None
+    rig: Annotated[Table | None, Key("of the actuator: its keys, or the name of their file")] = None
+    ask: Annotated[tuple[str, ...], Key("what is asked beside the cases: names listed below")] = ()
+    circles: Annotated[int, Key("circles that stand for a specimen, where that is asked")
+                       ] = AlphaSettings.circles
+    radii: Annotated[str, Key("which radii these have")] = AlphaSettings.radii
+    fields: Annotated[bool, Key("keep the fields of all equilibria, as VTU files")] = False
+    figures: Annotated[bool, Key("keep what a picture of each film needs")] = False
 
 
 @dataclass(frozen=True)
@@ -120,16 +161,19 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
     error only where no combination can be built.
     """
     table = Table.read(file, "sweep")
-    fields, figures = table.truth("fields", False), table.truth("figures", False)
-    ask = _ask(table) if tolerances is None else _ask(table).banded(tolerances)
-    bases = _bases(table)
-    grid, rows = choices(table)
-    loads = _common_loads(table, grid, rows[0], bases.values())
+    given = read(SweepFile, table, _READERS)
+    ask = _ask(table, given)
+    if tolerances is not None:
+        ask = ask.banded(tolerances)
+    bases = {base: Table.read(base, "specimen").data
+             for base in (table.named_file("specimen", name) for name in given.specimen)}
+    grid, rows = choices(table, given)
+    loads = _common_loads(table, given, {*grid, *rows[0]}, rows[0], bases.values())
     grid = {key: values for key, values in grid.items() if key not in loads}
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     places = [(number, {**row, **point}) for number, row in enumerate(rows) for point in points]
-    rigs = _rigs(table, [choice for _, choice in places])
-    table.done()
+    assert given.rig is not None
+    rigs = _rigs(table, given.rig, [choice for _, choice in places])
     digits = len(str(max(len(rows) - 1, 1)))
 
     def entry(base: Path, number: int, choice: Choice, rig: Rig) -> Entry:
@@ -146,8 +190,8 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
             for mass in masses:
                 Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate
         # A copy has none of what its check has computed: of a spline that is 100 kB.
-        task = SweepTask(copy.deepcopy(specimen), rig, masses, voltages, settings, fields, solver(),
-                         figures, ask)
+        task = SweepTask(copy.deepcopy(specimen), rig, masses, voltages, settings, given.fields,
+                         solver(), given.figures, ask)
         return Entry(name, base.stem, choice, masses, voltages, task)
 
     specimens = len(bases) * len(places)
@@ -162,34 +206,16 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         related = in_families([entry.task for entry in entries])
         entries = tuple(replace(entry, task=task)
                         for entry, task in zip(entries, related, strict=True))
-    return Sweep(entries, file_text(file), grid, ask, figures)
+    return Sweep(entries, file_text(file), grid, ask, given.figures)
 
 
-def _bases(table: Table) -> dict[Path, Mapping[str, Any]]:
-    """Read the specimen files that a sweep names; two of one name would give the same entries."""
-    given = table.value("specimen")
-    names = [given] if isinstance(given, str) else given
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise table.error("specimen", "must be a specimen file or a list of them", given)
-    if nul := next((name for name in names if "\0" in name), None):
-        raise table.error("specimen", "must name files: no file has NUL in its name", nul)
-    stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
-    if times > 1:
-        raise table.error("specimen", "must be files of different names", stem)
-    bases = {}
-    for name in names:
-        file = table.named_file("specimen", name)
-        bases[file] = Table.read(file, "specimen").data
-    return bases
-
-
-def _common_loads(table: Table, grid: Mapping[str, Any], row: Choice,
+def _common_loads(table: Table, given: SweepFile, varied: Collection[str], row: Choice,
                   specimens: Iterable[Mapping[str, Any]]) -> dict[str, tuple[float, ...]]:
     """Read the masses [kg] and voltages [V] under which all specimens are solved alike.
 
     A load in ``row``, of the list or the sample, is each specimen's own, and left out here.
     """
-    varied, loads = {*grid, *row}, dict[str, tuple[float, ...]]()
+    loads = dict[str, tuple[float, ...]]()
     if not _plates(specimens, varied) and "mass" not in (*varied, *table.data):
         loads["mass"] = (0.0,)  # no plate, no mass
     for name in _LOADS:
@@ -197,7 +223,7 @@ def _common_loads(table: Table, grid: Mapping[str, Any], row: Choice,
             raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
                                     "both")
         if name not in (*row, *loads):
-            loads[name] = _loads(table.table("grid") if name in grid else table, name)
+            loads[name] = _loads(given.grid if given.grid and name in varied else table, name)
     return loads
 
 
@@ -222,31 +248,47 @@ def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
     return float(voltages[near])
 
 
-def _ask(table: Table) -> Ask:
+def _ask(table: Table, given: SweepFile) -> Ask:
     """Questions on every specimen, and the circles that stand for it."""
-    names = table.value("ask", [])
-    if not isinstance(names, list) or len(set(map(repr, names))) < len(names):
-        raise table.error("ask", f"must be a list of different ones of {', '.join(QUANTITIES)}, "
-                                 'such as ["limits"]', names)
-    for name in names:
-        if not isinstance(name, str) or name not in QUANTITIES:
-            raise table.error("ask", one_of(name, QUANTITIES), name)
-    default = AlphaSettings()
-    circles = int(table.number("circles", default=default.circles, rule=WHOLE))
-    radii = table.text("radii", default.radii)
     try:
-        return Ask(tuple(names), AlphaSettings(circles=circles, radii=radii))
+        return Ask(given.ask, AlphaSettings(circles=given.circles, radii=given.radii))
     except InputError as error:
         raise error.located(file=table.file, key=error.key) from None
 
 
-def choices(table: Table) -> tuple[dict[str, list[Any]], list[Choice]]:
+def _asked(table: Table, key: str) -> tuple[str, ...]:
+    """Names of questions."""
+    names = table.value(key, [])
+    if not isinstance(names, list) or len(set(map(repr, names))) < len(names):
+        raise table.error(key, f"must be a list of different ones of {', '.join(QUANTITIES)}, "
+                               'such as ["limits"]', names)
+    for name in names:
+        if not isinstance(name, str) or name not in QUANTITIES:
+            raise table.error(key, one_of(name, QUANTITIES), name)
+    return tuple(names)
+
+
+def _files(table: Table, key: str) -> tuple[str, ...]:
+    """Names of different files, of one or of a list."""
+    given = table.value(key)
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise table.error(key, "must be a specimen file or a list of them", given)
+    if nul := next((name for name in names if "\0" in name), None):
+        raise table.error(key, "must name files: no file has NUL in its name", nul)
+    stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
+    if times > 1:
+        raise table.error(key, "must be files of different names", stem)
+    return tuple(names)
+
+
+def choices(table: Table, given: SweepFile) -> tuple[dict[str, list[Any]], list[Choice]]:
     """The grid's values by key, and every row of the list with every point of the sample."""
-    grid = _columns(table.table("grid", {}))
+    grid = _columns(given.grid)
     for key, values in grid.items():
         if len(set(map(repr, values))) < len(values):
             raise table.error(f"grid.{key}", "must be different values", values)
-    parts = _list(table.table("list", {})), _sample(table.table("sample", {}))
+    parts = _list(given.columns), _sample(table, given.sample)
     keys = [*grid, *(key for part in parts for key in part[0])]
     for key in keys:
         if keys.count(key) > 1:
@@ -303,8 +345,10 @@ def _limit(table: Table, key: str, what: str, count: int, most: int) -> None:
                          key=table.path(key).strip("."), given=f"{count} of them")
 
 
-def _columns(table: Table) -> dict[str, list[Any]]:
+def _columns(table: Table | None) -> dict[str, list[Any]]:
     """The lists of a table by key; keys must be dotted names in quotation marks."""
+    if table is None:
+        return {}
     columns = {key: table.value(key) for key in table.data}
     _limit(table, "", "keys", len(columns), _MOST_KEYS)
     for key, values in columns.items():
@@ -316,9 +360,9 @@ def _columns(table: Table) -> dict[str, list[Any]]:
     return columns
 
 
-def _list(table: Table) -> list[Choice]:
+def _list(table: Table | None) -> list[Choice]:
     columns = _columns(table)
-    if not columns:
+    if table is None or not columns:
         return [{}]
     length = len(next(iter(columns.values())))
     for key, values in columns.items():
@@ -328,19 +372,15 @@ def _list(table: Table) -> list[Choice]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _sample(table: Table) -> list[Choice]:
-    if not table.data:
+def _sample(table: Table, given: Sample | None) -> list[Choice]:
+    if given is None:
         return [{}]
-    method = table.choice("method", {name: name for name in METHODS})
-    count = int(table.number("count", rule=_SPECIMENS))
-    seed = int(table.number("seed", default=0, rule=_SEED))
-    ranges = table.table("ranges")
+    ranges = given.ranges
     limits = {key: _range(ranges, key, values) for key, values in _columns(ranges).items()}
     if not limits:
-        raise table.error("ranges", "must name at least one key", {})
-    table.done()
-    _limit(table, "count", "values", count * len(limits), _MOST_VALUES)
-    points = sample_points(method, len(limits), count, seed)
+        raise table.error("sample.ranges", "must name at least one key", {})
+    _limit(table, "sample.count", "values", given.count * len(limits), _MOST_VALUES)
+    points = drawn_points(len(limits), given.count, given.seed, given.method)
     choices: list[Choice] = [{} for _ in points]
     for (key, (low, high, unit)), shares in zip(limits.items(), points.T.tolist(), strict=True):
         for choice, share in zip(choices, shares, strict=True):
@@ -361,25 +401,6 @@ def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str
     if not -np.inf < low < high < np.inf:
         raise table.error(key, "must be two finite values, the smaller first", values)
     return low, high, unit
-
-
-def sample_points(method: str, dimensions: int, count: int, seed: int) -> Array:
-    """Points in the unit cube, shape (count, dimensions).
-
-    Signals wait: an interruption within scipy's Sobol sequence is swallowed, and leaves all points
-    equal.
-    """
-    from scipy.stats import qmc
-
-    rng = np.random.default_rng(seed)
-    with signals_wait():
-        if method == "random":
-            return rng.random((count, dimensions))
-        if method == "latin_hypercube":
-            return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
-        # The first points of the scrambled sequence; a power of two of them is balanced.
-        sequence = qmc.Sobol(dimensions, seed=rng)
-        return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
 
 
 def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:
@@ -406,23 +427,20 @@ def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choi
                          given=error.given) from None
 
 
-def _rigs(table: Table, choices: Sequence[Choice]) -> list[Rig]:
+def _rigs(table: Table, rig: Table, choices: Sequence[Choice]) -> list[Rig]:
     """The rig of each choice; all choices have the same keys."""
     if any(key.startswith(_RIG) for key in choices[0]):
-        return [_rig(table, choice) for choice in choices]
-    return [_rig(table, {})] * len(choices)
+        return [_rig(table, rig, choice) for choice in choices]
+    return [Rig.from_table(rig)] * len(choices)
 
 
-def _rig(table: Table, choice: Choice) -> Rig:
-    """The rig of a choice; one of a file of its own is told of that unless the sweep changes it."""
+def _rig(table: Table, rig: Table, choice: Choice) -> Rig:
+    """The rig of a choice of its keys; what is wrong with these is an error of the sweep."""
     changes = {key.removeprefix(_RIG): value for key, value in choice.items()
                if key.startswith(_RIG)}
-    rig = table.table_or_file("rig")
-    if not changes:
-        return Rig.from_table(rig)
     try:
         return Rig.from_table(Table(rig.file, with_choice(rig.data, changes, table), "rig"))
-    except InputError as error:  # what the sweep changes is its own
+    except InputError as error:
         raise InputError(error.allowed, file=table.file, key=error.key, given=error.given
                          ) from None
 
@@ -438,14 +456,18 @@ def _load(table: Table, name: str, value: Any) -> float:
     return number
 
 
+def _end(name: str, span: Table, key: str) -> float:
+    """First or last mass [kg] or voltage [V] of a span."""
+    return _load(span, name, span.value(key))
+
+
 def _loads(table: Table, name: str) -> tuple[float, ...]:
     """All masses [kg], different ones, or all voltages [V], ascending."""
     value = table.value(name)
     if isinstance(value, Mapping):
-        span = table.table(name)
-        low, high = (_load(span, name, span.value(key)) for key in ("from", "to"))
-        loads = np.linspace(low, high, int(span.number("count", rule=_COUNT))).tolist()
-        span.done()
+        span = read(Span, table.table(name), dict.fromkeys(((Span, "low"), (Span, "high")),
+                                                           partial(_end, name)))
+        loads = np.linspace(span.low, span.high, span.count).tolist()
     else:
         items = value if isinstance(value, list) else [value]
         loads = [_load(table, name, item) for item in items]
@@ -454,3 +476,32 @@ def _loads(table: Table, name: str) -> tuple[float, ...]:
     if name == "voltage" and (not loads or loads != sorted(set(loads))):
         raise table.error(name, "must ascend", value)
     return tuple(loads)
+
+
+def _raw(table: Table, key: str) -> Any:
+    """What stands under a key that may have several forms."""
+    return table.value(key, None)
+
+
+def _subtable(table: Table, key: str) -> Table:
+    """A table, empty where it is left out."""
+    return table.table(key, {})
+
+
+def _drawn(table: Table, key: str) -> Sample | None:
+    """The sample, None where there is none."""
+    inner = table.table(key, {})
+    return read(Sample, inner, {(Sample, "ranges"): Table.table}) if inner.data else None
+
+
+#: Readers of keys that may be more than their declaration says.
+_READERS: Special = {
+    (SweepFile, "specimen"): _files,
+    (SweepFile, "mass"): _raw,
+    (SweepFile, "voltage"): _raw,
+    (SweepFile, "grid"): _subtable,
+    (SweepFile, "columns"): _subtable,
+    (SweepFile, "sample"): _drawn,
+    (SweepFile, "rig"): Table.table_or_file,
+    (SweepFile, "ask"): _asked,
+}

@@ -16,16 +16,18 @@ from itertools import repeat
 
 import numpy as np
 
-from tympan.base.arrays import Array
+from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
 from tympan.base.process.threads import one_thread
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, breakdown_warning, remarks_on
 from tympan.studies.films.box import Box, kind_of
-from tympan.studies.films.family import FamilyStates, FilmFamily, require_reducible
+from tympan.studies.films.family import FilmFamily, require_reducible
+from tympan.studies.films.population import LoadGrid, Population
+from tympan.studies.films.states import FilmStates
 from tympan.studies.sweep.asked import QUANTITIES, Record
-from tympan.studies.sweep.family_rows import FamilyRows
+from tympan.studies.sweep.strokes import TENSE
 from tympan.studies.sweep.task import (
     BY_REDUCED,
     COLUMNS,
@@ -43,6 +45,9 @@ _MESH = 8
 
 #: Specimens that are solved together, so that what is finished is kept often enough.
 _TOGETHER = 50
+#: The largest error of a row, as a share of its number, that is not left to finite elements.
+EXACT = 1e-4
+
 #: Batches of one family, to which it is sent each time, before these become larger.
 _MOST_BATCHES = 500
 
@@ -159,20 +164,28 @@ class Batch:
             return {task.id: task.run() for task in self.tasks}
         with one_thread():
             began = time.perf_counter()
-            rows = FamilyRows.of(
-                family, np.array([family.box.row(task.specimen) for task in self.tasks]),
-                self.tasks[0].rig, *(np.array([loads(task) for task in self.tasks])
-                                     for loads in (forces_of, film_voltages_of)))
-            answers = {name: answer(rows) for name in self.tasks[0].ask.names
+            rows = np.array([family.box.row(task.specimen) for task in self.tasks])
+            grid = LoadGrid(Population.alike(family, self.tasks[0].rig, rows),
+                            masses=np.array([task.masses for task in self.tasks]),
+                            voltages=np.array([task.voltages for task in self.tasks]))
+            answers = {name: answer(grid) for name in self.tasks[0].ask.names
                        if (answer := QUANTITIES[name].by_family) is not None}
-            made = _rows(self.tasks, family, rows.states)
-            sure = rows.sure
+            made = _rows(self.tasks, family, grid.states)
+            sure = _sure(grid.states)
             for films in answers.values():
                 sure &= [[record is not None for record in film] for film in films]
             took = (time.perf_counter() - began) / len(self.tasks)
         return {task.id: _completed(task, made[number], {
             name: films[number] for name, films in answers.items()}, sure[number], took)
                 for number, task in enumerate(self.tasks)}
+
+
+def _sure(states: FilmStates) -> Mask:
+    """Mask of the states that a family vouches for."""
+    # Comparisons with states that are missing are false.
+    exact = states.error <= EXACT * np.abs(states.deflection)
+    tense = states.tension > TENSE * states.stress
+    return states.holds & exact & tense & states.sound
 
 
 def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
@@ -194,7 +207,7 @@ def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
 _OF_PLATE = ("reaction_N", "tilt_rad")
 
 
-def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FamilyStates) -> list[list[Row]]:
+def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) -> list[list[Row]]:
     """The rows of each task as their family has them; nan where it has none."""
     share = states.breakdown
     numbers = {"deflection_m": states.deflection,

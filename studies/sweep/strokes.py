@@ -17,11 +17,15 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray, Mask
 from tympan.studies.films.many_films import Films
+from tympan.studies.films.population import LoadGrid, Population
 from tympan.studies.force.cycle import Corner, PlateLoad, exchanged
-from tympan.studies.sweep.family_rows import TENSE, FamilyRows
 
 #: How far deflections are from 0 to that with voltage, at which curves of finite elements end.
 WIDER = 1.1
+
+#: How far a film's least tension is from none in a row that is not left to finite elements, over
+#: its largest stress: between nodes it may be less than at these.
+TENSE = 0.01
 
 #: Estimated error of a row's numbers, as a share of them, beyond which finite elements have it. Of
 #: 2,200 rows of six sweeps the others were off by 8e-5 at most, with 1e-4 here one by 1.07e-4.
@@ -42,46 +46,45 @@ class Strokes:
     sure: Mask
 
 
-def strokes(rows: FamilyRows) -> Strokes:
-    """Strokes of all rows, films first, then masses; without voltage there is none."""
-    family, films = rows.family, rows.films
-    rest = family.states(films, rows.forces, 0.0, check=False)
-    count, several = rows.voltages.shape[1], rows.states.holds.shape[1]
-    voltage = np.tile(rows.voltages, rows.forces.shape[1]).ravel()
+def strokes(grid: LoadGrid) -> Strokes:
+    """Strokes of all films under all loads, masses first; without voltage there is none."""
+    population, films = grid.films, grid.films.every
+    rest = population.family.states(films, grid.forces, 0.0, check=False)
+    count, several = grid.voltages.shape[1], grid.states.holds.shape[1]
+    voltage = np.tile(grid.across, grid.masses.shape[1]).ravel()
     tense = rest.holds & rest.sound & (rest.tension > TENSE * rest.stress)
-    known = (rows.states.holds & np.repeat(tense, count, axis=1)).ravel() & (voltage != 0)
+    known = (grid.states.holds & np.repeat(tense, count, axis=1)).ravel() & (voltage != 0)
     some = np.flatnonzero(known)
     blocked, work, ideal, given = np.full((4, len(voltage)), np.nan)
     found = Strokes(blocked, work, ideal, given, np.zeros(len(voltage), dtype=bool))
     if not len(some):
         return found
     number, squared = some // several, voltage[some] ** 2
-    load = np.repeat(rows.forces, count, axis=1).ravel()[some]
+    load = np.repeat(grid.forces, count, axis=1).ravel()[some]
     starts = np.repeat(rest.q, count, axis=1).reshape(len(voltage), -1)[some]
-    ends = rows.states.q.reshape(len(voltage), -1)[some]
+    ends = grid.states.q.reshape(len(voltage), -1)[some]
     none = np.zeros(len(some))
     first = _States.loaded(films, number, starts, none, load)
     charged = _States.held(films, number, first.q, squared)
     moved = _States.loaded(films, number, ends, squared, load)
     discharged = _States.held(films, number, moved.q, none)
     corners = [first, charged, moved, discharged]
-    held = [_tense(rows, number, corner) for corner in (charged, discharged)]
+    held = [_tense(population, number, corner) for corner in (charged, discharged)]
     into, out = exchanged([corner.energies(films, number) for corner in corners])
     begin, end = first.deflection, moved.deflection
     blocked[some] = first.force - charged.force
-    work[some] = np.abs(PlateLoad(rows.rig.loading.biases, load).work(begin, end))
+    work[some] = np.abs(PlateLoad(population.rig.loading.biases, load).work(begin, end))
     ideal[some], given[some] = into - out, into
     sure = held[0] & held[1] & (into > 0)
     sure &= (begin * end >= 0) & (np.abs(begin) <= WIDER * np.abs(end))
-    sure[sure] = _exact(rows, number, corners, into - out, np.flatnonzero(sure),
+    sure[sure] = _exact(population, number, corners, into - out, np.flatnonzero(sure),
                         some // count)
     found.sure[some] = sure
     return found
 
 
-def _exact(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: AnyArray,
-           some: AnyArray,
-           group: AnyArray) -> Mask:
+def _exact(population: Population, number: AnyArray, corners: list[_States], ideal: AnyArray,
+           some: AnyArray, group: AnyArray) -> Mask:
     """Mask of some rows whose numbers have a small error, as far as estimates say.
 
     Of each film under each mass, a ``group``, the highest voltage says so. Where the error is large
@@ -89,7 +92,7 @@ def _exact(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: An
     """
     def off(chosen: AnyArray) -> AnyArray:
         states = [corner.some(chosen) for corner in corners]
-        return _off(rows, number[chosen], states, ideal[chosen])
+        return _off(population, number[chosen], states, ideal[chosen])
 
     highest = np.flatnonzero(np.diff(group[some], append=-1))
     share = np.repeat(off(some[highest]), np.diff(highest, prepend=-1))
@@ -98,15 +101,17 @@ def _exact(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: An
     return np.asarray(share <= ESTIMATED)
 
 
-def _off(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: AnyArray) -> AnyArray:
+def _off(population: Population, number: AnyArray, corners: list[_States], ideal: AnyArray
+         ) -> AnyArray:
     """Estimated errors of rows' numbers, relative: the largest of the forces' and of the work's."""
-    errors = [rows.family.error(rows.films, number, corner.q, corner.force, corner.squared,
-                                corner.stiffness) for corner in corners]
+    family, films = population.family, population.every
+    errors = [family.error(films, number, corner.q, corner.force, corner.squared, corner.stiffness)
+              for corner in corners]
     apart = [corner.stiffness * error for corner, error in zip(corners, errors, strict=True)]
     first, charged, moved, discharged = corners
     fall, rise = first.force - charged.force, discharged.force - moved.force
     # Above a gas they have had either sign, with and without voltage.
-    longer = errors[2] + errors[0] if rows.films.gas else errors[2] - errors[0]
+    longer = errors[2] + errors[0] if films.gas else errors[2] - errors[0]
     with np.errstate(all="ignore"):
         # A longer stroke adds to the ideal work what the forces differ by at its end.
         shares = [(apart[0] - apart[1]) / fall, (apart[3] - apart[2]) / rise,
@@ -114,10 +119,11 @@ def _off(rows: FamilyRows, number: AnyArray, corners: list[_States], ideal: AnyA
     return np.asarray(np.abs(shares).max(0))
 
 
-def _tense(rows: FamilyRows, number: AnyArray, corner: _States) -> Mask:
+def _tense(population: Population, number: AnyArray, corner: _States) -> Mask:
     """Mask of states in which the film is in tension everywhere and firm."""
-    extremes = rows.films.extremes(rows.films.at(rows.family.looked_at), number, corner.q,
-                                   corner.squared)
+    films = population.every
+    places = films.at(population.family.looked_at)
+    extremes = films.extremes(places, number, corner.q, corner.squared)
     return np.asarray((extremes.tension > TENSE * extremes.stress) & extremes.sound)
 
 

@@ -11,14 +11,17 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.points import drawn_points
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Band, Case, CaseResult, Settings
+from tympan.studies.films.family import FilmFamily
+from tympan.studies.films.population import Population
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits import CurveResult
 from tympan.studies.limits.voltages import first_limit
-from tympan.studies.tolerance.drawn import Copies, Scattered
-from tympan.studies.tolerance.given import Tolerances, causes
+from tympan.studies.tolerance.drawn import BY_SPREAD, Scattered
+from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Tolerances
 
 #: Films of a band, a power of two for Sobol's sequence: its edges are known to some 5 % of its
 #: width.
@@ -58,10 +61,9 @@ def bands(values: Array) -> tuple[Band | None, ...]:
     return tuple(found)
 
 
-def quantity_bands(copies: Copies, mass: float, voltage: float) -> dict[str, Band]:
+def quantity_bands(films: Population, mass: float, voltage: float) -> dict[str, Band]:
     """Bands of films under a nominal mass [kg] and voltage [V], by the keys of a result."""
-    solved = copies.solved(mass, voltage, swings=False)
-    return {key: band for key, values in solved.items() if key != "frequency_Hz"
+    return {key: band for key, values in films.numbers(mass, voltage).items()
             for band in bands(values) if band is not None}
 
 
@@ -75,8 +77,8 @@ def banded(result: Any, specimen: Specimen, tolerances: Tolerances, rig: Rig, se
 @banded.register
 def _(result: CaseResult, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
       ) -> CaseResult:
-    copies = _under(specimen, tolerances, [result.mass_kg], result.voltage_V, rig, settings)
-    found = quantity_bands(copies, result.mass_kg, result.voltage_V)
+    films = _under(specimen, tolerances, [result.mass_kg], result.voltage_V, rig, settings)
+    found = quantity_bands(films, result.mass_kg, result.voltage_V)
     if found:
         return replace(result, bands=found)
     return replace(result, warnings=(*result.warnings, FEW_REACH))
@@ -89,13 +91,13 @@ def _(result: CurveResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
     there = table["status"] == "equilibrium"
     if not there.any():
         return result
-    copies = _under(specimen, tolerances, masses, float(table["voltage"][there].max()), rig,
+    films = _under(specimen, tolerances, masses, float(table["voltage"][there].max()), rig,
                     settings)
     curves = []
     for curve in result.curves:
         of_mass = there & np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
         voltages = np.linspace(0.0, table["voltage"][of_mass].max(initial=0.0), _VOLTAGES)
-        deflections = copies.solved(curve.mass_kg, voltages, swings=False)["deflection_m"]
+        deflections = films.numbers(curve.mass_kg, voltages)["deflection_m"]
         curves.append(replace(curve, band_voltage_V=tuple(voltages.tolist()),
                               band_deflection_m=bands(deflections)))
     return replace(result, curves=tuple(curves))
@@ -109,13 +111,16 @@ def _(result: ForceResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
     if most <= 0:
         return result
     highest = max(abs(curve.voltage_V) for curve in result.curves)
-    scattered, points = drawn(specimen, tolerances)
-    copies = Copies.of(scattered, points, (_LEAST * most, most),
-                       float(rig.film_voltage(highest)), rig, settings)
+    scattered = Scattered.of(specimen, tolerances)
+    box = scattered.box()
+    across = scattered.scaled(AMPLIFIER, 0.0, float(rig.film_voltage(highest)))
+    family = FilmFamily.over(box, scattered.scaled(LOAD, _LEAST * most, most), across, rig,
+                             settings, BY_SPREAD)
+    films = scattered.films(family, box.row(specimen), points(scattered), rig)
     curves, first = [], result.curves[0]
     for curve in result.curves:
-        across = copies.across(curve.voltage_V)[:, 0]
-        columns = [_held(copies, place, force, across) for place, force in
+        across_films = films.across(curve.voltage_V)[:, 0]
+        columns = [_held(films, place, force, across_films) for place, force in
                    zip(curve.displacement_m, first.force_N, strict=False)]
         found = bands(np.array(columns).reshape(len(columns), -1).T) if columns else ()
         curves.append(replace(curve, band_force_N=found))
@@ -132,39 +137,36 @@ def deflection_bands(specimen: Specimen, tolerances: Tolerances, masses: Sequenc
     limits = [first_limit(Case(specimen, mass=mass, rig=rig), settings) for mass in masses]
     reached = [np.inf if limit is None else limit.voltage_V for limit in limits]
     highest = min(max(map(abs, voltages)), max(reached))
-    copies = _under(specimen, tolerances, masses, highest, rig, settings)
+    films = _under(specimen, tolerances, masses, highest, rig, settings)
     found = []
     for mass, most in zip(masses, reached, strict=True):
         there = [voltage for voltage in voltages if abs(voltage) <= most]
-        of_mass = iter(bands(copies.solved(mass, there, swings=False)["deflection_m"])
+        of_mass = iter(bands(films.numbers(mass, there)["deflection_m"])
                        if there else ())
         found.append(tuple(next(of_mass) if voltage in there else None for voltage in voltages))
     return found
 
 
-def _held(copies: Copies, place: float, force: float, across: Array) -> Array:
+def _held(films: Population, place: float, force: float, across: Array) -> Array:
     """Forces [N] that hold plates at a place [m], where a force [N] without voltage is near."""
-    near = copies.rests(np.full(len(across), max(force, 0.0)))
+    near = films.rests(np.full(len(across), max(force, 0.0)))
     near[:, 0] = np.where(np.isfinite(near[:, 0]), place, np.nan)
-    return copies.held(near, across)
+    return films.held(near, across)
 
 
 def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], voltage: float,
-           rig: Rig, settings: Settings) -> Copies:
+           rig: Rig, settings: Settings) -> Population:
     """Films under some masses [kg], up to a nominal voltage [V]."""
-    scattered, points = drawn(specimen, tolerances)
     forces = [float(rig.force(mass, specimen.plate_area)) for mass in masses]
     if not (any(forces) or rig.gas_pressure):
         raise InputError("must be above 0: without a load the plate of no film moves, so there is "
                          "no band", key="mass", given="0 g")
-    return Copies.of(scattered, points, (min(forces), max(forces)),
-                     float(rig.film_voltage(max(voltage, 1.0))), rig, settings)
+    scattered = Scattered.of(specimen, tolerances)
+    box, loads = scattered.box(), (min(masses), max(masses))
+    family = scattered.family(box, loads, max(voltage, 1.0), rig, settings)
+    return scattered.films(family, box.row(specimen), points(scattered), rig)
 
 
-def drawn(specimen: Specimen, tolerances: Tolerances) -> tuple[Scattered, Array]:
-    """Scattering numbers, and points of films in them."""
-    scattered = Scattered(specimen, causes(specimen, tolerances)[0])
-    from scipy.stats import qmc  # half a second, and no need of one who asks for no bands
-
-    sequence = qmc.Sobol(scattered.inputs, seed=np.random.default_rng(_SEED))
-    return scattered, np.asarray(sequence.random_base2(int(np.log2(_FILMS))))
+def points(scattered: Scattered) -> Array:
+    """Points of the films of a band, that of the film without scatter first."""
+    return scattered.with_nominal(drawn_points(scattered.inputs, _FILMS, _SEED))

@@ -12,7 +12,7 @@ from tympan.base.arrays import Mask
 from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
 from tympan.studies.films.first_limits import ENDS, kinds, label_of
-from tympan.studies.films.loaded import FamilyFilms
+from tympan.studies.films.population import LoadedFilms
 from tympan.studies.wanted import Bound
 
 #: What is told of the films, by key: words, unit of the bench, and what an SI number is of it.
@@ -141,7 +141,7 @@ class FilmFailure:
         return f"in {share} of the films {self.label} comes before {voltage}"
 
     @classmethod
-    def of(cls, films: FamilyFilms, lost: Mask, voltage: float,
+    def of(cls, films: LoadedFilms, lost: Mask, voltage: float,
            independent: Independent = len) -> tuple[FilmFailure, ...]:
         """Failures of ``lost`` films, a mask, on the way to a nominal voltage; the usual first."""
         met = np.full(len(lost), None, dtype=object)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.points import drawn_points
 
 #: Standard deviations of a share within its limits of 95 %.
 _LIMITS = 1.96
@@ -32,13 +33,10 @@ class Design:
     @classmethod
     def drawn(cls, groups: Sequence[Sequence[bool]], count: int, seed: int) -> Design:
         """Design of about ``count`` points: Sobol's sequence, whose length is a power of two."""
-        from scipy.stats import qmc  # half a second, also for who draws no films
-
         chosen = np.array(groups, dtype=bool)
         inputs = chosen.shape[1]
         power = max(4, round(np.log2(count / (len(chosen) + 2))))
-        sequence = qmc.Sobol(2 * inputs, seed=np.random.default_rng(seed))
-        first, second = np.split(sequence.random_base2(power), 2, axis=1)
+        first, second = np.split(drawn_points(2 * inputs, 2**power, seed), 2, axis=1)
         mixed = [np.where(group, second, first) for group in chosen]
         return cls(np.array([first, second, *mixed]), chosen)
 

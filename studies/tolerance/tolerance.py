@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import kinds, label_of
+from tympan.studies.films.population import LoadedFilms, Population
 from tympan.studies.limits.loads import require_moved, usual_masses, usual_voltages
 from tympan.studies.limits.voltages import first_limit
-from tympan.studies.tolerance.drawn import Copies, Scattered
+from tympan.studies.tolerance.drawn import Scattered
 from tympan.studies.tolerance.given import Cause, Tolerances, causes
 from tympan.studies.tolerance.result import (
     QUANTITIES,
@@ -133,37 +134,73 @@ def tolerance(case: ToleranceCase, settings: Settings,
                          given=f"{voltage:g} V")
     drawn = Drawn.of(case, found, mass, voltage, settings)
     made = time.perf_counter()
-    progress(f"{drawn.films} films")
-    values = drawn.solved()
-    reached = drawn.reached(values)
-    wanted, kept = drawn.wanted(case, reached)
+    progress(f"{drawn.count} films")
+    solved = drawn.solved()
+    reached = solved.reached[1:]
+    wanted, kept = drawn.wanted(solved)
     limits = drawn.limits()
     warnings = [*Case(case.specimen, mass=mass, voltage=voltage, rig=case.rig).remarks, *words]
     return ToleranceResult(
-        specimen=case.specimen.name, mass_kg=mass, voltage_V=voltage, films=drawn.films,
+        specimen=case.specimen.name, mass_kg=mass, voltage_V=voltage, films=drawn.count,
         seed=case.seed, tolerances=tuple(map(_stated, found)),
         reached=Chance.of(reached, drawn.design.independent),
         fails=drawn.fails(reached), wanted=wanted, kept=kept,
-        quantities=drawn.spreads(values, reached) | limits.spread(), limits=limits.record(),
+        quantities=drawn.spreads(solved) | limits.spread(), limits=limits.record(),
         error=drawn.error(),
         made_s=made - began, wall_s=time.perf_counter() - began,
-        warnings=(*warnings, *_missed(reached), *drawn.excuse(values, case, settings),
+        warnings=(*warnings, *_missed(reached), *drawn.excuse(solved, settings),
                   *limits.warnings, *_without_air(case.rig)))
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """Films of a design under a nominal mass [kg] and voltage [V].
+class Solved:
+    """Answers of films, the nominal one first, (films,) each.
 
-    The first of the ``copies`` is the nominal one, the others are the design's. ``first``: the
+    ``values`` of the quantities by their keys, nan of films that do not reach the voltage;
+    ``missed``: shares by which they miss the wanted bounds.
+    """
+
+    values: Mapping[str, AnyArray]
+    reached: Mask
+    missed: Sequence[AnyArray]
+
+    @classmethod
+    def of(cls, films: LoadedFilms, wanted: Sequence[Bound]) -> Self:
+        """Solve films of one block."""
+        reached, states = films.reached, films.states
+        rest, charged = states.deflection[:, :2].T
+        loaded = films.films.loaded(films.loads)
+        values = {"deflection_m": loaded * charged, "stroke_m": loaded * (charged - rest),
+                  "capacitance_F": states.capacitance[:, 1]}
+        if films.swings:  # a film without plate blocks nothing
+            values |= {"blocked_force_N": films.blocked_force, "frequency_Hz": films.frequency}
+        return cls({key: np.where(reached, value, np.nan) for key, value in values.items()},
+                   reached, [bound.misses(films) for bound in wanted])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Answers of all films, block by block."""
+        values = {key: np.concatenate([part.values[key] for part in parts])
+                  for key in QUANTITIES if key in parts[0].values}
+        missed = [np.concatenate(each) for each in zip(*(part.missed for part in parts),
+                                                       strict=True)]
+        return cls(values, np.concatenate([part.reached for part in parts]), missed)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Films of a design under the nominal mass [kg] and voltage [V] of a case.
+
+    The first of the ``films`` is the nominal one, the others are the design's. ``first``: the
     nominal film's first limit by finite elements.
     """
 
-    copies: Copies
+    films: Population
     causes: tuple[Cause, ...]
     design: Design
     mass: float
     voltage: float
+    case: ToleranceCase
     first: Limit | None
 
     @classmethod
@@ -172,120 +209,85 @@ class Drawn:
         """The films of a case, and their family."""
         scattered, rig = Scattered(case.specimen, found), case.rig
         design = scattered.design(case.films, case.seed)
-        nominal = Case(case.specimen, mass=mass, rig=rig)
-        first = first_limit(nominal, settings)
+        first = first_limit(Case(case.specimen, mass=mass, rig=rig), settings)
         asked = [bound.value for bound in case.wanted if bound.name == LIMIT]
         highest = max(case.margin * voltage, *asked,
                       0.0 if first is None else _ABOVE * first.voltage_V)
-        force = nominal.force(float(case.specimen.plate_area))
-        copies = Copies.of(scattered, design.points, (force, force),
-                           float(rig.film_voltage(highest)), rig, settings)
-        return cls(copies, found, design, mass, voltage, first)
-
-    @property
-    def rows(self) -> AnyArray:
-        """Parameters of the films, (films, names)."""
-        return self.copies.drawn.rows
+        box = scattered.box()
+        family = scattered.family(box, (mass, mass), highest, rig, settings)
+        films = scattered.films(family, box.row(case.specimen),
+                                scattered.with_nominal(design.points), rig)
+        return cls(films, found, design, mass, voltage, case, first)
 
     @property
     def family(self) -> FilmFamily:
-        """Solver of them."""
-        return self.copies.family
+        """The family that solves them."""
+        return self.films.family
 
     @property
-    def forces(self) -> AnyArray:
-        """Forces on their plates [N], (films,)."""
-        return self.copies.forces(self.mass)
+    def count(self) -> int:
+        """Count of the films beside the nominal one."""
+        return len(self.films) - 1
 
-    @property
-    def voltages(self) -> AnyArray:
-        """Voltages across them [V], (films,)."""
-        return self.copies.across(self.voltage)[:, 0]
+    def loaded(self, margin: float = 1.0) -> LoadedFilms:
+        """The films under their loads, and what times a margin of the voltage does to them."""
+        plated = self.case.specimen.plate is not None
+        return self.films.under(self.mass, self.voltage, margin, swings=plated)
 
-    @property
-    def films(self) -> int:
-        """Number of films beside the nominal one."""
-        return len(self.rows) - 1
-
-    def solved(self) -> dict[str, AnyArray]:
-        """Quantities of all films by key; nan of those that do not reach the voltage."""
-        parts = list(map(self._solved, self.copies.parts()))
-        return {key: np.concatenate([part[key] for part in parts])
-                for key in QUANTITIES if key in parts[0]}
-
-    def _solved(self, copies: Copies) -> dict[str, AnyArray]:
-        forces = copies.forces(self.mass)
-        rest = copies.rests(forces)
-        plated = self.family.box.specimen.plate is not None
-        values = {key: found[:, 0] for key, found in
-                  copies.solved(self.mass, self.voltage, rest, swings=plated).items()}
-        if not plated:  # nothing is blocked, and nothing swings
-            del values["frequency_Hz"]
-            return values
-        blocked = forces - copies.held(rest, copies.across(self.voltage)[:, 0])
-        values["blocked_force_N"] = np.where(np.isfinite(values["deflection_m"]), blocked, np.nan)
-        values["frequency_Hz"] = np.minimum(values["frequency_Hz"],
-                                            copies.frequencies(rest, self.mass))
-        return values
-
-    @staticmethod
-    def reached(values: dict[str, AnyArray]) -> Mask:
-        """Mask of the films that reach the voltage, the nominal one left out."""
-        return np.isfinite(values["deflection_m"][1:])
+    def solved(self) -> Solved:
+        """Answers of all films."""
+        parts = self.loaded(self.case.margin).parts()
+        return Solved.joined([Solved.of(part, self.case.wanted) for part in parts])
 
     def fails(self, reached: Mask) -> tuple[FilmFailure, ...]:
         """First limits of the films that do not reach the voltage."""
-        films = self.copies.loaded(self.mass, self.voltage).part(slice(1, None))
+        films = self.loaded().part(slice(1, None))
         return FilmFailure.of(films, ~reached, self.voltage, self.design.independent)
 
-    def wanted(self, case: ToleranceCase, reached: Mask
-               ) -> tuple[tuple[WantedBound, ...], Chance | None]:
+    def wanted(self, solved: Solved) -> tuple[tuple[WantedBound, ...], Chance | None]:
         """Films that keep each of the bounds that are wanted, and all together, if there are any.
 
         By the same quantities as of films that are searched for; all but the first limit are those
         at the voltage, so that a film that does not reach it does not keep them.
         """
-        if not case.wanted:
+        if not self.case.wanted:
             return (), None
-        films = self.copies.loaded(self.mass, self.voltage, case.margin).part(slice(1, None))
-        kept = [(bound.misses(films) <= 0) & (reached | (bound.name == LIMIT))
-                for bound in case.wanted]
+        reached = solved.reached[1:]
+        kept = [(missed[1:] <= 0) & (reached | (bound.name == LIMIT))
+                for bound, missed in zip(self.case.wanted, solved.missed, strict=True)]
         each = tuple(WantedBound.of(bound, some, reached, self.design.independent)
-                     for bound, some in zip(case.wanted, kept, strict=True))
+                     for bound, some in zip(self.case.wanted, kept, strict=True))
         return each, Chance.of(np.all([reached, *kept], axis=0), self.design.independent)
 
     def error(self) -> float | None:
         """Largest estimated error of the deflection of the first films, relative, if any."""
-        some = slice(0, _CHECKED)
-        states = self.family.states(self.rows[some], self.forces[some, None],
-                                    self.voltages[some, None])
+        films = self.films.part(slice(0, _CHECKED))
+        states = self.family.states(films.films, films.forces(self.mass)[:, None],
+                                    films.across(self.voltage))
         share = states.error / np.abs(states.deflection)
         return float(np.nanmax(share)) if np.isfinite(share).any() else None
 
-    def excuse(self, values: dict[str, AnyArray], case: ToleranceCase, settings: Settings
-               ) -> list[str]:
+    def excuse(self, solved: Solved, settings: Settings) -> list[str]:
         """Why the film without scatter does not reach the voltage, by finite elements."""
-        if np.isfinite(values["deflection_m"][0]):
+        if solved.reached[0]:
             return []
-        found = solve(Case(case.specimen, mass=self.mass, voltage=self.voltage, rig=case.rig),
-                      settings)
+        case = Case(self.case.specimen, mass=self.mass, voltage=self.voltage, rig=self.case.rig)
+        found = solve(case, settings)
         return ["the film without scatter does not reach the voltage: "
                 + "; ".join(found.warnings)]
 
-    def spreads(self, values: dict[str, AnyArray], reached: Mask) -> dict[str, Spread]:
+    def spreads(self, solved: Solved) -> dict[str, Spread]:
         """Distributions by key; none where hardly any film reaches the voltage."""
-        if reached.sum() < _BINS:
+        if solved.reached[1:].sum() < _BINS:
             return {}
-        return {key: self.spread(value, self.design) for key, value in values.items()}
+        return {key: self.spread(value, self.design) for key, value in solved.values.items()}
 
     def limits(self) -> Limited:
         """The first limits of some of the films."""
         design, numbers = self.design.part(_LIMITED)
-        some = np.array([0, *(1 + numbers)])
-        drawn = self.copies.drawn
-        found = self.family.first_limits(drawn.rows[some], self.forces[some], drawn.strength[some])
-        nominal = self.copies.rig.nominal_voltage(found.voltage / drawn.amplifier[some])
-        return Limited(self, design, nominal, found.kind)
+        films = self.films.part(np.append(0, 1 + numbers))
+        voltage, kind = films.first_limits(self.mass)
+        return Limited(self, design, voltage, kind)
 
     def spread(self, values: AnyArray, design: Design) -> Spread:
         """Scatter of values of the nominal film and those of a design, nan left out."""
@@ -337,7 +339,7 @@ class Limited:
         shares = {kind: float((self._met & (self.kind[1:] == kind)).mean()) for kind in kinds()}
         return FilmLimits(
             films=len(self._met),
-            highest_V=self.drawn.copies.rig.nominal_voltage(self.drawn.family.voltage[1]),
+            highest_V=self.drawn.films.rig.nominal_voltage(self.drawn.family.voltage[1]),
             kinds={kind: share for kind, share in sorted(shares.items(), key=lambda item: -item[1])
                    if share})
 
@@ -364,7 +366,7 @@ class Limited:
         """Warning that the nominal film's limit is not that of finite elements."""
         known, found = self.drawn.first, float(self.voltage[0])
         # A median strength by the electrode's area is another than the stated one.
-        if known is None or not np.isclose(self.drawn.copies.drawn.strength[0], 1.0):
+        if known is None or not np.isclose(self.drawn.films.strength[0], 1.0):
             return []
         kind = self.kind[0]
         if kind == known.kind and abs(found - known.voltage_V) <= _ASTRAY * known.voltage_V:

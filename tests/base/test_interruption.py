@@ -16,9 +16,9 @@ from types import FrameType
 import numpy as np
 import pytest
 
+from tympan.base.points import drawn_points
 from tympan.base.process.interruption import signals_wait
 from tympan.studies.files import write_text
-from tympan.studies.sweep.plan import sample_points
 
 
 @pytest.fixture(autouse=True)
@@ -51,11 +51,12 @@ def interrupted(moment: float, act: Callable[[], object]) -> bool:
 
 def test_samples_are_whole_or_not_there_whenever_a_signal_comes() -> None:
     """An exception within scipy's Sobol sequence is swallowed, and its points are then equal."""
+    drawn_points(1, 1, 1)  # imports what takes longer than to draw
     points: list[np.ndarray] = []
     moments, count = np.random.default_rng(2), 0
     for method in ("sobol", "latin_hypercube"):
         began = time.perf_counter()
-        right = sample_points(method, 300, 16, 3)
+        right = drawn_points(300, 16, 3, method)
         seconds = time.perf_counter() - began
         for moment in moments.uniform(0.0, seconds, 20):
             count += interrupted(moment, partial(drawn, points, method))
@@ -65,7 +66,7 @@ def test_samples_are_whole_or_not_there_whenever_a_signal_comes() -> None:
 
 
 def drawn(points: list[np.ndarray], method: str) -> None:
-    points.append(sample_points(method, 300, 16, 3))
+    points.append(drawn_points(300, 16, 3, method))
 
 
 def test_a_signal_waits_and_then_does_what_it_does() -> None:

@@ -7,7 +7,7 @@ does not hold is left to finite elements.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,11 +23,12 @@ from tympan.fem.rig import MOST_VOLTAGE
 from tympan.studies.case import Limit, Limits, Settings
 from tympan.studies.films.box import STIFFNESS, Box, kind_of, varying
 from tympan.studies.films.family import FamilySettings, FilmFamily, require_reducible
+from tympan.studies.films.population import Population
 from tympan.studies.films.rise import FamilyRise, rise
 from tympan.studies.limits.curve import CURVES, CurveResult, MassCurve
-from tympan.studies.tolerance.bands import bands, drawn
-from tympan.studies.tolerance.drawn import Copies
-from tympan.studies.tolerance.given import FACTORS, Tolerances
+from tympan.studies.tolerance.bands import bands, points
+from tympan.studies.tolerance.drawn import Scattered
+from tympan.studies.tolerance.given import Tolerances
 
 #: How far the numbers of the films may be from those of the view, relative: some 20 steps of a
 #: slider. Films farther away would take more shapes than are quick.
@@ -92,7 +93,7 @@ class Neighbours:
                       if key in known and (value := value_of(view, key)) > 0}
             reach = box = Box.around(view.specimen, limits)
             if tolerances is not None:
-                box = Box.around(view.specimen, _widened(limits, view, tolerances))
+                box = Scattered.of(view.specimen, tolerances).box(limits, generous=True)
         except InputError:
             return None
         # A line of the electrode within the film may give way by itself.
@@ -117,32 +118,12 @@ class Neighbours:
 
     def family(self) -> FilmFamily | None:
         """The family of these films; None where it cannot be made."""
-        rig, plate = self.view.rig, self.view.specimen.plate_area
-        found = sorted(rig.force(mass, plate * size) for mass in (0.0, self.mass)
-                       for size in ((1 - _WIDE) ** 2, (1 + _WIDE) ** 2))
-        forces, voltage = (found[0], found[-1]), float(rig.film_voltage(self.voltage))
-        if self.tolerances is not None:
-            scattered, _ = drawn(self.view.specimen, self.tolerances)
-            forces, voltage = scattered.forces(forces), scattered.highest(voltage)
+        scattered = Scattered.of(self.view.specimen, self.tolerances)
         try:
-            return FilmFamily.over(self.box, forces, (0.0, voltage), rig, self.settings, _FAMILY)
+            return scattered.family(self.box, (0.0, self.mass), self.voltage, self.view.rig,
+                                    self.settings, _FAMILY)
         except InputError:
             return None
-
-
-def _widened(limits: Mapping[str, tuple[float, float]], view: FilmView, tolerances: Tolerances
-             ) -> dict[str, tuple[float, float]]:
-    """Limits of numbers, so far apart that films between them may scatter about any of these."""
-    scattered, _ = drawn(view.specimen, tolerances)
-    around = {name: edges for name, edges in scattered.around().items() if name not in FACTORS}
-    wide = dict(limits)
-    for name, (low, high) in around.items():
-        value = 1.0 if name == STIFFNESS else value_of(view, name)
-        first, last = limits.get(name, (value, value))
-        # Lengths scatter by as much whatever they are, other numbers in proportion.
-        wide[name] = (min(first + low - value, first * low / value if value else low),
-                      max(last + high - value, last * high / value if value else high))
-    return wide
 
 
 @dataclass(eq=False)
@@ -153,16 +134,16 @@ class _Scatter:
     tolerances: Tolerances
     curve: Bands | None = None
 
-    def bands(self, view: FilmView, end: float) -> Iterator[Bands | Pause]:
+    def bands(self, view: FilmView, row: Array, end: float) -> Iterator[Bands | Pause]:
         """Bands of a view's numbers and of its curve to an end [V]; of ever more films."""
         yield Pause(_REST)
         film = replace(view, voltage=0.0)
         known = self.curve if self.curve is not None and self.curve.view == film else None
-        scattered, points = drawn(view.specimen, self.tolerances)
-        copies = Copies.within(self.family, scattered, points, view.rig, view.stiffness)
+        scattered = Scattered.of(view.specimen, self.tolerances)
+        films = scattered.films(self.family, row, points(scattered), view.rig)
         found = Bands(view, *((), ()) if known is None else (known.voltages, known.deflections))
-        for solved in _growing(copies, view.mass, np.array([view.voltage])):
-            here = {key: band for key, values in solved.items() if key != "frequency_Hz"
+        for solved in _growing(films, view.mass, np.array([view.voltage])):
+            here = {key: band for key, values in solved.items()
                     if (band := bands(values)[0]) is not None}
             found = replace(found, numbers=here)
             yield found
@@ -170,7 +151,7 @@ class _Scatter:
         if known is not None:
             return
         voltages = end * np.linspace(0.0, 1.0, _VOLTAGES) ** 0.5
-        for solved in _growing(copies, view.mass, voltages):
+        for solved in _growing(films, view.mass, voltages):
             found = replace(found, voltages=tuple(voltages.tolist()),
                             deflections=bands(solved["deflection_m"]))
             yield found
@@ -178,12 +159,11 @@ class _Scatter:
         self.curve = replace(found, view=film)
 
 
-def _growing(copies: Copies, mass: float, voltages: Array) -> Iterator[dict[str, Array]]:
+def _growing(films: Population, mass: float, voltages: Array) -> Iterator[dict[str, Array]]:
     """Numbers of ever more films at some voltages [V]; the first is the one without scatter."""
     solved: list[dict[str, Array]] = []
-    for some in np.array_split(np.arange(1, len(copies.drawn.rows)), _PARTS):
-        part = replace(copies, drawn=copies.drawn.part(np.append(0, some)))
-        found = part.solved(mass, voltages, swings=False)
+    for some in np.array_split(np.arange(1, len(films)), _PARTS):
+        found = films.part(np.append(0, some)).numbers(mass, voltages)
         solved.append({key: values[bool(solved):] for key, values in found.items()})
         yield {key: np.concatenate([each[key] for each in solved]) for key in found}
 
@@ -213,8 +193,9 @@ def by_family(films: Neighbours) -> Answer:
         _, row, risen = last[0]
         yield (QuickCurve(view) if row is None or risen is None else
                _quick(view, family, row, risen))
-        if risen is not None and scatter is not None:
-            yield from scatter.bands(view, view.rig.shown_voltage(float(risen.squared[-1]) ** 0.5))
+        if row is not None and risen is not None and scatter is not None:
+            highest = view.rig.shown_voltage(float(risen.squared[-1]) ** 0.5)
+            yield from scatter.bands(view, row, highest)
 
     return answer
 

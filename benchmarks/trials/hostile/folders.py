@@ -31,9 +31,9 @@ def drawn(*arguments):
         time.sleep(10)  # on a busy machine a signal comes a little later
     except BaseException:
         pass
-    return [[0.5, 0.5]] * arguments[2]
+    return [[0.5, 0.5]] * arguments[1]
 
-plan.sample_points = drawn
+plan.drawn_points = drawn
 sys.argv[0] = "tympan"
 __main__.run_command()
 """

@@ -254,8 +254,8 @@ def test_films_that_scatter_keep_the_bounds_by_finite_elements() -> None:
     values = np.array([film.numbers[key].value for key in film.numbers])
     points = qmc.Sobol(space.inputs, seed=np.random.default_rng(7)).random_base2(5)
     drawn, failed = space.scattered(values, points), 0
-    for row, load, voltage, strength in zip(drawn.rows, drawn.loads, drawn.across[:, 1],
-                                            drawn.strength, strict=True):
+    for row, load, voltage, strength in zip(drawn.films.rows, drawn.loads, drawn.across[:, 1],
+                                            drawn.films.strength, strict=True):
         exact = ExactFilm(space.family.box.member(row), float(load) / 9.80665, film.voltage_V,
                           Rig(), Settings(), wanted.margin, float(voltage) / film.voltage_V,
                           float(strength))

@@ -15,12 +15,13 @@ import pytest
 from tests.support.closed_films import ClosedSpace
 from tests.support.costs import dear
 from tests.support.specimens import circular
+from tympan.base.points import drawn_points
 from tympan.fem.film.breakdown import ConstantStrength
 from tympan.studies.case import Settings
 from tympan.studies.design.design import designed_film, sought_in
 from tympan.studies.design.ranges import Vary
 from tympan.studies.design.requirements import SOUGHT, Requirements
-from tympan.studies.design.scatter import ScatteredFilms, drawn
+from tympan.studies.design.scatter import ScatteredFilms
 from tympan.studies.design.search import Search
 from tympan.studies.wanted import BREAKDOWN, TENSION, Bound, by_key
 
@@ -101,7 +102,7 @@ def test_what_may_be_relaxed_is_weaker_and_true(seed: int) -> None:
 def copies(where: ClosedSpace, x: np.ndarray) -> ScatteredFilms:
     """Other copies of a design than those of the search."""
     search = Search(where, where.requirements.kept(where.specimen), "")
-    return ScatteredFilms.of(search, where.values(x), drawn(where, 2048, 7))
+    return ScatteredFilms.of(search, where.values(x), drawn_points(where.inputs, 2048, 7))
 
 
 SCATTERED = [

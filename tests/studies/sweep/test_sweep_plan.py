@@ -13,6 +13,7 @@ import pytest
 from tests.support.specimens import specimen_toml
 from tests.support.sweeps import CHEAP, read, written
 from tympan.base.errors import InputError
+from tympan.base.points import METHODS, drawn_points
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
@@ -21,7 +22,7 @@ from tympan.geometry.cad.parts import write_dxf
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.sweep.asked import Ask
-from tympan.studies.sweep.plan import METHODS, read_sweep, sample_points
+from tympan.studies.sweep.plan import read_sweep
 from tympan.studies.sweep.task import SweepTask
 
 LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
@@ -72,10 +73,10 @@ def test_a_film_without_plate_needs_no_mass(tmp_path) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
-    points = sample_points(method, 3, 60, 1)
+    points = drawn_points(3, 60, 1, method)
     assert points.shape == (60, 3)
-    assert np.array_equal(points, sample_points(method, 3, 60, 1))
-    assert not np.array_equal(points, sample_points(method, 3, 60, 2))
+    assert np.array_equal(points, drawn_points(3, 60, 1, method))
+    assert not np.array_equal(points, drawn_points(3, 60, 2, method))
     assert points.min() >= 0
     assert points.max() < 1
     assert np.abs(points.mean(axis=0) - 0.5).max() < 0.15

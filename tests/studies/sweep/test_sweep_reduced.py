@@ -15,8 +15,8 @@ from tests.support.costs import dear
 from tympan.studies.parallel import processes, serial
 from tympan.studies.sweep import reduced, strokes
 from tympan.studies.sweep.cluster import cluster
-from tympan.studies.sweep.family_rows import EXACT
 from tympan.studies.sweep.plan import Sweep, read_sweep
+from tympan.studies.sweep.reduced import EXACT
 from tympan.studies.sweep.run import run_sweep
 
 SPECIMEN = """name = "oval"

@@ -236,10 +236,10 @@ def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -
     _, numbers = drawn.design.part(1 / 8)
     for film_number in np.random.default_rng(5).choice(len(numbers), 3, replace=False):
         row = 1 + numbers[film_number]
-        member = drawn.family.box.member(drawn.rows[row])
-        scattered = ConstantStrength(strength * float(drawn.copies.drawn.strength[row]))
+        member = drawn.family.box.member(drawn.films.rows[row])
+        scattered = ConstantStrength(strength * float(drawn.films.strength[row]))
         member = replace(member, membrane=replace(member.membrane, strength=scattered))
-        factors = drawn.copies.drawn
+        factors = drawn.films
         known = first_limit(Case(member, mass=MASS * float(factors.load[row]),
                                  rig=Rig(amplifier_gain=float(factors.amplifier[row]) - 1)),
                             COARSE)
@@ -263,13 +263,14 @@ def test_a_first_limit_that_is_not_that_of_finite_elements_is_told() -> None:
 
 def exact(drawn: Drawn, film: int) -> dict[str, float]:
     """The quantities of a film by finite elements on a mesh of its own."""
-    case = Case(drawn.family.box.member(drawn.rows[film]))
+    case = Case(drawn.family.box.member(drawn.films.rows[film]))
     model = build_model(case.specimen, COARSE, case.rig.loading)
-    force, voltage = float(drawn.forces[film]), float(drawn.voltages[film])
+    force = float(drawn.films.forces(MASS)[film])
+    voltage = float(drawn.films.across(drawn.voltage)[film, 0])
     rest, charged = (equilibrium(model, force, across) for across in (0.0, voltage))
     first, last = (model.deflection(outcome.state) for outcome in (rest, charged))
     blocked = held(model, first, voltage, rest.solution)
-    plate = carried(replace(case, mass=MASS * float(drawn.copies.drawn.load[film])))
+    plate = carried(replace(case, mass=MASS * float(drawn.films.load[film])))
     frequency = heaving_frequency(model, charged.state, plate)
     assert frequency is not None
     return {"deflection_m": last, "stroke_m": last - first,
@@ -282,13 +283,13 @@ def drawn_films() -> tuple[Drawn, dict[str, np.ndarray]]:
     given = Tolerances(permittivity=Scatter(batch=0.03), offset=LengthScatter(film=5e-4))
     case = ToleranceCase(oval(), tolerances=given, films=1000, seed=4)
     drawn = Drawn.of(case, causes(oval(), given)[0], MASS, VOLTAGE, COARSE)
-    return drawn, drawn.solved()
+    return drawn, dict(drawn.solved().values)
 
 
 def compared(count: int) -> dict[str, np.ndarray]:
     """Quantities by finite elements of some of the films, drawn at random."""
     drawn, values = drawn_films()
-    chosen = np.random.default_rng(2).choice(len(drawn.rows), count, replace=False)
+    chosen = np.random.default_rng(2).choice(len(drawn.films), count, replace=False)
     known = [exact(drawn, int(film)) for film in chosen]
     for key, found in values.items():
         expected = np.array([each[key] for each in known])
@@ -310,12 +311,12 @@ def test_films_keep_wanted_bounds_as_finite_elements_do() -> None:
     middle = {name: float(np.median(values[key])) for key, name in names.items()}
     bounds = [Bound(name, value, least) for name, value in middle.items()
               for least in (True, False)]
-    films = drawn.copies.loaded(MASS, VOLTAGE)
+    films = drawn.loaded()
     missed = {bound: bound.misses(films) for bound in bounds}
     for bound, share in missed.items():
         key = next(key for key, name in names.items() if name == bound.name)
         np.testing.assert_allclose(share, bound.missed(values[key]), atol=1e-6)
-    chosen = np.random.default_rng(8).choice(len(drawn.rows), 6, replace=False)
+    chosen = np.random.default_rng(8).choice(len(drawn.films), 6, replace=False)
     for film in chosen:
         known = exact(drawn, int(film))
         for key, name in names.items():
@@ -323,9 +324,10 @@ def test_films_keep_wanted_bounds_as_finite_elements_do() -> None:
                 by_elements = float(bound.missed(np.array(known[key])))
                 # Nearer to a bound than reduced films are to finite elements neither is sure.
                 assert abs(by_elements) < 1e-3 or (missed[bound][film] <= 0) == (by_elements <= 0)
-    case = ToleranceCase(oval(), films=1000, wanted=tuple(bounds[:3]))
-    reached = drawn.reached(values)
-    told, kept = drawn.wanted(case, reached)
+    asked = replace(drawn, case=replace(drawn.case, wanted=tuple(bounds[:3])))
+    solved = asked.solved()
+    reached = solved.reached[1:]
+    told, kept = asked.wanted(solved)
     masks = [reached & (missed[bound][1:] <= 0) for bound in bounds[:3]]
     assert [each.kept.probability for each in told] == [mask.mean() for mask in masks]
     assert kept is not None
@@ -341,24 +343,38 @@ def test_what_films_fail_of_is_what_finite_elements_meet_first() -> None:
     given = replace(STILL, stiffness=Scatter(film=0.1), strength=StrengthScatter(shape=10))
     case = ToleranceCase(film, films=200, tolerances=given)
     drawn = Drawn.of(case, causes(film, given)[0], MASS, limit.voltage_V, COARSE)
-    reached = drawn.reached(drawn.solved())
+    reached = drawn.solved().reached[1:]
     fails = {each.kind: each for each in drawn.fails(reached)}
     assert {*fails} == {"tension", "breakdown"}
     assert sum(each.share.probability for each in fails.values()) == pytest.approx(
         1 - reached.mean())
-    films = drawn.copies.loaded(MASS, limit.voltage_V).part(slice(1, None))
+    films = drawn.loaded().part(slice(1, None))
     met = np.full(len(reached), "", dtype=object)
     met[~reached] = films.failures(~reached)
     chosen = [*np.flatnonzero(met == "tension")[:2], *np.flatnonzero(met == "breakdown")[:2],
               np.flatnonzero(reached)[0]]
     for number in chosen:
-        member = drawn.family.box.member(films.rows[number])
-        scattered = ConstantStrength(48e6 * float(films.strength[number]))
+        member = drawn.family.box.member(films.films.rows[number])
+        scattered = ConstantStrength(48e6 * float(films.films.strength[number]))
         member = replace(member, membrane=replace(member.membrane, strength=scattered))
         known = first_limit(Case(member, mass=MASS), COARSE)
         assert known is not None
         assert (known.voltage_V <= limit.voltage_V) == (met[number] != "")
         assert met[number] in ("", known.kind)
+
+
+def test_a_pressure_loads_each_plate_by_its_own_area_beside_its_own_weight() -> None:
+    """The pressure carries most of the weight, so that forces scatter more than loads do."""
+    rig = Rig(plate_pressure=-400.0)
+    given = replace(STILL, load=Scatter(film=0.05), plate=LengthScatter(film=2e-4))
+    case = ToleranceCase(oval(), tolerances=given, films=100, rig=rig)
+    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, 2000.0, COARSE)
+    radii = [drawn.family.box.member(row).needed_plate().outline.semi_axes[0]
+             for row in drawn.films.rows]
+    forces = 9.80665 * MASS * drawn.films.load - 400.0 * np.pi * np.square(radii)
+    np.testing.assert_allclose(drawn.films.forces(MASS), forces, rtol=1e-12)
+    assert np.std(forces) > 0.1 * np.mean(forces)
+    assert drawn.solved().reached.all()
 
 
 @pytest.mark.study(seconds=9)

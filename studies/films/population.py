@@ -1,0 +1,340 @@
+"""Many films on a rig under their loads: each with its own numbers, load, supply and strength.
+
+    films = Population.alike(family, rig, rows)
+    loaded = films.under(mass, voltage)
+    loaded.deflection, loaded.blocked_force, loaded.first_limit
+
+Searches for designs, tolerances, sweeps and the live explorer ask their films here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from tympan.base.arrays import AnyArray, Array, Mask
+from tympan.fem.results.limit_states import BREAKDOWN, TENSION
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.films.family import BLOCK, FilmFamily
+from tympan.studies.films.first_limits import ENDS, kinds
+from tympan.studies.films.many_films import Films
+from tympan.studies.films.states import FilmStates
+
+#: How near to a voltage a limit is met at it, relative: limits are found to some 1e-4.
+_SAME = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Films of a family on a rig; what differs between them has one value a film, (films,)."""
+
+    family: FilmFamily
+    rig: Rig
+    #: Parameters of the films, (films, names), in the order of the family's box.
+    rows: Array
+    #: Factors on the nominal mass.
+    load: Array
+    #: Factors on the voltage that the rig makes of the nominal one.
+    amplifier: Array
+    #: Factors on the film's electric strength.
+    strength: Array
+    #: Specimens of the films; None for one that cannot be built. Few ask for them.
+    specimens: Sequence[Specimen | None] = ()
+
+    @classmethod
+    def alike(cls, family: FilmFamily, rig: Rig, rows: Array,
+              specimens: Sequence[Specimen | None] = ()) -> Self:
+        """Films whose factors are all 1."""
+        one = np.ones(len(rows))
+        return cls(family, rig, rows, one, one, one, specimens)
+
+    @classmethod
+    def joined(cls, several: Sequence[Self]) -> Self:
+        """Join populations of one family and rig, one after the other."""
+        first = several[0]
+        columns = {name: np.concatenate([getattr(each, name) for each in several])
+                   for name in ("rows", "load", "amplifier", "strength")}
+        specimens = [specimen for each in several for specimen in each.specimens]
+        return cls(first.family, first.rig, **columns, specimens=specimens)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def part(self, some: Any) -> Self:
+        """Some of the films, by a slice, numbers or a mask."""
+        columns = {name: getattr(self, name)[some]
+                   for name in ("rows", "load", "amplifier", "strength")}
+        numbers = np.arange(len(self))[some].tolist()
+        specimens = [self.specimens[number] for number in numbers] if self.specimens else ()
+        return replace(self, **columns, specimens=specimens)
+
+    def parts(self) -> Iterator[Self]:
+        """Parts of all films, as they are computed together."""
+        for start in range(0, len(self), BLOCK):
+            yield self.part(slice(start, start + BLOCK))
+
+    @cached_property
+    def every(self) -> Films:
+        """All films with their meshes."""
+        return self.family.films(self.rows)
+
+    @property
+    def films(self) -> Films | Array:
+        """Films with meshes that are kept where they are few, else the rows of the films."""
+        return self.every if len(self) <= BLOCK else self.rows
+
+    def forces(self, mass: Any) -> Array:
+        """Forces on the plates [N] of nominal masses [kg].
+
+        ``mass``: one of all films, or one a film, for forces (films,); (films, masses) for as many.
+        """
+        mass = np.asarray(mass, dtype=float)
+        column = (-1, *[1] * (mass.ndim - 1))
+        size = self.family.box.plate_areas(self.rows) if self.rig.plate_pressure else np.zeros(1)
+        forces: Array = self.rig.force(mass * self.load.reshape(column), size.reshape(column))
+        return forces
+
+    def moving(self, mass: Any) -> Array:
+        """Masses that move with the plates [kg] under nominal ones, (films,)."""
+        moving: Array = mass * self.load + self.rig.unaccounted_mass + self.rig.added_mass
+        return moving
+
+    def across(self, voltages: Any) -> Array:
+        """Voltages across the films [V] at nominal ones, (films, voltages).
+
+        ``voltages``: one, several for all films, or (films, voltages).
+        """
+        across: Array = self.amplifier[:, None] * self.rig.film_voltage(np.atleast_1d(voltages))
+        return across
+
+    def states(self, mass: Any, voltages: Any) -> FilmStates:
+        """States under a nominal mass [kg], first without voltage and then at nominal voltages [V].
+
+        Films that have lost tension are there, too, as if they bore compression.
+        """
+        across = self.across(np.append(0.0, voltages))
+        return self.family.states(self.films, self.forces(mass)[:, None], across, check=False,
+                                  loose=True)
+
+    def reached(self, states: FilmStates) -> Mask:
+        """Mask of the states that films reach: firm, in tension, below their strength."""
+        broken = states.breakdown >= self.strength[:, None]
+        reached: Mask = states.holds & ~states.slack & states.sound & ~broken
+        return reached
+
+    def numbers(self, mass: float, voltages: Any) -> dict[str, Array]:
+        """Numbers under a mass [kg] at nominal voltages [V], (films, voltages), by result's key.
+
+        They are nan of films that do not reach the voltage.
+        """
+        states = self.states(mass, voltages)
+        rest, charged = states.deflection[:, :1], states.deflection[:, 1:]
+        loaded = self.loaded(self.forces(mass))[:, None]
+        values = {"deflection_m": loaded * charged, "stroke_m": loaded * (charged - rest),
+                  "capacitance_F": states.capacitance[:, 1:]}
+        there = self.reached(states)[:, 1:] & states.holds[:, :1]
+        return {key: np.where(there, value, np.nan) for key, value in values.items()}
+
+    def loaded(self, forces: Array) -> Mask:
+        """Mask of films on which something acts: others are flat, and their deflection rounding."""
+        pressure = self.family.box.pressures(self.rows, self.family.ground.pressure)
+        loaded: Mask = (forces != 0) | bool(pressure.any())
+        return loaded
+
+    def rests(self, forces: Array) -> Array:
+        """Amplitudes q without voltage under forces on the plates [N], (films, shapes)."""
+        return self.family.rests(self.films, forces, np.zeros(len(self)))
+
+    def held(self, q: Array, across: Array) -> Array:
+        """Forces [N] that hold plates where states q have them, at voltages across, (films,)."""
+        return self.family.held_forces(self.films, q, across)
+
+    def first_limits(self, mass: Any) -> tuple[Array, AnyArray]:
+        """Find the nominal voltages [V] of the first limits, and their kinds, (films,).
+
+        A voltage is infinite where the family meets none, or its supply does not reach it.
+        """
+        found = self.family.first_limits(self.films, self.forces(mass), self.strength)
+        nominal = self.rig.nominal_voltage(found.voltage / self.amplifier)
+        return np.asarray(nominal), found.kind
+
+    def under(self, mass: Any, voltage: Any, margin: float = 1.0, *, swings: bool = True
+              ) -> LoadedFilms:
+        """The films under nominal masses [kg] and voltages [V], one of all or one a film."""
+        every = len(self)
+        return LoadedFilms(self, np.broadcast_to(mass, every), np.broadcast_to(voltage, every),
+                           margin, swings)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedFilms:
+    """Films of a population under their loads, as :class:`~tympan.studies.wanted.Loaded`."""
+
+    films: Population
+    #: Nominal mass on each plate [kg].
+    mass: Array
+    #: Nominal voltage of each film [V].
+    voltage: Array
+    #: Times its voltage that a film must bear without loss of tension.
+    margin: float = 1.0
+    #: Whether frequencies are asked for.
+    swings: bool = True
+
+    @cached_property
+    def loads(self) -> Array:
+        """Forces on the plates [N], (films,)."""
+        return self.films.forces(self.mass)
+
+    @cached_property
+    def across(self) -> Array:
+        """Voltages without, with and, where more is to be borne, beyond that, (films, states)."""
+        levels = [0.0, 1.0, self.margin] if self.margin > 1 else [0.0, 1.0]
+        return self.films.across(np.outer(self.voltage, levels))
+
+    @cached_property
+    def states(self) -> FilmStates:
+        """States at these voltages."""
+        masses = None
+        if self.swings:  # beyond its voltage no frequency is asked for
+            asked = np.arange(self.across.shape[1]) < 2
+            masses = np.where(asked, self.films.moving(self.mass)[:, None], np.nan)
+        return self.films.family.states(self.films.films, self.loads[:, None], self.across,
+                                        check=False, masses=masses, loose=True)
+
+    @property
+    def reached(self) -> Mask:
+        """Mask of films that reach their voltage, (films,)."""
+        return self.films.reached(self.states)[:, 1] & self.states.holds[:, 0]
+
+    @property
+    def specimens(self) -> Sequence[Specimen | None]:
+        return self.films.specimens
+
+    @property
+    def deflection(self) -> Array:
+        return self.states.deflection
+
+    @property
+    def capacitance(self) -> Array:
+        return self.states.capacitance
+
+    @property
+    def force(self) -> Array:
+        return self.states.force
+
+    @property
+    def stress(self) -> Array:
+        return self.states.stress
+
+    @property
+    def tension(self) -> Array:
+        return self.states.tension
+
+    @property
+    def electric(self) -> Array:
+        return self.states.electric
+
+    @property
+    def breakdown(self) -> Array:
+        return self.states.breakdown / self.films.strength[:, None]
+
+    @cached_property
+    def blocked_force(self) -> Array:
+        return self.loads - self.films.held(self.states.q[:, 0], self.across[:, 1])
+
+    @property
+    def frequency(self) -> Array:
+        return np.asarray(self.states.frequency[:, :2].min(1))
+
+    @cached_property
+    def limit(self) -> Array:
+        _, taut = self.films.family.limits(self.films.rows, self.loads[:, None])
+        return taut[:, 0] / self.across[:, 1]
+
+    @cached_property
+    def first_limit(self) -> Array:
+        return self.films.first_limits(self.mass)[0]
+
+    @property
+    def sound(self) -> Mask:
+        """Mask of films with their states, firm and within their law up to their voltage."""
+        return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
+
+    def part(self, some: Any) -> LoadedFilms:
+        """Some of the films, by a slice, numbers or a mask."""
+        return replace(self, films=self.films.part(some), mass=self.mass[some],
+                       voltage=self.voltage[some])
+
+    def parts(self) -> Iterator[LoadedFilms]:
+        """Parts of all films, as they are computed together."""
+        for start in range(0, len(self.films), BLOCK):
+            yield self.part(slice(start, start + BLOCK))
+
+    def failures(self, some: Mask) -> Array:
+        """Find the kind of the first limit of each of ``some`` films on the way to its voltage.
+
+        ``some`` is a mask, the kinds are :func:`~tympan.studies.films.first_limits.kinds`, (some,).
+        A loss of tension or pull-in counts up to the margin, any other limit up to the voltage; the
+        kind is "" where nothing is met.
+        """
+        part = self.part(np.flatnonzero(some))
+        films = part.films
+        met = np.full(len(films), "", dtype=object)
+        if not len(met):
+            return met
+        ways = [(part.across[:, 1], kinds())]
+        if self.margin > 1:
+            ways.append((part.across[:, 2], ENDS))
+        for highest, wanted in ways:
+            found = films.family.first_limits(films.films, part.loads, films.strength,
+                                              wanted=wanted)
+            beyond = np.isnan(found.voltage) | (found.voltage <= highest * (1 + _SAME))
+            met = np.where((met == "") & beyond, found.kind, met)
+        return part._by_states(met)
+
+    def _by_states(self, met: Array) -> Array:
+        """Find the kinds by the films' states where no limit is known."""
+        some = np.flatnonzero(met == "")
+        if not len(some):
+            return met
+        films = self.part(some)
+        with np.errstate(invalid="ignore"):
+            slack, broken = films.tension.min(1) <= 0, films.breakdown[:, 1] >= 1
+        met = met.copy()
+        met[some] = np.where(slack, TENSION.kind, np.where(broken, BREAKDOWN.kind, ""))
+        return met
+
+
+@dataclass(frozen=True, eq=False)
+class LoadGrid:
+    """Films of a population under every mass and every voltage, masses first.
+
+    ``masses`` [kg] and nominal ``voltages`` [V] are those of each film, (films, masses) and (films,
+    voltages). Of states the shape is (films, masses × voltages).
+    """
+
+    films: Population
+    masses: Array
+    voltages: Array
+
+    @cached_property
+    def forces(self) -> Array:
+        """Forces on the plates [N], (films, masses)."""
+        return self.films.forces(self.masses)
+
+    @cached_property
+    def across(self) -> Array:
+        """Voltages across the films [V], (films, voltages)."""
+        return self.films.across(self.voltages)
+
+    @cached_property
+    def states(self) -> FilmStates:
+        """States with the errors of their deflections."""
+        forces = np.repeat(self.forces, self.voltages.shape[1], axis=1)
+        across = np.tile(self.across, self.masses.shape[1])
+        return self.films.family.states(self.films.films, forces, across)

@@ -1,0 +1,87 @@
+"""Answers of many films: their states under loads, and the voltages at which they end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from tympan.base.arrays import AnyArray, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class FilmStates:
+    """States of many films under loads: named variables of shape (films, states), in SI.
+
+    Numbers are nan where the family ``holds`` no state. Finite elements then say what is there.
+    """
+
+    #: Deflection [m].
+    deflection: AnyArray
+    #: Error of the deflection [m], which it exceeds in some 1 of 40 films; nan if not estimated.
+    error: AnyArray
+    #: Force that the film carries [N].
+    force: AnyArray
+    #: Capacitance of the film [F].
+    capacitance: AnyArray
+    #: Energy that the film stores [J].
+    energy: AnyArray
+    #: Stiffness of film, springs and mechanisms against the plate [N/m].
+    stiffness: AnyArray
+    #: Largest principal stretch from the virgin film.
+    stretch: AnyArray
+    #: Largest principal true stress [Pa].
+    stress: AnyArray
+    #: Most by which that stress differs from the one on a mesh of the film's own [Pa].
+    stress_error: AnyArray
+    #: Least principal true stress [Pa].
+    tension: AnyArray
+    #: Largest electric field [V/m].
+    electric: AnyArray
+    #: Largest share of the electric strength that the field reaches.
+    breakdown: AnyArray
+    #: Place of that share in the mounted film [m], (films, states, 2).
+    weakest: AnyArray
+    #: Electric field at that place [V/m].
+    weakest_field: AnyArray
+    #: Electric strength at that place [V/m].
+    weakest_strength: AnyArray
+    #: Tilt of the plate [rad].
+    tilt: AnyArray
+    #: Lowest frequency along the load [Hz]; nan where no mass was given.
+    frequency: AnyArray
+    #: Amplitudes of the shapes, (films, states, shapes).
+    q: AnyArray
+    #: Mask of states in which the film is firm in itself and its law within its range.
+    sound: Mask
+    #: Mask of states that are stable and in tension, of films and loads that the family is of.
+    holds: Mask
+    #: Mask of stable states that are not in tension everywhere.
+    slack: Mask
+
+    @classmethod
+    def joined(cls, several: Sequence[Self]) -> Self:
+        """Join the states of several groups of films, one group after the other."""
+        return cls(**{item.name: np.concatenate([getattr(each, item.name) for each in several])
+                      for item in fields(cls)})
+
+
+@dataclass(frozen=True, eq=False)
+class FilmEnds:
+    """Voltages [V] at which films break down, lose tension or pull in, (films, forces) each.
+
+    A voltage is infinite where that does not happen within the family's voltages, or a pull-in
+    comes first. It is nan without a state at the lowest of these voltages, and beyond the loss of
+    tension.
+    """
+
+    breakdown: AnyArray
+    tension: AnyArray
+    pull_in: AnyArray
+
+    @property
+    def taut(self) -> AnyArray:
+        """Voltage up to which films are taut and stable [V]."""
+        return np.fmin(self.tension, self.pull_in)
