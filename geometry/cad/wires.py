@@ -12,6 +12,7 @@ from tympan.base.system import missing_library
 from tympan.base.units import METRE, millimetres
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
+from tympan.geometry.specimen import Pair
 
 try:
     from OCP.BRepBuilderAPI import (
@@ -40,8 +41,6 @@ except ImportError as error:
     if ".so" not in str(error):
         raise
     raise missing_library(error) from None
-
-Pair = tuple[float, float]
 
 _UP = gp_Dir(0, 0, 1)
 

@@ -31,6 +31,9 @@ _MISTAKE = 1e-2
 #: Number of places above which a k-d tree saves more time than it takes to load.
 _MANY = 1000
 
+#: Most lines that take the place of one arc or spline.
+_MOST_CHORDS = 2**14
+
 #: Two ends that meet in a gap, and how far they are apart [m].
 Gaps = list[tuple[int, int, float]]
 
@@ -332,9 +335,14 @@ def _thinned(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str
 
 
 def _straightened(loop: list[Piece], tolerance: float) -> tuple[list[Piece], list[str]]:
-    """Replace all pieces by lines within the tolerance; half of it is for chords, half to thin."""
-    points = np.vstack([*(_chords(piece, tolerance / 2) for piece in loop),
-                        piece_ends(loop)[1][-1:]])
+    """Replace all pieces by lines within the tolerance; half of it is for chords, half to thin.
+
+    Pieces that would take too many lines stay as they are.
+    """
+    chords = [_chords(piece, tolerance / 2) for piece in loop]
+    if not all(map(len, chords)):
+        return loop, []
+    points = np.vstack([*chords, piece_ends(loop)[1][-1:]])
     keep = _few(points, tolerance / 2)
     lines: list[Piece] = [Line((a[0], a[1]), (b[0], b[1]))
                           for a, b in pairwise(points[keep].tolist())]
@@ -343,13 +351,21 @@ def _straightened(loop: list[Piece], tolerance: float) -> tuple[list[Piece], lis
 
 
 def _chords(piece: Piece, within: float) -> AnyArray:
-    """Points along a piece, without its end, whose chords keep within a distance of it."""
-    for count in () if isinstance(piece, Line) else (2**power for power in range(1, 15)):
+    """Points along a piece, without its end, whose chords keep within a distance of it.
+
+    There are none if that takes more than :data:`_MOST_CHORDS`.
+    """
+    starts: AnyArray = piece_ends([piece])[0]
+    if isinstance(piece, Line):
+        return starts
+    count = 2
+    while count <= _MOST_CHORDS:
         points = piece.at(np.linspace(0, 1, 2 * count + 1))[0]
         middles = (points[:-2:2] + points[2::2]) / 2
         if np.linalg.norm(points[1::2] - middles, axis=1).max() <= within:
             return points[:-1:2]
-    return np.asarray(piece_ends([piece])[0])
+        count *= 2
+    return starts[:0]
 
 
 def _few(points: AnyArray, tolerance: float) -> AnyArray:

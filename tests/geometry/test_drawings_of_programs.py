@@ -158,6 +158,16 @@ def test_arcs_that_are_too_many_become_lines_within_the_tolerance() -> None:
     assert radii.min() > 0.05 - 0.201e-3
 
 
+def test_an_arc_that_takes_too_many_lines_stays_an_arc() -> None:
+    angle = np.linspace(np.pi, 2 * np.pi, 1101)
+    corners = np.column_stack([np.cos(angle), np.sin(angle)])
+    corners[[0, -1]] = [[-1, 0], [1, 0]]
+    below = [Line((u, v), (x, y)) for (u, v), (x, y) in pairwise(corners.tolist())]
+    curve, = closed_curves([Arc((0.0, 0.0), (1.0, 1.0), 0.0, np.pi), *below], 1e-9).closed
+    assert len(curve.pieces) == 1101
+    assert curve.area == pytest.approx(np.pi, rel=1e-5)
+
+
 def test_advice_on_too_many_arcs_helps(tmp_path: Path) -> None:
     """A coil-like rim of 1,200 deep arcs: refused, and read with the tolerance that is named."""
     document = ezdxf.new(units=ezdxf.units.MM)
