@@ -28,7 +28,8 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.energy import Energy, EnergyBalance
-from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import (
     Case,

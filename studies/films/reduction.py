@@ -25,7 +25,8 @@ from tympan.fem.film.density import from_virgin, principal_stretches
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
-from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion

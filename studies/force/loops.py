@@ -12,7 +12,8 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.transient.dense_output import spline
-from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.studies.force.result import ForceLoop
 from tympan.studies.signals import Pieces
 

@@ -12,7 +12,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
-from tympan.fem.transient.integrate import Stopped
+from tympan.fem.transient.ends import Stopped
 from tympan.geometry.outlines import area
 from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.films.driven_film import ERROR, ReducedMoment

@@ -26,7 +26,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
-from tympan.fem.transient.integrate import Stopped
+from tympan.fem.transient.ends import Stopped
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch
