@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Literal, TypeVar
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Generic, Literal, TypeVar
 
 #: Kind of end, as results name it.
 EndKind = Literal["drawn_in", "pull_in", "thinning"]
@@ -38,16 +39,20 @@ class Stopped(ArithmeticError):
         self.kind, self.time, self.why = kind, time, why
 
 
-def status(stopped: Stopped | None) -> Literal["done"] | EndKind:
+def status_of(stopped: Stopped | None) -> Literal["done"] | EndKind:
     """Why a motion ended: ``done`` where nothing stopped it before its signal's end."""
     return "done" if stopped is None else stopped.kind
 
 
-def watched(moments: Iterable[_Moment], look: Callable[[_Moment], object]) -> Stopped | None:
-    """Look at each moment of a motion as it comes; answer what stopped it, None for nothing."""
-    try:
-        for moment in moments:
-            look(moment)
-    except Stopped as ending:
-        return ending
-    return None
+@dataclass(eq=False)
+class Followed(Generic[_Moment]):
+    """Moments of a motion, one after the other; then what ``stopped`` it, None for nothing."""
+
+    moments: Iterable[_Moment]
+    stopped: Stopped | None = None
+
+    def __iter__(self) -> Iterator[_Moment]:
+        try:
+            yield from self.moments
+        except Stopped as ending:
+            self.stopped = ending

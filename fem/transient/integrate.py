@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -42,13 +41,14 @@ from tympan.fem.equilibrium.ramp import without_mechanism
 from tympan.fem.equilibrium.snap import landed
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
-from tympan.fem.film.density import from_virgin, small_strain_modulus
+from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
 from tympan.fem.transient.dense_output import weights
 from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.film_memory import virgin_strain
 from tympan.fem.transient.stepper import StepControl, moments
 
 #: How much the branches' relative change counts beside the plate's motion over the frame. A strain
@@ -361,8 +361,8 @@ class Transient:
         guess = self.state_at([*past[len(ahead) - 3:], *ahead], time)
         if self.heave is None:
             guess = guess.under(force=self.force)
-        flow = moment.memory.step(self._strain(moment.state), duration,
-                                  self._strain(guess) if moment.memory.flows else None)
+        flow = moment.memory.step(virgin_strain(self.model, moment.state), duration,
+                                  virgin_strain(self.model, guess) if moment.memory.flows else None)
         model = self._moving(replace(self.model, flow=flow), moment, guess, duration)
         voltage, charge = self._electrodes(model, guess, moment, source, duration)
         given = (_VOLTAGE if charge else (), charge) if self.heave is None else (
@@ -374,7 +374,7 @@ class Transient:
         state, swing = solution.state, model.loading.swing
         if state.voltage_squared < 0:  # of a film that is all but discharged
             state = state.under(voltage=0.0)
-        following = Moment(time, state, flow.after(self._strain(state)),
+        following = Moment(time, state, flow.after(virgin_strain(self.model, state)),
                            stiffness=moment.stiffness)
         if swing is not None:
             velocity, rate = map(self._of_freedoms, swing.after(state.plate))
@@ -433,7 +433,8 @@ class Transient:
         """The model whose film pulls as its branches stand at a moment."""
         if not len(moment.memory.times):
             return self.model
-        return replace(self.model, flow=moment.memory.step(self._strain(moment.state), 0.0))
+        strain = virgin_strain(self.model, moment.state)
+        return replace(self.model, flow=moment.memory.step(strain, 0.0))
 
     @cached_property
     def _highest(self) -> float:
@@ -448,11 +449,6 @@ class Transient:
         damping = np.zeros((6, 6))
         damping[HEAVE, HEAVE] = self.damper
         return damping
-
-    def _strain(self, state: State) -> Any:
-        """C of the virgin film at the quadrature points."""
-        return from_virgin(self.model.cauchy_green(state.positions),
-                           self.model.specimen.membrane.prestretch)
 
 
 @dataclass(eq=False)
@@ -487,12 +483,12 @@ class _InMotion:
         scale = min([end - begin, *transient.times(moment)])
         return [moment], transient.settings.first * scale
 
-    def attempt(self, duration: float, until: float) -> float:
+    def attempt(self, duration: float, end: float | None) -> float:
         ahead, error = self.transient.step(self.past, self.piece, duration, self.tangent)
-        if ahead is not None:
+        if ahead is not None and end is not None:
             moment, tangent = ahead
             # Halves may add up to a little less than the whole.
-            ahead = replace(moment, time=until), tangent
+            ahead = replace(moment, time=end), tangent
         self.attempted = ahead
         return error
 

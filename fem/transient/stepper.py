@@ -77,8 +77,11 @@ class Mover(Protocol[Moment_co]):
         Without a length the steps go on as in the piece before.
         """
 
-    def attempt(self, duration: float, until: float) -> float:
-        """Error of a step of a duration [s] to a time [s]; infinite where it finds no balance."""
+    def attempt(self, duration: float, end: float | None) -> float:
+        """Error of a step of a duration [s]; infinite where it finds no balance.
+
+        A step to the ``end`` of a piece ends there to the last digit.
+        """
 
     def accept(self) -> Sequence[Moment_co]:
         """Go on from the step that was attempted last; answer its moments."""
@@ -112,7 +115,7 @@ def moments(mover: Mover[Moment_co], breaks: Sequence[float]) -> Iterator[Moment
         while mover.time < end:
             rest = end - mover.time
             duration = rest if step >= rest else min(step, rest / 2)
-            error = mover.attempt(duration, end if duration == rest else mover.time + duration)
+            error = mover.attempt(duration, end if duration == rest else None)
             step = control.next(duration, error)
             if error <= control.error:
                 yield from mover.accept()

@@ -175,10 +175,11 @@ class _InMotion:
         self.jump = loads if jumps and not motion.leads else None
         return [] if self.jump is not None else [self.moment], step
 
-    def attempt(self, duration: float, until: float) -> float:
+    def attempt(self, duration: float, end: float | None) -> float:
         motion, moment = self.motion, self.moment
         times = moment.time + duration * motion.rule.nodes
-        times[-1] = until
+        if end is not None:
+            times[-1] = end
         motion.spend(moment, len(times))
         step = CollocatedStep(motion, moment, self.piece, times, self.jump)
         self.attempted = motion.attempted(step, self.past)

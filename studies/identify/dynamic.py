@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
+from tympan.fem.transient.ends import Stopped
 from tympan.studies.estimation.identifiability import (
     Identifiability,
     identifiability,
@@ -212,9 +213,15 @@ class DynamicProblem:
                                                              self.began, strict=True)):
             near = None if solver.last is None else float(solver.last.nodes[0, 0])
             start = self._start(record, z[:inner], began, near)
-            motion = solver.solve(self.actuator(record, z), start, constants=z[:inner],
-                                  by_constants=partial(self.by_constants, record, z)) \
-                if derivatives else solver.solve(self.actuator(record, z), start[:, :1])
+            actuator = self.actuator(record, z)
+            try:
+                motion = solver.solve(actuator, start, constants=z[:inner],
+                                      by_constants=partial(self.by_constants, record, z)) \
+                    if derivatives else solver.solve(actuator, start[:, :1])
+            except Stopped as ending:
+                raise InputError("is drawn in with these constants: its motion goes beyond the "
+                                 "model's reach", key=actuator.specimen.name,
+                                 given=f"after {ending.time:.4g} s") from None
             y, speed, by = motion.deflection(record.time + delays[number] * record.interval)
             shown = np.asarray(self.rig.reading(y, record.time - record.time[0]))
             slopes = np.zeros((len(y), len(z)))

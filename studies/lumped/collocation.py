@@ -15,6 +15,7 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.base.errors import InputError
+from tympan.fem.transient.ends import Stopped
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.signals import Signal
 
@@ -117,15 +118,6 @@ class Motion:
         return step, width, (at - self.time[step]) / width
 
 
-class DrawnIn(InputError):
-    """A motion that has no end within the model; ``time`` is up to when it has one [s]."""
-
-    def __init__(self, actuator: Actuator, time: float) -> None:
-        super().__init__("is drawn in with these constants: its motion goes beyond the model's "
-                         "reach", key=actuator.specimen.name, given=f"after {time:.4g} s")
-        self.time = time
-
-
 @dataclass(eq=False)
 class CollocationSolver:
     """Solves an actuator's motion under one signal, for one set of constants after the other.
@@ -148,8 +140,14 @@ class CollocationSolver:
         """The motion from a state and its derivatives by constants, ``start``, shape (size, 1 + p).
 
         ``mesh`` are the times to begin with [s], by default those of the last motion, or of
-        :func:`first_mesh`; ``by_constants`` what drives the derivatives. A motion that has no end
-        raises :class:`DrawnIn`.
+        :func:`first_mesh`; ``by_constants`` what drives the derivatives.
+
+        Raises
+        ------
+        Stopped
+            Where the motion goes beyond the model's reach: its time is up to when there is one.
+        InputError
+            Where it takes more evaluations of the rates than allowed.
         """
         time = mesh
         if time is None:
@@ -191,7 +189,7 @@ class CollocationSolver:
         if solution is not None:
             return solution
         if steps == 1:
-            raise DrawnIn(mesh.actuator, float(mesh.time[0]))
+            raise Stopped("drawn_in", float(mesh.time[0]))
         half = steps // 2
         guesses = (None, None) if guess is None else (guess[:half], guess[half:])
         before, middle = self._solved(mesh.part(0, half), guesses[0], start)

@@ -12,7 +12,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
-from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.ends import Followed, Stopped, status_of
 from tympan.geometry.outlines import area
 from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.films.driven_film import ERROR, ReducedMoment
@@ -42,10 +42,11 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
         first, force=np.array([motion.force for motion in motions]),
         signal=Together([motion.signal for motion in motions]))
     try:
-        moments, stopped = _followed(together)
+        followed = Followed(together.moments())
     except NoBalance:
-        moments, stopped = [], Stopped("pull_in", 0.0)
-    if stopped is not None and others:
+        followed = Followed((), Stopped("pull_in", 0.0))
+    moments = list(followed)
+    if followed.stopped is not None and others:
         half = len(motions) // 2
         return np.concatenate([_deflections(motions[:half], when),
                                _deflections(motions[half:], when)])
@@ -54,19 +55,6 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
     time = np.array([moment.time for moment in moments])
     heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
     return Trace(time).at(heaves, when).T
-
-
-def _followed(motion: ReducedMotion, progress: Callable[[float], None] = lambda share: None
-              ) -> tuple[list[ReducedMoment], Stopped | None]:
-    """The moments of a motion, and what stopped it, None where nothing did."""
-    moments, end = list[ReducedMoment](), float(motion.signal.breaks[-1])
-    try:
-        for moment in motion.moments():
-            moments.append(moment)
-            progress(moment.time / end)
-    except Stopped as ending:
-        return moments, ending
-    return moments, None
 
 
 def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
@@ -111,10 +99,15 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     case = Case(model.specimen, mass=mass, voltage=signal.peak, rig=rig)
     warnings = [*rig.in_motion, *case.remarks]
     try:
-        moments, stopped = _followed(motion, progress)
+        followed = Followed(motion.moments())
     except NoBalance:
         reason = "must have an equilibrium under the signal's first voltage"
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg") from None
+    moments = list[ReducedMoment]()
+    for moment in followed:
+        moments.append(moment)
+        progress(moment.time / signal.end)
+    stopped = followed.stopped
     if not moments:
         reason = "the film has no equilibrium at once after the mass is put on"
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg")
@@ -131,7 +124,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         warnings += unclosed(loop)
     return ModelResponse.of(
         signal, when, sampled, low, high, step and inertia, specimen=name, mass_kg=mass,
-        status="done" if stopped is None else stopped.kind, hysteresis_area_V_m=area,
+        status=status_of(stopped), hysteresis_area_V_m=area,
         stopped_s=np.nan if stopped is None else stopped.time, film_error=dict(model.film.errors),
         steps=len(moments), warnings=tuple(warnings), loop=loop, samples=pd.DataFrame({
             "specimen": name, "mass": mass, "run": "simulated", "t": when,

@@ -93,7 +93,7 @@ class LumpedPlant:
 
     def driven(self, signal: Signal, time: Array) -> Array:
         motion = simulate(self.actuator, signal)
-        if motion.drawn_in is not None:
+        if motion.stopped is not None:
             raise _pulls_in(self.actuator.label, signal)
         return motion.deflection(time)
 
