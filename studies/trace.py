@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ from tympan.base.fields import Key, write
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.fem.transient.dense_output import spline
-from tympan.fem.transient.ends import EndKind
+from tympan.fem.transient.ends import MotionStatus
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Warnings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
@@ -213,7 +213,7 @@ class Response:
 
     specimen: Annotated[str, Key("name of the specimen")]
     mass_kg: Annotated[float, Key("nominal load on the plate")]
-    status: Annotated[Literal["done"] | EndKind, Key(
+    status: Annotated[MotionStatus, Key(
         "why it ended: the signal did, or what the film did before")]
     first_voltage_V: Annotated[float, Key("voltage with which the signal begins")]
     first_m: Annotated[float, Key("deflection at its beginning")]

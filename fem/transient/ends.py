@@ -9,6 +9,9 @@ from typing import Generic, Literal, TypeVar
 #: Kind of end, as results name it.
 EndKind = Literal["drawn_in", "pull_in", "thinning"]
 
+#: Why a motion ended: its signal did, or what the film did before.
+MotionStatus = Literal["done", EndKind]
+
 #: Message of each kind of end, for the time [s] it came after.
 MESSAGES: dict[EndKind, str] = {
     "drawn_in": "the film is drawn in after {time:.4g} s: a step overshoots what a slow ramp may "
@@ -39,7 +42,7 @@ class Stopped(ArithmeticError):
         self.kind, self.time, self.why = kind, time, why
 
 
-def status_of(stopped: Stopped | None) -> Literal["done"] | EndKind:
+def status_of(stopped: Stopped | None) -> MotionStatus:
     """Why a motion ended: ``done`` where nothing stopped it before its signal's end."""
     return "done" if stopped is None else stopped.kind
 

@@ -51,7 +51,7 @@ class StepControl:
         >>> StepControl(1e-4, 3, 0.85, 1e-5).next(2.0, float("inf"))
         0.4
         """
-        change = self.safety * (self.error / max(error, _NO_ERROR)) ** (1 / self.order)
+        change: float = self.safety * (self.error / max(error, _NO_ERROR)) ** (1 / self.order)
         return duration * min(max(change, _SHRINK), _GROWTH)
 
 

@@ -34,7 +34,7 @@ _PRECISION = 1e-11  # of a response [m]
 _WINDOW = 4000  # steps of a first mesh that are solved at once
 _FINER = 8
 _SAMPLES = 400  # of a period
-_WITHIN = 8  # times of a step at which extremes are sought
+_WITHIN = 8  # times of a step between which extremes are sought
 _SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
 #: Samples that are computed at once.
 _TOGETHER = 100_000
@@ -83,12 +83,18 @@ class LumpedMotion:
     def extremes(self) -> tuple[float, float]:
         """The smallest and the largest deflection [m], between samples too."""
         shares = np.linspace(0.0, 1.0, _WITHIN, endpoint=False)
-        ends: list[Array] = [self.deflection(np.array([0.0, self.end]))]
+        found: list[Array] = [self.deflection(np.array([0.0, self.end]))]
         for motion in self.motions:
             times = (motion.time[:-1, None] + np.diff(motion.time)[:, None] * shares).ravel()
-            y = motion.deflection(times.clip(0, self.end))[0]
-            ends.append(np.array([y.min(), y.max()]))
-        return float(np.min(ends)), float(np.max(ends))
+            times = np.append(times, motion.time[-1]).clip(0, self.end)
+            y, speed, _ = motion.deflection(times)
+            turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
+            # Where its speed is a line the deflection is flat: an error of the time hardly counts.
+            passed = speed[turns] / (speed[turns] - speed[turns + 1])
+            turned = times[turns] + passed * np.diff(times)[turns]
+            found += [y, motion.deflection(turned)[0]]
+        every = np.concatenate(found)
+        return float(every.min()), float(every.max())
 
     def last_loop(self, period: float) -> pd.DataFrame:
         """Voltages [V] and deflections [m] of the last whole period [s] of a sine."""

@@ -10,7 +10,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import Failure, InputError
 from tympan.fem.rig import Rig
-from tympan.fem.transient.collocation import radau
+from tympan.fem.transient.collocation import newton_matrix, radau
 from tympan.studies.films.driven_film import ReducedMoment
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.actuator import Actuator, Viscous
@@ -127,12 +127,10 @@ class LumpedPlant:
         # Stages first: actuators broadcast behind them.
         stages = np.tensordot(rule.beyond(1.0), self.past[1], 1) \
             if self.past and self.past[0] == duration else np.repeat(state[None], _STAGES, 0)
-        identity = np.eye(_STAGES * size)
         for _ in range(_CORRECTIONS):
             rates, slopes = self.actuator.linear(stages, voltage)
             missed = stages - state - np.tensordot(weights, rates, 1)
-            matrix = np.einsum("ij,j...kl->...ikjl", weights, slopes)
-            matrix = identity - matrix.reshape(*matrix.shape[:-4], *identity.shape)
+            matrix = newton_matrix(weights, np.moveaxis(slopes, 0, -3))
             flat = np.moveaxis(missed, 0, -2).reshape(*state.shape[:-1], -1, 1)
             moved = np.linalg.solve(matrix, flat).reshape(*state.shape[:-1], _STAGES, size)
             stages = stages - np.moveaxis(moved, -2, 0)
