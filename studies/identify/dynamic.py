@@ -67,6 +67,13 @@ class Exact:
     def rig(self) -> Rig:
         return self.actuators[0].rig
 
+    @property
+    def assumed(self) -> list[str]:
+        """What is taken as exact, in words."""
+        weights = "equal weights" if self.equal else "the weights"
+        return [f"there is no static.csv: the films' own material, {weights} and permittivity are "
+                "taken as exact"]
+
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
         return replace(self.actuators[number], mass=mass, viscous=viscous)
 
@@ -310,10 +317,7 @@ class DynamicFit:
                          "the misfit as noise, and it is not")
         if self.inflation > 1:
             warnings.append(remark("alike", count=self.inflation, wide=self.inflation**0.5))
-        if isinstance(self.problem.statics, Exact):
-            equal = "equal weights" if self.problem.statics.equal else "the weights"
-            warnings.append(f"there is no static.csv: the films' own material, {equal} and "
-                            "permittivity are taken as exact")
+        warnings += self.problem.statics.assumed
         if self.waited:
             often = min(record.interval for record in self.problem.records)
             warnings.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast "
