@@ -93,11 +93,11 @@ class ReducedMotion(DrivenFilm):
 
     def _guess(self, step: CollocatedStep, past: StepSolution | None) -> Array:
         """q at the stages of a step."""
-        if past is not None and not self.leads:
+        if past is not None and not self.leads and not self.charges:
             return past.at_voltages(step)
         if past is not None and step.duration <= _FAR * past.step.duration:
             return past.beyond(step.times)
-        return np.repeat(step.moment.q[..., None, :], len(step.stages), -2)
+        return np.repeat(step.begin[..., None, :], len(step.stages), -2)
 
     def _straight(self, piece: int, start: float, end: float) -> float:
         """The longest first step in a piece of the signal [s]: a part of one that is no line."""
@@ -107,12 +107,15 @@ class ReducedMotion(DrivenFilm):
         return _BENT * (end - start) if bent.any() else np.inf
 
     def _times(self, moment: ReducedMoment) -> list[float]:
-        """Times that matter [s]: of the branches, of the plate's swing or creep."""
+        """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
         times: list[float] = moment.memory.times.tolist()
         if self.mass is not None:
             times.append(float(np.sqrt(self.mass / self._stiffness(moment))))
         elif self.damper:
             times.append(self.damper / self._stiffness(moment))
+        if self.charges:
+            capacitance = self.film.capacitance(moment.q, moment.loads.voltage_squared)
+            times.append(float(np.min(self.circuit.time(capacitance))))
         return times
 
     def _stiffness(self, moment: ReducedMoment) -> float:
@@ -163,14 +166,17 @@ class _InMotion:
     def enter(self, piece: int, begin: float, end: float
               ) -> tuple[list[ReducedMoment], float | None]:
         motion, first = self.motion, self.piece < 0
-        squared = motion.signal.within(piece, begin) ** 2
+        # A resistance keeps the film's voltage where the source's jumps.
+        squared = (self.moment.loads.voltage_squared if motion.charges
+                   else motion.signal.within(piece, begin) ** 2)
         loads = FilmLoads(motion.force, squared, motion.biases)
         jumps = loads.differ(self.moment.loads)
         self.piece, self.failures = piece, 0
         if jumps and motion.leads:
             self.moment = motion.after_jump(self.moment, loads)
-        step = motion.first_step(self.moment, piece, end) if jumps or first else None
-        if jumps:
+        anew = jumps or motion.charges
+        step = motion.first_step(self.moment, piece, end) if anew or first else None
+        if anew:
             self.past = None
         self.jump = loads if jumps and not motion.leads else None
         return [] if self.jump is not None else [self.moment], step

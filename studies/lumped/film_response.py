@@ -68,9 +68,9 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         When the rig has what the reduced film does not know.
     """
     checked_load(mass, signal.peak)
-    if any(rig.weight_offset) or rig.series_resistance:
-        raise InputError("the reduced film has no weight beside the centre and no resistance: take "
-                         "tympan transient", key="rig")
+    if any(rig.weight_offset):
+        raise InputError("the reduced film has no weight beside the centre: take tympan transient",
+                         key="rig")
     if rig.gas_pressure and film.gas_area is None:
         raise InputError("the model's file has no gas_area_m2: build it again",
                          key="rig.gas_pressure", given=f"{rig.gas_pressure:g} Pa")
@@ -81,8 +81,10 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
     biases = solved_loading(rig.loading, Settings()).biases
     plate = float(area(film.specimen.needed_plate().outline)) if rig.plate_pressure else 0.0
     force = float(rig.force(mass, plate)) - rig.gas_pressure * (film.gas_area or 0.0)
-    return ReducedMotion(film, force, Supplied(signal, rig), biases,
-                         moved if inertia else None, rig.plate_damping, error, budget)
+    # Where the film charges, the leak past it is the circuit's.
+    supplied = Supplied(signal, rig.source if rig.series_resistance else rig)
+    return ReducedMotion(film, force, supplied, biases, moved if inertia else None,
+                         rig.plate_damping, error, budget, rig.circuit)
 
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,

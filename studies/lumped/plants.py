@@ -163,8 +163,10 @@ class FilmPlant:
         """Test whether a plate without inertia would come so far [m] at once."""
         film, moment = self.film.tabulated, self.moment
         flow = moment.memory.step(film.strain(moment.q), 0.0)
-        loads = replace(moment.loads,
-                        voltage_squared=float(self.rig.film_voltage(voltage)) ** 2)
+        loads = moment.loads
+        if not self.rig.series_resistance:  # through which the film has not charged at once
+            squared = float(self.rig.film_voltage(voltage)) ** 2
+            loads = replace(loads, voltage_squared=squared)
         return bool(film.carried(moment.q, moment.loads, loads, flow)[0] >= deflection)
 
     def after(self, voltage: float, duration: float) -> FilmPlant:
