@@ -128,6 +128,11 @@ class Moment:
     current: float = 0.0
     stiffness: float = 0.0
 
+    @property
+    def voltage(self) -> float:
+        """Voltage across a film that a circuit charges [V], with the sign of its charge."""
+        return float(np.copysign(np.sqrt(self.state.voltage_squared), self.charge))
+
 
 #: Where a step ends, and a tangent of the film near there.
 ImplicitStep = tuple[Moment, Tangent | None]
@@ -163,8 +168,8 @@ class Transient:
         breaks = self.signal.breaks
         begin = Moment(float(breaks[0]), state, memory)
         if self.circuit.resistance:
-            voltage = float(np.sqrt(state.voltage_squared))
-            begin = replace(begin, charge=float(self.model.capacitance(state)) * voltage)
+            charge = float(self.model.capacitance(state)) * np.sqrt(state.voltage_squared)
+            begin = replace(begin, charge=float(np.copysign(charge, self.signal.first)))
         return moments(_InMotion(self, [begin]), breaks.tolist())
 
     @property
@@ -229,8 +234,8 @@ class Transient:
         if self.plate is not None or self.damper:
             tangent, _ = tangent_at(model, film)
             moment = replace(moment, stiffness=_stiffness(tangent) if tangent else 0.0)
-        current = self.circuit.current(source, float(np.sqrt(squared)))
-        return replace(moment, state=film, current=current)
+        voltage = float(np.copysign(np.sqrt(squared), moment.charge))
+        return replace(moment, state=film, current=self.circuit.current(source, voltage))
 
     def _pushed(self, model: Model, film: State, velocity: Array) -> Array:
         """The rate of the plate's momentum [N, N m], from what it is not in balance with."""
@@ -301,8 +306,7 @@ class Transient:
         state = moved(self.model, halves.state, gap, 1 / 3, {"force": further})
         squared = halves.state.voltage_squared
         if self.circuit.resistance:
-            ends = np.sqrt([squared, whole.state.voltage_squared])
-            squared = max(float(ends[0] + (ends[0] - ends[1]) / 3), 0.0) ** 2
+            squared = (halves.voltage + (halves.voltage - whole.voltage) / 3) ** 2
         return (replace(
             halves, state=state.under(voltage=squared),
             memory=replace(halves.memory, viscous=beyond),
@@ -380,21 +384,24 @@ class Transient:
             velocity, rate = map(self._of_freedoms, swing.after(state.plate))
             following = replace(following, velocity=velocity, rate=rate)
         if self.circuit.resistance:
-            voltage = float(np.sqrt(state.voltage_squared))
-            following = replace(following, current=self.circuit.current(source, voltage),
-                                charge=float(self.model.capacitance(state)) * voltage)
+            across = float(np.copysign(np.sqrt(state.voltage_squared), voltage))
+            following = replace(following, current=self.circuit.current(source, across),
+                                charge=float(self.model.capacitance(state)) * across)
         return following, solution.tangent
 
     def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
                     duration: float) -> tuple[float, tuple[Constraint, ...]]:
-        """A film's voltage [V], and what it must meet if the circuit's charge makes it."""
+        """A film's voltage [V], and what it must meet if the circuit's charge makes it.
+
+        The film knows the voltage's square alone: of a negative charge it must meet the magnitude.
+        """
         if not self.circuit.resistance:
             return source, ()
         capacitance = float(model.capacitance(guess))
         charge, further = self.circuit.charged(moment.charge, moment.current, source, duration,
                                                capacitance)
         voltage = charge / (capacitance + further)
-        return voltage, (held_charge(charge, further),) if voltage else ()
+        return voltage, (held_charge(abs(charge), further),) if voltage else ()
 
     def _solved(self, problem: tuple[Model, State, tuple[Load, ...], tuple[Constraint, ...]],
                 tangent: Tangent | None) -> Solution:
