@@ -18,6 +18,10 @@ class Signal(Protocol):
     def breaks(self) -> Array:
         """Times between which it is smooth [s], shape (pieces + 1,)."""
 
+    @property
+    def first(self) -> Any:
+        """Voltage before it begins [V]."""
+
     def within(self, piece: Any, time: Any) -> Any:
         """Voltages [V] at times of a piece, its ends included."""
 

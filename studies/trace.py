@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from tympan.base.fields import Key, write
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import specimen_content, toml
 from tympan.fem.transient.dense_output import spline
+from tympan.fem.transient.ends import MotionStatus
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Warnings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
@@ -63,7 +64,7 @@ class Trace:
         return float(self.time[-1])
 
     @cached_property
-    def _parts(self) -> list[slice]:
+    def parts(self) -> list[slice]:
         """Moments between jumps."""
         starts = (np.flatnonzero(np.diff(self.time) == 0) + 1).tolist()
         return [slice(*ends) for ends in zip([0, *starts], [*starts, len(self.time)], strict=True)]
@@ -71,13 +72,13 @@ class Trace:
     def at(self, values: Array, when: Array) -> Array:
         """Values at some times [s]; at a jump what comes after it. Nan beyond the last moment."""
         result = np.full((len(when), *values.shape[1:]), np.nan)
-        starts = self.time[[part.start for part in self._parts]]
+        starts = self.time[[part.start for part in self.parts]]
         of = np.where(when <= self.time[-1], np.searchsorted(starts, when, "right") - 1, -1)
         order = np.argsort(of, kind="stable")
-        ends = np.searchsorted(of[order], np.arange(len(self._parts) + 1))
+        ends = np.searchsorted(of[order], np.arange(len(self.parts) + 1))
         for number in np.flatnonzero(np.diff(ends)).tolist():
             within = order[ends[number]:ends[number + 1]]
-            part = self._parts[number]
+            part = self.parts[number]
             result[within] = spline(self.time[part], values[part])(when[within])
         return result
 
@@ -87,7 +88,12 @@ class Trace:
         At a jump before and after it; the jump itself has no rate.
         """
         return np.concatenate([spline(self.time[part], values[part])(self.time[part], 1)
-                               for part in self._parts])
+                               for part in self.parts])
+
+    def integrals(self, values: Array) -> Array:
+        """Integral over each part between jumps, of values of shape (moments,)."""
+        return np.array([spline(self.time[part], values[part]).integrate(
+            self.time[part.start], self.time[part.stop - 1]) for part in self.parts])
 
     def extremes(self, values: Array) -> tuple[tuple[float, float], tuple[float, float]]:
         """Time [s] and value of the smallest, and time and value of the largest.
@@ -95,7 +101,7 @@ class Trace:
         Between moments too, of values of shape (moments,); the first time of several.
         """
         when, what = [self.time], [values]
-        for part in self._parts:
+        for part in self.parts:
             curve = spline(self.time[part], values[part])
             turns = curve.derivative().roots(extrapolate=False)
             # Where it is constant any time is a root, which is told by one that is no number.
@@ -122,7 +128,7 @@ class Trace:
         """∫ u dy [V m] from a time [s] on; at jumps of mean voltage."""
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS)
         time, total = self.time, 0.0
-        for part, following in zip(self._parts, [*self._parts[1:], None], strict=True):
+        for part, following in zip(self.parts, [*self.parts[1:], None], strict=True):
             times = np.unique(np.maximum(time[part], begin))
             if len(times) > 1:
                 half = np.diff(times)[:, None] / 2
@@ -207,7 +213,7 @@ class Response:
 
     specimen: Annotated[str, Key("name of the specimen")]
     mass_kg: Annotated[float, Key("nominal load on the plate")]
-    status: Annotated[Literal["done", "drawn_in", "pull_in", "thinning"], Key(
+    status: Annotated[MotionStatus, Key(
         "why it ended: the signal did, or what the film did before")]
     first_voltage_V: Annotated[float, Key("voltage with which the signal begins")]
     first_m: Annotated[float, Key("deflection at its beginning")]

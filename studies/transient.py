@@ -21,14 +21,15 @@ from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import failures
-from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.rig import Rig
+from tympan.fem.transient.ends import SLACK, Followed, Stopped, status_of
 from tympan.fem.transient.energy import Energy, EnergyBalance
-from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.film_memory import relaxed_memory
+from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import (
     Case,
@@ -158,30 +159,29 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     """
     transient, state, memory = begun(case, settings)
     model = transient.model
-    past, slack, stopped = list[Moment](), None, None
+    past, slack = list[Moment](), None
     # Numbers alone: a signal read from a table may have millions of moments.
     record, energies = array("d"), array("d")
     farthest: Moment | None = None
     most = 0.0
     before = Energy.of(transient, Moment(0.0, state, memory))
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
-    try:
-        for moment in transient.moments(state, memory):
-            jumped = bool(past) and moment.time == past[-1].time
-            past = [moment] if jumped else [*past[-2:], moment]
-            deflected = abs(model.deflection(moment.state))
-            if farthest is None or deflected > _MORE * most:
-                farthest, most = moment, deflected
-            record.extend(_numbers(model, moment))
-            energies.extend(astuple(Energy.of(transient, moment)))
-            progress(moment.time / case.signal.end)
-            if slack is None and not model.in_tension(moment.state):
-                slack = moment.time
-            while wanted and wanted[0] <= moment.time:
-                at = transient.moment_at(past, wanted[0])
-                pictures[wanted.pop(0)] = film_surface(transient.remembering(at), at.state)
-    except Stopped as ending:
-        stopped = ending
+    followed = Followed(transient.moments(state, memory))
+    for moment in followed:
+        jumped = bool(past) and moment.time == past[-1].time
+        past = [moment] if jumped else [*past[-2:], moment]
+        deflected = abs(model.deflection(moment.state))
+        if farthest is None or deflected > _MORE * most:
+            farthest, most = moment, deflected
+        record.extend(_numbers(model, moment))
+        energies.extend(astuple(Energy.of(transient, moment)))
+        progress(moment.time / case.signal.end)
+        if slack is None and not model.in_tension(moment.state):
+            slack = moment.time
+        while wanted and wanted[0] <= moment.time:
+            at = transient.moment_at(past, wanted[0])
+            pictures[wanted.pop(0)] = film_surface(transient.remembering(at), at.state)
+    stopped = followed.stopped
     if farthest is None:
         reason = ((stopped and stopped.why)
                   or "the film has no equilibrium at once after the mass is put on")
@@ -219,11 +219,11 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
     creep = TransientCase(case.specimen, signal, mass=case.mass, rig=case.rig)
     transient, state, memory = begun(creep, settings)
     moment, status, advice = Moment(0.0, state, memory), "equilibrium", ""
-    try:
-        for passed in islice(transient.moments(state, memory), None if after else 1):
-            moment = passed
-    except Stopped as ending:
-        status, advice = "no_equilibrium", str(ending)
+    followed = Followed(islice(transient.moments(state, memory), None if after else 1))
+    for passed in followed:
+        moment = passed
+    if followed.stopped is not None:
+        status, advice = "no_equilibrium", str(followed.stopped)
     model = transient.remembering(moment)
     outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
     (result, _), = summaries(model, [(case, outcome)])
@@ -243,7 +243,7 @@ def _remarks(case: TransientCase) -> list[str]:
 
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
     """Moving parts, and their state and memory when the signal begins."""
-    rig, film = case.rig, case.specimen.membrane
+    rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
     supplied = Supplied(case.signal, rig.source)
@@ -258,19 +258,18 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
             raise InputError("must have an equilibrium under the signal's first voltage: "
                              f"{case.highest.doubted(failure_reason(outcome))}", key="mass",
                              given=f"{case.mass:g} kg")
-        strain = from_virgin(model.cauchy_green(outcome.state.positions), film.prestretch)
-        return transient, outcome.state, Memory.relaxed(film, strain)
-    flat = model.mounted()
-    memory = Memory.mounted(film, model.cauchy_green(flat.positions)[0].shape)
+        return transient, outcome.state, relaxed_memory(model, outcome.state)
+    flat, memory = model.mounted(), Memory.mounted(case.specimen.membrane, model.volumes.shape)
     if not case.rested:
         return transient, flat, memory
     resting = Transient(model, force, Pieces(np.array([0.0, case.rested]), np.full(2, first)),
                         settings=case.steps, pressure=rig.gas_pressure)
-    try:
-        *_, last = resting.moments(flat, memory)
-    except Stopped as ending:
+    followed = Followed(resting.moments(flat, memory))
+    moments = list(followed)
+    if followed.stopped is not None:
         raise InputError("must leave the film at rest before the signal begins: pull-in after "
-                         f"{ending.time:.4g} s", key="mass", given=f"{case.mass:g} kg") from None
+                         f"{followed.stopped.time:.4g} s", key="mass", given=f"{case.mass:g} kg")
+    last = moments[-1]
     return transient, last.state, last.memory
 
 
@@ -327,8 +326,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     if done.stopped is not None:
         warnings.append(str(done.stopped))
     if done.slack is not None:
-        warnings.append(f"loss of tension from {done.slack:.4g} s on: the film wrinkles, and its "
-                        "branches resist compression")
+        warnings.append(SLACK.format(time=done.slack))
     loop = area = None
     if period is not None and done.stopped is None:
         loop, area = done.last_loop(case.signal, period, done.deflection)
@@ -337,7 +335,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     return FieldResponse.of(
         case.signal, when, deflection, low, high, step and case.inertia,
         specimen=case.specimen.name, mass_kg=case.mass,
-        status="done" if done.stopped is None else done.stopped.kind,
+        status=status_of(done.stopped),
         stroke_m=None if rest is None else max(low, high, key=abs) - rest,
         lowest_s=low_s, highest_s=high_s, hysteresis_area_V_m=area,
         highest_film_voltage_V=float(done.voltage.max()),

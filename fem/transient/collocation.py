@@ -1,9 +1,10 @@
-"""Long steps of time that are collocated at several stages: Radau's rule of any order.
+"""Rules of collocation: steps of time that meet their equations at several stages at once.
 
-y_i = y_0 + h Σ_j A_ij ẏ_j at times c_i h, of which the last is the end: of order 2 s − 1 with s
-stages, and what decays much faster than a step is forgotten (Radau IIA: Hairer and Wanner, *Solving
-Ordinary Differential Equations II*, §IV.5). Between, a step is the polynomial through its start and
-its stages.
+y_i = y_0 + h Σ_j A_ij ẏ_j at times c_i h. Radau's rule ends at its last stage, is of order 2 s − 1
+with s stages, and forgets what decays much faster than a step (Radau IIA: Hairer and Wanner,
+*Solving Ordinary Differential Equations II*, §IV.5). Gauss's rule is of order 2 s and damps
+nothing that swings without loss; it ends beyond its last stage. Between, a step is the polynomial
+through its start and its stages.
 """
 
 from __future__ import annotations
@@ -19,15 +20,17 @@ from tympan.base.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class CollocationRule:
-    """``nodes`` c, shape (stages,), of which the last is 1, matrix A and its inverse.
+    """``nodes`` c, shape (stages,), the matrix A and its inverse, shape (stages, stages).
 
-    Of what is through the start and the stages, by its values there: ``powers``, its coefficients,
-    shape (stages + 1, stages + 1), and ``tail``, the two highest in Legendre's polynomials.
+    ``end``: how much each stage's change from the start counts in the step's end, shape (stages,).
+    By values at the start and the stages: ``powers``, coefficients of the polynomial through them,
+    shape (stages + 1, stages + 1), and ``tail``, its two highest in Legendre's polynomials.
     """
 
     nodes: Array
     matrix: Array
     inverse: Array
+    end: Array
     powers: Array
     tail: Array
 
@@ -44,7 +47,7 @@ class CollocationRule:
 
 @lru_cache
 def radau(stages: int) -> CollocationRule:
-    """Radau's rule.
+    """Radau's rule, whose last stage is the step's end.
 
     Examples
     --------
@@ -54,15 +57,53 @@ def radau(stages: int) -> CollocationRule:
     """
     last = np.eye(stages + 1)[stages] - np.eye(stages + 1)[stages - 1]
     roots = np.sort(np.real(legendre.legroots(last)))
-    nodes: Array = np.append((roots[:-1] + 1) / 2, 1.0)
+    return _collocated(np.append((roots[:-1] + 1) / 2, 1.0))
+
+
+@lru_cache
+def gauss(stages: int) -> CollocationRule:
+    """Gauss's rule, whose stages are within the step.
+
+    Examples
+    --------
+    >>> rule = gauss(2)
+    >>> rule.nodes.round(6).tolist(), rule.end.round(6).tolist()
+    ([0.211325, 0.788675], [-1.732051, 1.732051])
+    """
+    roots = np.sort(np.real(legendre.legroots(np.eye(stages + 1)[stages])))
+    return _collocated((roots + 1) / 2)
+
+
+def _collocated(nodes: Array) -> CollocationRule:
+    """The rule of nodes in (0, 1]."""
+    stages = len(nodes)
     values = _values(nodes, stages - 1)
-    sums = [(legendre.legval(2 * nodes - 1, legendre.legint(unit)) - legendre.legval(
-        -1.0, legendre.legint(unit))) / 2 for unit in np.eye(stages)]
-    matrix = np.linalg.solve(values.T, np.array(sums)).T
-    tail = np.linalg.inv(_values(np.append(0.0, nodes), stages))[:-3:-1]
-    powers = np.linalg.inv(np.append(0.0, nodes)[:, None] ** np.arange(stages + 1))
-    return CollocationRule(nodes, *(np.asarray(part, np.float64) for part in (
-        matrix, np.linalg.inv(matrix), powers, tail)))
+
+    def integrals(ends: Array | float) -> Array:
+        """Integrals from 0 of Legendre's polynomials, shape (stages, *ends)."""
+        antiderivatives = [legendre.legint(unit) for unit in np.eye(stages)]
+        return np.array([(legendre.legval(2 * ends - 1, each) - legendre.legval(-1.0, each)) / 2
+                         for each in antiderivatives])
+
+    matrix = np.linalg.solve(values.T, integrals(nodes)).T
+    weights = np.linalg.solve(values.T, integrals(1.0))
+    at = np.append(0.0, nodes)
+    tail = np.linalg.inv(_values(at, stages))[:-3:-1]
+    powers = np.linalg.inv(at[:, None] ** np.arange(stages + 1))
+    inverse = np.linalg.inv(matrix)
+    parts = matrix, inverse, weights @ inverse, powers, tail
+    return CollocationRule(nodes, *(np.asarray(part, np.float64) for part in parts))
+
+
+def newton_matrix(weights: Array, slopes: Array) -> Array:
+    """I − W ∂ẏ/∂y of all stages at once, shape (..., stages × size, stages × size).
+
+    ``weights``: a rule's matrix times the step's duration, (..., stages, stages); ``slopes``:
+    ∂ẏ/∂y at the stages, (..., stages, size, size).
+    """
+    *_, stages, size = slopes.shape[:-1]
+    blocks = weights[..., :, None, :, None] * np.moveaxis(slopes, -3, -2)[..., None, :, :, :]
+    return np.eye(stages * size) - blocks.reshape(*blocks.shape[:-4], stages * size, stages * size)
 
 
 def _values(nodes: Array, degree: int) -> Array:

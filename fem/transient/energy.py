@@ -10,11 +10,11 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
-from tympan.fem.film.density import from_virgin
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.dense_output import spline
+from tympan.fem.transient.film_memory import branch_heat
 from tympan.fem.transient.integrate import Moment, Transient
 
 #: Points of Gauss's rule between two moments.
@@ -50,13 +50,11 @@ class Energy:
         potential = float(model.energy(state.positions, squared)) * mesh.mirrored
         speed, plate = moment.velocity, transient.plate
         kinetic = 0.0 if plate is None else speed @ plate.matrix(state.plate) @ speed / 2
-        prestretch = model.specimen.membrane.prestretch
-        strain = from_virgin(model.cauchy_green(state.positions), prestretch)
-        heat = (moment.memory.dissipation(strain) * model.volumes).sum() * mesh.mirrored
+        heat = branch_heat(model, state, moment.memory)
         loaded = state.under(force=transient.force, pressure=transient.pressure)
         biases = sum(bias.derivatives(state.plate.deflection)[0] for bias in model.loading.biases)
         return cls(moment.time, potential + charge * voltage + float(biases), float(kinetic),
-                   float(heat), charge, voltage,
+                   heat, charge, voltage,
                    load_work(model, loaded) + float(biases),
                    float(np.sqrt(transient.damper) * speed[HEAVE]))
 

@@ -16,8 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, Literal
 
 import numpy as np
 
@@ -43,12 +41,15 @@ from tympan.fem.equilibrium.ramp import without_mechanism
 from tympan.fem.equilibrium.snap import landed
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
-from tympan.fem.film.density import from_virgin, small_strain_modulus
+from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
 from tympan.fem.transient.dense_output import weights
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.film_memory import virgin_strain
+from tympan.fem.transient.stepper import StepControl, moments
 
 #: How much the branches' relative change counts beside the plate's motion over the frame. A strain
 #: of a tenth is as bad as a motion of a hundredth of the frame. Set by trial.
@@ -64,12 +65,9 @@ _HOLDING = 0.1
 _NEAR = 0.02
 #: A step's length over the longest that its error would allow, so that few are refused; a usual
 #: factor of safety.
-_SAFE = 0.85
-#: A step is at least this share of the one before, as an error estimate far from its aim says
-#: little.
-_SHRINK = 0.2
-#: A step is at most this many times as long as the one before, for the same reason.
-_GROWTH = 5.0
+_SAFETY = 0.85
+#: Power of a step's length that its error grows with, by rules of second order.
+_ORDER = 3
 
 #: How much closer than the error of a step Newton must come, so that what is left of it does not
 #: count as error.
@@ -130,22 +128,14 @@ class Moment:
     current: float = 0.0
     stiffness: float = 0.0
 
+    @property
+    def voltage(self) -> float:
+        """Voltage across a film that a circuit charges [V], with the sign of its charge."""
+        return float(np.copysign(np.sqrt(self.state.voltage_squared), self.charge))
+
 
 #: Where a step ends, and a tangent of the film near there.
 ImplicitStep = tuple[Moment, Tangent | None]
-
-
-class Stopped(ArithmeticError):
-    """The motion goes no further than a ``time`` [s]: by pull-in, or as the film thins.
-
-    ``why``: what ends in place of the film, in words.
-    """
-
-    def __init__(self, kind: Literal["pull_in", "thinning"], time: float, why: str = "") -> None:
-        words = "pull-in" if kind == "pull_in" else "the film thins without bound"
-        super().__init__(f"{why}, after {time:.4g} s" if why else
-                         f"{words} after {time:.4g} s; lower the voltage")
-        self.kind, self.time, self.why = kind, time, why
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,42 +166,17 @@ class Transient:
             Where the film has no equilibrium with the plate any more, or the plate is gone.
         """
         breaks = self.signal.breaks
-        moment = Moment(float(breaks[0]), state, memory)
+        begin = Moment(float(breaks[0]), state, memory)
         if self.circuit.resistance:
-            voltage = float(np.sqrt(state.voltage_squared))
-            moment = replace(moment, charge=float(self.model.capacitance(state)) * voltage)
-        for piece, (begin, end) in enumerate(pairwise(breaks)):
-            start = self._after_jump(moment, float(self.signal.within(piece, begin)))
-            yield start
-            for moment in self._through(start, piece, float(end)):
-                yield moment
+            charge = float(self.model.capacitance(state)) * np.sqrt(state.voltage_squared)
+            begin = replace(begin, charge=float(np.copysign(charge, self.signal.first)))
+        return moments(_InMotion(self, [begin]), breaks.tolist())
 
-    def _through(self, moment: Moment, piece: int, end: float) -> Iterator[Moment]:
-        """A piece of the signal, in steps."""
-        settings, past, tangent = self.settings, [moment], None
-        scale = min([end - moment.time, *self._times(moment)])
-        step = settings.first * scale
-        while past[-1].time < end:
-            rest = end - past[-1].time
-            duration = rest if step >= rest else min(step, rest / 2)
-            ahead, error = self.step(past, piece, duration, tangent)
-            if ahead is not None and error <= settings.error:
-                following, tangent = ahead
-                if duration == rest:  # halves may add up to a little less
-                    following = replace(following, time=end)
-                yield following
-                if abs(self.model.deflection(following.state)) > settings.reach * self.model.size:
-                    raise Stopped("pull_in", following.time)
-                past = [*past[-2:], following]
-            elif duration < settings.shortest * scale:
-                snapped = self._snapped(past)
-                if snapped is None:
-                    raise self._stopped(past[-1])
-                yield snapped
-                past, tangent, error = [snapped], None, settings.error
-                duration = settings.first * scale
-            change = _SAFE * (settings.error / max(error, 1e-300)) ** (1 / 3)
-            step = duration * min(max(change, _SHRINK), _GROWTH)
+    @property
+    def control(self) -> StepControl:
+        """Control of the steps' lengths."""
+        settings = self.settings
+        return StepControl(settings.error, _ORDER, _SAFETY, settings.shortest / settings.first)
 
     @property
     def _at_once(self) -> bool:
@@ -219,7 +184,7 @@ class Transient:
         timed = self.plate is not None or self.damper or self.circuit.resistance
         return not timed and self.heave is None and bool(self.model.loading.softening)
 
-    def _snapped(self, past: list[Moment]) -> Moment | None:
+    def snapped(self, past: list[Moment]) -> Moment | None:
         """The moment after a plate jumped that moved as these did; None where it does not."""
         if not self._at_once or len(past) < 2:
             return None
@@ -230,7 +195,7 @@ class Transient:
         rest = landed(model, start, last - before, PathSettings()) if start.converged else None
         return None if rest is None else replace(moment, state=rest.state)
 
-    def _times(self, moment: Moment) -> list[float]:
+    def times(self, moment: Moment) -> list[float]:
         """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
         times = [float(time) for time in moment.memory.times]
         if moment.stiffness > 0:
@@ -240,14 +205,14 @@ class Transient:
             times.append(float(self.model.capacitance(moment.state)) / self.circuit.conductance)
         return times
 
-    def _stopped(self, moment: Moment) -> Stopped:
+    def stopped(self, moment: Moment) -> Stopped:
         least = _PART * small_strain_modulus(self.model.specimen.membrane.material)
         thin = self.model.thinning_margin(moment.state) < least
         there, near = self.model.deflection(moment.state), _NEAR * self.model.size
         ends = (without_mechanism(self.model, there + way * near) for way in (1, -1))
         return Stopped("thinning" if thin else "pull_in", moment.time, next(filter(None, ends), ""))
 
-    def _after_jump(self, moment: Moment, source: float) -> Moment:
+    def after_jump(self, moment: Moment, source: float) -> Moment:
         """The film at once after the source's voltage jumped.
 
         The plate is held by its inertia, and a damper holds its heave.
@@ -269,8 +234,8 @@ class Transient:
         if self.plate is not None or self.damper:
             tangent, _ = tangent_at(model, film)
             moment = replace(moment, stiffness=_stiffness(tangent) if tangent else 0.0)
-        current = self.circuit.current(source, float(np.sqrt(squared)))
-        return replace(moment, state=film, current=current)
+        voltage = float(np.copysign(np.sqrt(squared), moment.charge))
+        return replace(moment, state=film, current=self.circuit.current(source, voltage))
 
     def _pushed(self, model: Model, film: State, velocity: Array) -> Array:
         """The rate of the plate's momentum [N, N m], from what it is not in balance with."""
@@ -308,11 +273,11 @@ class Transient:
             elif (step := step / 2) < _PART:
                 start = newton(model, state, settings=self.settings.close)
                 if not (self._at_once and start.converged):
-                    raise self._stopped(moment)
+                    raise self.stopped(moment)
                 outcome = equilibrium(model, self.force, float(np.sqrt(squared)), self.pressure,
                                       start)
                 if outcome.status != "equilibrium":
-                    raise self._stopped(moment)
+                    raise self.stopped(moment)
                 return outcome.state
         return state
 
@@ -341,8 +306,7 @@ class Transient:
         state = moved(self.model, halves.state, gap, 1 / 3, {"force": further})
         squared = halves.state.voltage_squared
         if self.circuit.resistance:
-            ends = np.sqrt([squared, whole.state.voltage_squared])
-            squared = max(float(ends[0] + (ends[0] - ends[1]) / 3), 0.0) ** 2
+            squared = (halves.voltage + (halves.voltage - whole.voltage) / 3) ** 2
         return (replace(
             halves, state=state.under(voltage=squared),
             memory=replace(halves.memory, viscous=beyond),
@@ -401,8 +365,8 @@ class Transient:
         guess = self.state_at([*past[len(ahead) - 3:], *ahead], time)
         if self.heave is None:
             guess = guess.under(force=self.force)
-        flow = moment.memory.step(self._strain(moment.state), duration,
-                                  self._strain(guess) if moment.memory.flows else None)
+        flow = moment.memory.step(virgin_strain(self.model, moment.state), duration,
+                                  virgin_strain(self.model, guess) if moment.memory.flows else None)
         model = self._moving(replace(self.model, flow=flow), moment, guess, duration)
         voltage, charge = self._electrodes(model, guess, moment, source, duration)
         given = (_VOLTAGE if charge else (), charge) if self.heave is None else (
@@ -414,27 +378,30 @@ class Transient:
         state, swing = solution.state, model.loading.swing
         if state.voltage_squared < 0:  # of a film that is all but discharged
             state = state.under(voltage=0.0)
-        following = Moment(time, state, flow.after(self._strain(state)),
+        following = Moment(time, state, flow.after(virgin_strain(self.model, state)),
                            stiffness=moment.stiffness)
         if swing is not None:
             velocity, rate = map(self._of_freedoms, swing.after(state.plate))
             following = replace(following, velocity=velocity, rate=rate)
         if self.circuit.resistance:
-            voltage = float(np.sqrt(state.voltage_squared))
-            following = replace(following, current=self.circuit.current(source, voltage),
-                                charge=float(self.model.capacitance(state)) * voltage)
+            across = float(np.copysign(np.sqrt(state.voltage_squared), voltage))
+            following = replace(following, current=self.circuit.current(source, across),
+                                charge=float(self.model.capacitance(state)) * across)
         return following, solution.tangent
 
     def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
                     duration: float) -> tuple[float, tuple[Constraint, ...]]:
-        """A film's voltage [V], and what it must meet if the circuit's charge makes it."""
+        """A film's voltage [V], and what it must meet if the circuit's charge makes it.
+
+        The film knows the voltage's square alone: of a negative charge it must meet the magnitude.
+        """
         if not self.circuit.resistance:
             return source, ()
         capacitance = float(model.capacitance(guess))
         charge, further = self.circuit.charged(moment.charge, moment.current, source, duration,
                                                capacitance)
         voltage = charge / (capacitance + further)
-        return voltage, (held_charge(charge, further),) if voltage else ()
+        return voltage, (held_charge(abs(charge), further),) if voltage else ()
 
     def _solved(self, problem: tuple[Model, State, tuple[Load, ...], tuple[Constraint, ...]],
                 tangent: Tangent | None) -> Solution:
@@ -473,7 +440,8 @@ class Transient:
         """The model whose film pulls as its branches stand at a moment."""
         if not len(moment.memory.times):
             return self.model
-        return replace(self.model, flow=moment.memory.step(self._strain(moment.state), 0.0))
+        strain = virgin_strain(self.model, moment.state)
+        return replace(self.model, flow=moment.memory.step(strain, 0.0))
 
     @cached_property
     def _highest(self) -> float:
@@ -489,10 +457,62 @@ class Transient:
         damping[HEAVE, HEAVE] = self.damper
         return damping
 
-    def _strain(self, state: State) -> Any:
-        """C of the virgin film at the quadrature points."""
-        return from_virgin(self.model.cauchy_green(state.positions),
-                           self.model.specimen.membrane.prestretch)
+
+@dataclass(eq=False)
+class _InMotion:
+    """A transient in motion: up to three last moments of a piece, a tangent near the last one."""
+
+    transient: Transient
+    past: list[Moment]
+    piece: int = 0
+    tangent: Tangent | None = None
+    attempted: ImplicitStep | None = None
+
+    @property
+    def control(self) -> StepControl:
+        return self.transient.control
+
+    @property
+    def time(self) -> float:
+        return self.past[-1].time
+
+    @property
+    def gone(self) -> bool:
+        transient = self.transient
+        deflection = transient.model.deflection(self.past[-1].state)
+        return abs(deflection) > transient.settings.reach * transient.model.size
+
+    def enter(self, piece: int, begin: float, end: float) -> tuple[list[Moment], float]:
+        transient = self.transient
+        source = float(transient.signal.within(piece, begin))
+        moment = transient.after_jump(self.past[-1], source)
+        self.past, self.piece, self.tangent = [moment], piece, None
+        scale = min([end - begin, *transient.times(moment)])
+        return [moment], transient.settings.first * scale
+
+    def attempt(self, duration: float, end: float | None) -> float:
+        ahead, error = self.transient.step(self.past, self.piece, duration, self.tangent)
+        if ahead is not None and end is not None:
+            moment, tangent = ahead
+            # Halves may add up to a little less than the whole.
+            ahead = replace(moment, time=end), tangent
+        self.attempted = ahead
+        return error
+
+    def accept(self) -> list[Moment]:
+        assert self.attempted is not None
+        following, self.tangent = self.attempted
+        self.past = [*self.past[-2:], following]
+        return [following]
+
+    def recover(self, shortest: bool) -> list[Moment]:
+        if not shortest:
+            return []
+        snapped = self.transient.snapped(self.past)
+        if snapped is None:
+            raise self.transient.stopped(self.past[-1])
+        self.past, self.tangent = [snapped], None
+        return [snapped]
 
 
 def _stiffness(tangent: Tangent) -> float:

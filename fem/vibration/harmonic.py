@@ -20,11 +20,11 @@ from scipy.sparse.linalg import splu
 from tympan.base.arrays import AnyArray
 from tympan.base.system import silent
 from tympan.fem.circuit import Circuit
-from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
+from tympan.fem.transient.film_memory import virgin_strain
 from tympan.fem.vibration.modes import System
 
 #: How close to the one before the last complex frequency comes, relative.
@@ -123,7 +123,7 @@ class Harmonic:
         film = self.model.specimen.membrane
         if not film.branches:
             return rest.stiffness, 0 * rest.stiffness, rest.mass
-        strain = from_virgin(self.model.cauchy_green(self.state.positions), film.prestretch)
+        strain = virgin_strain(self.model, self.state)
         flow = Memory.relaxed(film, strain).step(strain, 0.0)
         at_once = System.of(replace(self.model, flow=flow), self.state, self.plate)
         total = sum(branch.modulus for branch in film.branches)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
@@ -35,6 +36,9 @@ _HOPELESS = 1.5
 #: What may be left after the last correction, over a step's error: little, so that errors are those
 #: of the rule. A tenth of it made times 2 % longer.
 _LEFT = 0.03
+
+#: Deflection over the gap that the voltage counts as by which a pull's slope with U² is found.
+_MORE = 1e-2
 
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.4
@@ -61,42 +65,71 @@ class CollocatedStep:
         return self.times if self.jump is None else np.concatenate(([self.moment.time], self.times))
 
     @cached_property
-    def squared(self) -> Array:
-        """U² at the stages [V²]."""
-        return np.asarray(self.motion.signal.within(self.piece, self.stages) ** 2)
+    def source(self) -> Array:
+        """The source's voltage at the stages [V]."""
+        return np.asarray(self.motion.signal.within(self.piece, self.stages))
+
+    def squared(self, x: Array) -> Array:
+        """U² across the film at the stages [V²]: where it charges by unknowns x of the step."""
+        return np.asarray((self.charging.voltage(x) if self.charging else self.source) ** 2)
+
+    @cached_property
+    def charging(self) -> Charging | None:
+        """Charging of the film in the step, None without a resistance."""
+        return Charging(self) if self.motion.charges else None
+
+    @cached_property
+    def weights(self) -> Array:
+        """How much rates at the stages count in each stage [s], shape (stages, stages)."""
+        rule = self.motion.rule
+        return self.duration * (rule.matrix if self.jump is None else rule.from_start)
+
+    @cached_property
+    def begin(self) -> Array:
+        """Unknowns where it begins, shape (..., unknowns)."""
+        return unknowns(self.motion, self.moment)
 
     def solved(self, guess: Array) -> StepSolution:
-        """Solve for q at the stages; not to the last digit where its error is far too large.
+        """Solve for the unknowns at the stages from a guess, shape (..., stages, unknowns).
+
+        These are q and, where a resistance charges the film, its voltage as a length
+        (:func:`unknowns`). Not to the last digit where the error is far too large.
 
         Raises
         ------
         NoBalance
             Where there is none that is stable.
         """
-        motion, q, size, tangent = self.motion, guess, np.inf, None
+        motion, x, size, tangent = self.motion, guess, np.inf, None
         film, flow, (constant, slope) = motion.tabulated, self.flow, self._drive
         every = np.arange(len(self.stages))
         for _ in range(ITERATIONS):
             fresh = tangent is None
+            q, squared = x[..., :film.count], self.squared(x)
             _, push, bend = acting(motion.biases, q[..., 0])
             if tangent is None:
-                pull, stiffness, flow = film.staged_pull(q, self.squared, flow)
+                pull, stiffness, flow = film.staged_pull(q, squared, flow)
                 stiffness[..., :, 0, :, 0] += slope
                 stiffness[..., every, 0, every, 0] += bend
-                tangent = factorised(stiffness)
+                matrix = stiffness
+                if self.charging:
+                    matrix = self.charging.coupled(stiffness, x, pull, flow)
+                tangent = factorised(matrix)
             else:
-                pull, flow = film.staged_forces(q, self.squared, flow)
+                pull, flow = film.staged_forces(q, squared, flow)
             pull[..., 0] += q[..., 0] @ slope.T - constant + push
+            if self.charging:
+                pull = np.concatenate([pull, self.charging.missing(x)[..., None]], -1)
             change, before = tangent(pull), size
             size = float(np.maximum.reduce(np.abs(change), None)) / motion.gap
             if not size < 1:
                 break
-            q = q - change
+            x = x - change
             if self._settled(size, before, fresh):
                 self._require_stable(stiffness)
-                return StepSolution(self, q, flow, self._error(q))
-            if fresh and (error := self._error(q)) > _HOPELESS * motion.error:
-                return StepSolution(self, q, flow, error)
+                return StepSolution(self, x, flow, self._error(x))
+            if fresh and (error := self._error(x)) > _HOPELESS * motion.error:
+                return StepSolution(self, x, flow, error)
             if size > _SLOW * before:
                 tangent = None
         raise NoBalance
@@ -114,11 +147,13 @@ class CollocatedStep:
         Of a fresh tangent's its square, of others as large a share as they are of those before.
         """
         little = _LEFT * self.motion.closeness
-        square = fresh and not self.moment.memory.flows
+        square = fresh and not self.moment.memory.flows and not self.motion.charges
         return (square and size < self.motion.last) or size**2 < little * before < np.inf
 
     def _require_stable(self, stiffness: Array) -> None:
-        # What inertia or a damper lead need not be stable by itself.
+        # What inertia or a damper lead need not be stable by itself, nor a film at its charge.
+        if self.motion.charges:
+            return
         led = int(self.motion.leads)
         for stage in (-1,) if self.jump is None else (0, -1):
             require_stable(stiffness[..., stage, led:, stage, led:])
@@ -140,23 +175,38 @@ class CollocatedStep:
             flown = flown + motion.mass * np.multiply.outer(moment.velocity, rate.sum(1))
         return flown + force, moving
 
-    def _error(self, q: Array) -> float:
-        """Error of q at the stages, relative to the gap."""
-        if self.jump is None:
-            q = np.concatenate([self.moment.q[..., None, :], q], -2)
-        motion, tail = self.motion, np.abs(_TAILS @ (self.motion.rule.tail @ q))
+    def states(self, x: Array) -> Array:
+        """Unknowns at the start and at the stages."""
+        if self.jump is not None:
+            return x
+        return np.concatenate([self.begin[..., None, :], x], -2)
+
+    def _error(self, x: Array) -> float:
+        """Error of unknowns at the stages, relative to the gap."""
+        motion = self.motion
+        tail = np.abs(_TAILS @ (motion.rule.tail @ self.states(x)))
         closer = 1.0 if motion.mass is None else PHASES
         return closer * float(np.maximum.reduce(tail, None)) / motion.gap
 
 
 @dataclass(frozen=True, eq=False)
 class StepSolution:
-    """A step that is made: q at its stages, the branches' flow."""
+    """A step that is made: unknowns ``x`` at its stages, the branches' flow."""
 
     step: CollocatedStep
-    q: Array
+    x: Array
     flow: StagedFlow
     error: float
+
+    @property
+    def q(self) -> Array:
+        """q at the stages."""
+        return self.x[..., :self.step.motion.film.count]
+
+    @cached_property
+    def squared(self) -> Array:
+        """U² across the film at the stages [V²]."""
+        return self.step.squared(self.x)
 
     @property
     def start(self) -> ReducedMoment:
@@ -164,7 +214,8 @@ class StepSolution:
         step = self.step
         if step.jump is None:
             return step.moment
-        return replace(step.moment, q=self.q[..., 0, :], loads=step.jump)
+        loads = replace(step.jump, voltage_squared=self.squared[..., 0])
+        return replace(step.moment, q=self.q[..., 0, :], loads=loads)
 
     @property
     def moments(self) -> list[ReducedMoment]:
@@ -174,10 +225,12 @@ class StepSolution:
         if motion.mass is not None:
             moved = self.q[..., 0] - np.asarray(step.moment.heave)[..., None]
             velocities = moved @ motion.rule.inverse.T / step.duration
+        voltages = step.charging.voltage(self.x) if step.charging else np.zeros_like(velocities)
         first = len(step.stages) - len(step.times)
         return [ReducedMoment(time, self.q[..., stage, :],
-                              FilmLoads(motion.force, step.squared[..., stage], motion.biases),
-                              partial(self._memory, stage), velocities[..., stage])
+                              FilmLoads(motion.force, self.squared[..., stage], motion.biases),
+                              partial(self._memory, stage), velocities[..., stage],
+                              voltages[..., stage])
                 for stage, time in enumerate(step.times.tolist(), first)]
 
     def _memory(self, stage: int) -> Memory:
@@ -187,30 +240,88 @@ class StepSolution:
     def _memories(self) -> list[Memory]:
         return self.flow.after(self.step.motion.tabulated.strain(self.q))
 
-    @property
-    def _states(self) -> Array:
-        """q at the start and at the stages."""
-        if self.step.jump is not None:
-            return self.q
-        return np.concatenate([self.step.moment.q[..., None, :], self.q], -2)
-
     def beyond(self, times: Array) -> Array:
-        """q at the stages of the step that follows, by this step's polynomial."""
+        """Unknowns at the stages of the step that follows, by this step's polynomial."""
         share = (times[-1] - self.step.times[-1]) / self.step.duration
-        return np.asarray(self.step.motion.rule.beyond(float(share)) @ self._states)
+        return np.asarray(self.step.motion.rule.beyond(float(share)) @ self.step.states(self.x))
 
     def at_voltages(self, step: CollocatedStep) -> Array:
         """q at the stages of the step that follows, by how it went with U², U⁴ and time here.
 
         Where the voltage swings, that leads further than a polynomial of time alone.
         """
-        here, squared = self.step, self.step.squared
+        here, squared = self.step, self.squared
         if here.jump is None:
             first = np.asarray(here.moment.loads.voltage_squared)[..., None]
             squared = np.concatenate([first, squared], -1)
         before, later = ((times - here.times[-1]) / here.duration
                          for times in (np.append(here.moment.time, here.times), step.times))
-        return by_voltages(before, squared, self._states, later, step.squared)
+        ahead = np.asarray(step.source**2)
+        return by_voltages(before, squared, here.states(self.x), later, ahead)
+
+
+@dataclass(frozen=True, eq=False)
+class Charging:
+    """A film that charges through its circuit in a step.
+
+    Its charge C U at a stage is that at the start and what has flown since then.
+    """
+
+    step: CollocatedStep
+
+    def voltage(self, x: Array) -> Array:
+        """Voltage across the film by the unknowns of a step [V], shape (..., stages)."""
+        return np.asarray(x[..., -1] * self.step.motion.volts_per_length)
+
+    def missing(self, x: Array) -> Array:
+        """Charge that is missing at the stages, as the voltage's length [m]."""
+        step, voltage = self.step, self.voltage(x)
+        current = step.motion.circuit.current(step.source, voltage)
+        begun = np.asarray(step.moment.voltage) * self._capacity(step.moment.q, step.moment.voltage)
+        charge = self._capacity(x[..., :-1], voltage) * voltage
+        return np.asarray((charge - begun[..., None] - current @ step.weights.T) / self._unit)
+
+    def coupled(self, stiffness: Array, x: Array, pull: Array, flow: StagedFlow) -> Array:
+        """Tangent of film and circuit, shape (..., stages, unknowns, stages, unknowns).
+
+        ``stiffness`` is that of the film alone, which pulls so and flows so.
+        """
+        step, voltage, motion = self.step, self.voltage(x), self.step.motion
+        *runs, stages, count = pull.shape
+        every = np.arange(stages)
+        # The pull is nearly a line in U², and its slope −∂C/∂q/2.
+        more = (_MORE * motion.volts_per_length * motion.gap) ** 2
+        stronger, _ = motion.tabulated.staged_forces(x[..., :-1], voltage**2 + more, flow)
+        by_squared = (stronger - pull) / more
+        matrix = np.zeros((*runs, stages, count + 1, stages, count + 1))
+        matrix[..., :count, :, :count] = stiffness
+        by_voltage = 2 * voltage[..., None] * by_squared
+        matrix[..., every, :count, every, -1] = (
+            np.moveaxis(by_voltage, -2, 0) * motion.volts_per_length)
+        matrix[..., every, -1, every, :count] = -by_voltage / self._unit
+        lost = motion.circuit.conductance * step.weights
+        capacity = self._capacity(x[..., :-1], voltage)
+        own = lost + capacity[..., None] * np.eye(stages)
+        matrix[..., :, -1, :, -1] = own * motion.volts_per_length / self._unit
+        return matrix
+
+    def _capacity(self, q: Array, voltage: Any) -> Any:
+        """Capacitance of the film [F]."""
+        return self.step.motion.film.capacitance(q, np.asarray(voltage) ** 2)
+
+    @cached_property
+    def _unit(self) -> float:
+        """Charge that counts as much as a deflection of 1 m [C]."""
+        motion = self.step.motion
+        return float(motion.film.capacitance(motion.film.flat)) * motion.volts_per_length
+
+
+def unknowns(motion: DrivenFilm, moment: ReducedMoment) -> Array:
+    """Unknowns of a motion at a moment: q and, where the film charges, its voltage as a length."""
+    if not motion.charges:
+        return moment.q
+    length = np.asarray(moment.voltage) / motion.volts_per_length
+    return np.concatenate([moment.q, length[..., None]], -1)
 
 
 def factorised(stiffness: Array) -> Callable[[Array], Array]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tympan.base.arrays import Array
+from tympan.fem.circuit import Circuit
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.biases import Bias
@@ -34,13 +35,19 @@ _NEAR = 2e-3
 
 #: Of a step, relative to the gap between plate and frame.
 ERROR = 1e-4
+#: How much the change of a film's voltage counts over the highest, beside that of its deflection
+#: over the gap, where a resistance charges it. As by finite elements.
+_CHARGE = 0.1
+#: A voltage that moves no film [V].
+_NO_VOLTAGE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedMoment:
     """A reduced film at a time [s]: q, its loads and memory, the velocity of a plate with mass.
 
-    Of one run or, as arrays, of several.
+    ``voltage``: across a film that charges through a resistance [V], with its sign. One run, or
+    arrays of several.
     """
 
     time: float
@@ -48,6 +55,7 @@ class ReducedMoment:
     loads: FilmLoads
     recall: Callable[[], Memory]
     velocity: Any = 0.0
+    voltage: Any = 0.0
 
     @property
     def memory(self) -> Memory:
@@ -62,14 +70,15 @@ class ReducedMoment:
 
 @dataclass(frozen=True, eq=False)
 class DrivenFilm:
-    """A reduced film under a force [N] and a signal of the voltage across it, or several runs.
+    """A reduced film under a force [N] and a source's signal of voltages, or several runs.
 
     These have forces of shape (runs,), or signals :class:`~tympan.studies.signals.Together`; they
     share their steps.
 
     ``biases``: mechanisms on the plate; its ``mass`` [kg], None for one that follows the film at
     once; ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and
-    frame; ``budget``: work left to the motion, without one there is no limit.
+    frame; ``budget``: work left to the motion, without one there is no limit. ``circuit`` between
+    source and film: without a resistance in it the source's voltage is the film's at once.
     """
 
     film: ReducedFilm
@@ -80,6 +89,7 @@ class DrivenFilm:
     damper: float = 0.0
     error: float = ERROR
     budget: Budget | None = None
+    circuit: Circuit = field(default_factory=Circuit)
 
     @property
     def begin(self) -> ReducedMoment:
@@ -93,10 +103,11 @@ class DrivenFilm:
         film, time = self.tabulated, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:
             return self.flat
-        loads = FilmLoads(self.force, self.signal.first**2, self.biases)
+        voltage = self.signal.first * (self.circuit.share if self.charges else 1.0)
+        loads = FilmLoads(self.force, voltage**2, self.biases)
         q = film.at_rest(loads, self.last)
-        memory = film.relaxed(q)
-        return ReducedMoment(time, q, loads, lambda: memory)
+        memory, charging = film.relaxed(q), voltage if self.charges else 0.0
+        return ReducedMoment(time, q, loads, lambda: memory, voltage=charging)
 
     @property
     def flat(self) -> ReducedMoment:
@@ -117,6 +128,24 @@ class DrivenFilm:
         """Collocation rule of a step."""
         several = np.ndim(self.force) or np.ndim(self.signal.first)
         return radau(_FEWER if several or self.leads else _STAGES)
+
+    @property
+    def charges(self) -> bool:
+        """Whether the film charges through a resistance."""
+        return self.circuit.resistance > 0
+
+    @cached_property
+    def volts_per_length(self) -> float:
+        """Voltage [V] that counts in a step as much as so much deflection [m]."""
+        return self._highest / (_CHARGE * self.gap)
+
+    @cached_property
+    def _highest(self) -> float:
+        """The source's highest voltage at the breaks of its signal [V]."""
+        signal, breaks = self.signal, self.signal.breaks
+        pieces = np.arange(len(breaks) - 1)
+        ends = [signal.within(piece, breaks[piece + end]) for piece in pieces for end in (0, 1)]
+        return max(float(np.abs(ends).max()), _NO_VOLTAGE)
 
     @cached_property
     def leads(self) -> bool:

@@ -6,15 +6,15 @@ a jump of the voltage where the film was.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.fem.transient.integrate import Stopped
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.stepper import StepControl, moments
 from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
 from tympan.studies.films.film import FilmLoads, NoBalance
@@ -24,12 +24,7 @@ _FAR = 1.5
 
 #: A step's length over the longest that its error would allow, so that few are refused; a usual
 #: factor of safety.
-_SAFE = 0.8
-#: A step is at least this share of the one before, as an error estimate far from its aim says
-#: little.
-_SHRINK = 0.2
-#: A step is at most this many times as long as the one before, for the same reason.
-_GROWTH = 5.0
+_SAFETY = 0.8
 #: The first step over the shortest time that matters: five stages resolve that much of a decay.
 _FIRST = 3.0
 #: A step this much shorter than the first is the end: the film has pulled in.
@@ -65,61 +60,19 @@ class ReducedMotion(DrivenFilm):
         InputError
             Where it takes more work than its budget has.
         """
-        moment, step, past = begin or self.begin, 0.0, None
-        for piece, (start, end) in enumerate(pairwise(self.signal.breaks.tolist())):
-            loads = FilmLoads(self.force, self.signal.within(piece, start) ** 2, self.biases)
-            jump = loads if loads.differ(moment.loads) else None
-            if jump and self.leads:
-                moment = self._after_jump(moment, jump)
-            if jump or not step:
-                step = min(_FIRST * min([end - start, *self._times(moment)]),
-                           self._straight(piece, start, end))
-            past = None if jump else past
-            if jump is None or self.leads:
-                jump = None
-                yield moment
-            moment, step, past = yield from self._through(moment, step, piece, end, past, jump)
+        return moments(_InMotion(self, begin or self.begin), self.signal.breaks.tolist())
 
-    def _through(self, moment: ReducedMoment, step: float, piece: int, end: float,
-                 past: StepSolution | None, jump: FilmLoads | None
-                 ) -> Generator[ReducedMoment, None,
-                                tuple[ReducedMoment, float, StepSolution | None]]:
-        """A piece of the signal, in steps; its last moment, the next step's length [s], the last.
+    @property
+    def control(self) -> StepControl:
+        """Control of the steps' lengths."""
+        return StepControl(self.error, len(self.rule.nodes), _SAFETY, _SHORTEST)
 
-        The loads may ``jump`` at its beginning, which is then part of its first step.
-        """
-        shortest, failures = _SHORTEST * step, 0
-        while moment.time < end:
-            rest = end - moment.time
-            duration = rest if step >= rest else min(step, rest / 2)
-            times = moment.time + duration * self.rule.nodes
-            if duration == rest:
-                times[-1] = end
-            self._spend(moment, len(times))
-            solution = self._attempt(CollocatedStep(self, moment, piece, times, jump), past)
-            error = solution.error if solution is not None else np.inf
-            change = _SAFE * (self.error / max(error, 1e-300)) ** (1 / len(times))
-            step = duration * min(max(change, _SHRINK), _GROWTH)
-            if solution is not None and error <= self.error:
-                past, failures, moments = solution, 0, solution.moments
-                yield from moments if jump is None else [solution.start, *moments]
-                moment, jump = moments[-1], None
-                if np.abs(solution.q[..., 0]).max() > _REACH * self.gap:
-                    raise Stopped("pull_in", moment.time)
-                continue
-            if jump is not None:
-                moment, jump = self._after_jump(moment, jump), None
-                yield moment
-                continue
-            if duration < shortest:
-                raise Stopped("pull_in", moment.time)
-            failures += 1
-            if failures == _TWICE:
-                # Where it begins a little out of balance, that is an error no short step lessens.
-                moment = self._after_jump(moment, moment.loads)
-        return moment, step, past
+    def first_step(self, moment: ReducedMoment, piece: int, end: float) -> float:
+        """Length [s] of the first step from a moment in a piece of the signal that ends then."""
+        shortest = min([end - moment.time, *self._times(moment)])
+        return min(_FIRST * shortest, self._straight(piece, moment.time, end))
 
-    def _spend(self, moment: ReducedMoment, stages: int) -> None:
+    def spend(self, moment: ReducedMoment, stages: int) -> None:
         """Draw on the budget for a step."""
         if self.budget is None:
             return
@@ -130,8 +83,8 @@ class ReducedMotion(DrivenFilm):
                              key="signal", given=f"{len(breaks)} bends")
         self.budget.left -= stages * self.film.count
 
-    def _attempt(self, step: CollocatedStep, past: StepSolution | None) -> StepSolution | None:
-        """A step after another one; None where the film cannot be followed."""
+    def attempted(self, step: CollocatedStep, past: StepSolution | None) -> StepSolution | None:
+        """Solve a step after another one; None where the film cannot be followed."""
         try:
             with np.errstate(all="ignore"):
                 return step.solved(self._guess(step, past))
@@ -140,11 +93,11 @@ class ReducedMotion(DrivenFilm):
 
     def _guess(self, step: CollocatedStep, past: StepSolution | None) -> Array:
         """q at the stages of a step."""
-        if past is not None and not self.leads:
+        if past is not None and not self.leads and not self.charges:
             return past.at_voltages(step)
         if past is not None and step.duration <= _FAR * past.step.duration:
             return past.beyond(step.times)
-        return np.repeat(step.moment.q[..., None, :], len(step.stages), -2)
+        return np.repeat(step.begin[..., None, :], len(step.stages), -2)
 
     def _straight(self, piece: int, start: float, end: float) -> float:
         """The longest first step in a piece of the signal [s]: a part of one that is no line."""
@@ -154,12 +107,15 @@ class ReducedMotion(DrivenFilm):
         return _BENT * (end - start) if bent.any() else np.inf
 
     def _times(self, moment: ReducedMoment) -> list[float]:
-        """Times that matter [s]: of the branches, of the plate's swing or creep."""
+        """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
         times: list[float] = moment.memory.times.tolist()
         if self.mass is not None:
             times.append(float(np.sqrt(self.mass / self._stiffness(moment))))
         elif self.damper:
             times.append(self.damper / self._stiffness(moment))
+        if self.charges:
+            capacitance = self.film.capacitance(moment.q, moment.loads.voltage_squared)
+            times.append(float(np.min(self.circuit.time(capacitance))))
         return times
 
     def _stiffness(self, moment: ReducedMoment) -> float:
@@ -168,7 +124,7 @@ class ReducedMotion(DrivenFilm):
         _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared, flow)
         return float(np.abs(stiffness[..., 0, 0]).max())
 
-    def _after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
+    def after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
         """The film at once after its loads jumped, the plate held by inertia or damper."""
         film, clamped = self.tabulated, self.leads
         flow = moment.memory.step(film.strain(moment.q), 0.0)
@@ -177,3 +133,81 @@ class ReducedMotion(DrivenFilm):
         except NoBalance:
             raise Stopped("pull_in", moment.time) from None
         return replace(moment, q=q, loads=loads)
+
+
+@dataclass(eq=False)
+class _InMotion:
+    """A reduced film in motion: its last moment, and the last step where the next may begin.
+
+    ``jump``: loads that jump at the last moment and are part of the step that follows it.
+    """
+
+    motion: ReducedMotion
+    moment: ReducedMoment
+    past: StepSolution | None = None
+    jump: FilmLoads | None = None
+    attempted: StepSolution | None = None
+    piece: int = -1
+    failures: int = 0
+
+    @property
+    def control(self) -> StepControl:
+        return self.motion.control
+
+    @property
+    def time(self) -> float:
+        return self.moment.time
+
+    @property
+    def gone(self) -> bool:
+        last, gap = self.past, self.motion.gap
+        return last is not None and float(np.abs(last.q[..., 0]).max()) > _REACH * gap
+
+    def enter(self, piece: int, begin: float, end: float
+              ) -> tuple[list[ReducedMoment], float | None]:
+        motion, first = self.motion, self.piece < 0
+        # A resistance keeps the film's voltage where the source's jumps.
+        squared = (self.moment.loads.voltage_squared if motion.charges
+                   else motion.signal.within(piece, begin) ** 2)
+        loads = FilmLoads(motion.force, squared, motion.biases)
+        jumps = loads.differ(self.moment.loads)
+        self.piece, self.failures = piece, 0
+        if jumps and motion.leads:
+            self.moment = motion.after_jump(self.moment, loads)
+        anew = jumps or motion.charges
+        step = motion.first_step(self.moment, piece, end) if anew or first else None
+        if anew:
+            self.past = None
+        self.jump = loads if jumps and not motion.leads else None
+        return [] if self.jump is not None else [self.moment], step
+
+    def attempt(self, duration: float, end: float | None) -> float:
+        motion, moment = self.motion, self.moment
+        times = moment.time + duration * motion.rule.nodes
+        if end is not None:
+            times[-1] = end
+        motion.spend(moment, len(times))
+        step = CollocatedStep(motion, moment, self.piece, times, self.jump)
+        self.attempted = motion.attempted(step, self.past)
+        return np.inf if self.attempted is None else self.attempted.error
+
+    def accept(self) -> list[ReducedMoment]:
+        assert self.attempted is not None
+        self.past, self.failures = self.attempted, 0
+        made = self.past.moments if self.jump is None else [self.past.start, *self.past.moments]
+        self.moment, self.jump = made[-1], None
+        return made
+
+    def recover(self, shortest: bool) -> list[ReducedMoment]:
+        motion = self.motion
+        if self.jump is not None:
+            # What jumps is not part of a step where that fails.
+            self.moment, self.jump = motion.after_jump(self.moment, self.jump), None
+            return [self.moment]
+        if shortest:
+            raise Stopped("pull_in", self.moment.time)
+        self.failures += 1
+        if self.failures == _TWICE:
+            # Where it begins a little out of balance, that is an error no short step lessens.
+            self.moment = motion.after_jump(self.moment, self.moment.loads)
+        return []

@@ -21,11 +21,13 @@ from tympan.fem.derivatives.shape import with_plate
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
-from tympan.fem.film.density import from_virgin, principal_stretches
+from tympan.fem.film.density import principal_stretches
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, PlateMotion, State
-from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.film_memory import first_memory, virgin_strain
+from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
@@ -159,18 +161,14 @@ def _in_motion(model: Model, force: float, signal: Signal, path: PathSettings) -
 
 def _field_motion(model: Model, force: float, signal: Signal, path: PathSettings) -> list[Moment]:
     """The field model's moments; relaxed under force and first voltage, or mounted and flat."""
-    film, state = model.specimen.membrane, model.mounted()
-    steps = StepSettings(newton=path.newton)
-    if film.mounted is None:
+    state, steps = model.mounted(), StepSettings(newton=path.newton)
+    if model.specimen.membrane.mounted is None:
         outcome = equilibrium(model, force, signal.first, settings=path)
         path.require_work(model.specimen.name)
         if outcome.status != "equilibrium":
             raise Stopped("pull_in", 0.0)
         state = outcome.state
-        memory = Memory.relaxed(film, from_virgin(model.cauchy_green(state.positions),
-                                                  film.prestretch))
-    else:
-        memory = Memory.mounted(film, model.volumes.shape)
+    memory = first_memory(model, state)
     try:
         return list(Transient(model, force, signal, settings=steps).moments(state, memory))
     except Stopped:
@@ -362,7 +360,7 @@ def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
     at_rest = _stress(model, c)
     stresses = [at_rest, _stress(model, c, voltage_squared) - at_rest]
     if snapshot.memory is not None:
-        flow = snapshot.memory.step(from_virgin(c, model.specimen.membrane.prestretch), 0.0)
+        flow = snapshot.memory.step(virgin_strain(model, snapshot.state), 0.0)
         stresses.append(_stress(replace(model, flow=flow), c) - at_rest)
     slope = _slopes(_gradients(model, shapes),
                     model.discretisation.deformation(snapshot.state.positions))

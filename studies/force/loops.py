@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.film.density import from_virgin
-from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.transient.dense_output import spline
-from tympan.fem.transient.integrate import Moment, StepSettings, Stopped, Transient
+from tympan.fem.transient.ends import Followed
+from tympan.fem.transient.film_memory import branch_heat, first_memory
+from tympan.fem.transient.integrate import StepSettings, Transient
 from tympan.studies.force.result import ForceLoop
 from tympan.studies.signals import Pieces
+from tympan.studies.trace import Trace
 
 #: Errors of steps in time with which a loop is followed, one after the other, until its areas
 #: change by no more than a share: the finer run is some five times nearer. Areas are then within
@@ -22,6 +22,9 @@ from tympan.studies.signals import Pieces
 #: work.
 _ERRORS = (1e-6, 1e-7, 1e-8)
 _AREA = 3e-4
+
+#: Rounding of times that ends of ways are reached at, relative.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -73,57 +76,31 @@ def loop(model: Model, voltage: float, start: State, motion: Motion) -> ForceLoo
 
 def _loop(model: Model, voltage: float, start: State, motion: Motion, steps: StepSettings
           ) -> ForceLoop:
-    film, heave, state = model.specimen.membrane, motion.heave, start
-    strain = from_virgin(model.cauchy_green(state.positions), film.prestretch)
-    memory = (Memory.relaxed(film, strain) if film.mounted is None
-              else Memory.mounted(film, strain[0].shape))
-    charged = Pieces(heave.time, np.full(len(heave.time), max(state.voltage_squared, 0.0) ** 0.5))
-    held = Transient(model, state.force, charged, settings=steps, pressure=state.pressure,
+    heave = motion.heave
+    charged = Pieces(heave.time, np.full(len(heave.time), max(start.voltage_squared, 0.0) ** 0.5))
+    held = Transient(model, start.force, charged, settings=steps, pressure=start.pressure,
                      heave=heave)
     record: list[tuple[float, float, float]] = []
-    stopped = None
-    try:
-        for moment in held.moments(state, memory):
-            record.append((moment.time, moment.state.force, _heat(model, moment)))
-    except Stopped as ending:
-        stopped = ending.time
-    time, force, heat = np.array(record).T
-    pieces = _pieces(time)
+    followed = Followed(held.moments(start, first_memory(model, start)))
+    for moment in followed:
+        # The heat of a branch that is all but relaxed is the difference of two numbers alike.
+        heat = max(branch_heat(model, moment.state, moment.memory), 0.0)
+        record.append((moment.time, moment.state.force, heat))
+    time, force, heats = np.array(record).T
+    trace, stopped = Trace(time), followed.stopped
+    ways = 2 * motion.cycles
+    if stopped is not None:
+        # The last way was not gone to its end.
+        ways = 2 * ((len(trace.parts) - 1) // 2)
+    work, heat_of_way = (trace.integrals(values) for values in (force, heats))
     told = motion.times()
-    told = told[told <= time[-1] * (1 + 1e-12)]
-    at = np.minimum((told / motion.leg * (1 + 1e-12)).astype(int), len(pieces) - 1)
-    forces = np.array([spline(time[pieces[piece]], force[pieces[piece]])(when)
-                       for piece, when in zip(at, told, strict=True)])
-    whole = range(0, 2 * motion.cycles if stopped is None else 2 * ((len(pieces) - 1) // 2), 2)
-    areas, heats = [], []
-    for number in whole:
-        out, back = ((time[piece], force[piece], heat[piece])
-                     for piece in pieces[number : number + 2])
-        areas.append(motion.rate * (_integral(*out[:2]) - _integral(*back[:2])))
-        heats.append(sum(_integral(when, power) for when, _, power in (out, back)))
+    told = told[told <= time[-1] * (1 + _ROUNDING)]
+    way = np.minimum((told / motion.leg * (1 + _ROUNDING)).astype(int), 2 * motion.cycles - 1)
     return ForceLoop(
         voltage_V=voltage, rate_m_per_s=motion.rate, leg_s=motion.leg,
         time_s=tuple(told.tolist()),
-        displacement_m=tuple(heave.within(np.minimum(at, 2 * motion.cycles - 1), told).tolist()),
-        force_N=tuple(forces.tolist()), area_J=tuple(areas), heat_J=tuple(heats),
-        stopped_s=stopped)
-
-
-def _heat(model: Model, moment: Moment) -> float:
-    """Power that the branches turn into heat [W]."""
-    strain = from_virgin(model.cauchy_green(moment.state.positions),
-                         model.specimen.membrane.prestretch)
-    power = (moment.memory.dissipation(strain) * model.volumes).sum()
-    # Of a branch that is all but relaxed it is the difference of two numbers alike.
-    return max(float(power) * model.discretisation.mirrored, 0.0)
-
-
-def _pieces(time: Array) -> list[slice]:
-    """Moments of each way: at a turn the same time stands twice."""
-    starts = (np.flatnonzero(np.diff(time) == 0) + 1).tolist()
-    return [slice(*ends) for ends in zip([0, *starts], [*starts, len(time)], strict=True)]
-
-
-def _integral(time: Array, values: Array) -> float:
-    """∫ over moments, of the spline through them."""
-    return float(spline(time, values).integrate(time[0], time[-1]))
+        displacement_m=tuple(heave.within(way, told).tolist()),
+        force_N=tuple(trace.at(force, np.minimum(told, time[-1])).tolist()),
+        area_J=tuple((motion.rate * (work[:ways:2] - work[1:ways:2])).tolist()),
+        heat_J=tuple((heat_of_way[:ways:2] + heat_of_way[1:ways:2]).tolist()),
+        stopped_s=None if stopped is None else stopped.time)

@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
+from tympan.fem.transient.ends import Stopped
 from tympan.studies.estimation.identifiability import (
     Identifiability,
     identifiability,
@@ -64,6 +65,13 @@ class Exact:
     @property
     def rig(self) -> Rig:
         return self.actuators[0].rig
+
+    @property
+    def assumed(self) -> list[str]:
+        """What is taken as exact, in words."""
+        weights = "equal weights" if self.equal else "the weights"
+        return [f"there is no static.csv: the films' own material, {weights} and permittivity are "
+                "taken as exact"]
 
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
         return replace(self.actuators[number], mass=mass, viscous=viscous)
@@ -211,9 +219,15 @@ class DynamicProblem:
                                                              self.began, strict=True)):
             near = None if solver.last is None else float(solver.last.nodes[0, 0])
             start = self._start(record, z[:inner], began, near)
-            motion = solver.solve(self.actuator(record, z), start, constants=z[:inner],
-                                  by_constants=partial(self.by_constants, record, z)) \
-                if derivatives else solver.solve(self.actuator(record, z), start[:, :1])
+            actuator = self.actuator(record, z)
+            try:
+                motion = solver.solve(actuator, start, constants=z[:inner],
+                                      by_constants=partial(self.by_constants, record, z)) \
+                    if derivatives else solver.solve(actuator, start[:, :1])
+            except Stopped as ending:
+                raise InputError("is drawn in with these constants: its motion goes beyond the "
+                                 "model's reach", key=actuator.specimen.name,
+                                 given=f"after {ending.time:.4g} s") from None
             y, speed, by = motion.deflection(record.time + delays[number] * record.interval)
             shown = np.asarray(self.rig.reading(y, record.time - record.time[0]))
             slopes = np.zeros((len(y), len(z)))
@@ -302,10 +316,7 @@ class DynamicFit:
                          "the misfit as noise, and it is not")
         if self.inflation > 1:
             warnings.append(remark("alike", count=self.inflation, wide=self.inflation**0.5))
-        if isinstance(self.problem.statics, Exact):
-            equal = "equal weights" if self.problem.statics.equal else "the weights"
-            warnings.append(f"there is no static.csv: the films' own material, {equal} and "
-                            "permittivity are taken as exact")
+        warnings += self.problem.statics.assumed
         if self.waited:
             often = min(record.interval for record in self.problem.records)
             warnings.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast "

@@ -270,6 +270,11 @@ class StaticFit:
     evaluations: int
     seconds: float
 
+    @property
+    def assumed(self) -> list[str]:
+        """What is taken as exact, in words: nothing, as readings at rest tell the constants."""
+        return []
+
     @cached_property
     def directions(self) -> Array:
         """Changes of the constants, a column for each combination a reading may notice."""

@@ -14,11 +14,11 @@ from tympan.studies.case import Settings
 from tympan.studies.limits.loads import usual_masses
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.eq8 import eq8
-from tympan.studies.lumped.film_response import film_response
+from tympan.studies.lumped.in_time import CirclesInTime, FilmInTime, InTime
 from tympan.studies.lumped.linear import Input, LinearResult, linearise
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.remarks import origin, remark
-from tympan.studies.lumped.simulate import ModelResponse, sample, simulate
+from tympan.studies.lumped.simulate import ModelResponse
 from tympan.studies.lumped.suited import suited_model
 from tympan.studies.signals import Signal, Wave
 from tympan.studies.trace import Responses
@@ -125,20 +125,21 @@ class ChosenActuators:
         def over(share: float) -> None:
             progress(share=share)
 
-        case, stepped = self.case, wave.kind == "step"
-        films = {model.specimen.name: model for model in case.models if model.film}
         responses: list[ModelResponse] = []
         for actuator in self.actuators:
             progress(actuator.specimen.name)
-            if model := films.get(actuator.specimen.name):
-                responses.append(film_response(model, signal, actuator.mass, case.rig,
-                                               wave.interval, wave.period, stepped, swing, over))
-                continue
-            responses.append(sample(simulate(actuator, signal, progress=over), wave.interval,
-                                    wave.period, stepped, self.remarks))
+            responses.append(self.in_time(actuator).response(wave, signal, swing, over))
         # Eq. (8) with Table 1's constants can be the film of no specimen file.
-        specimens = tuple(actuator.specimen for actuator in self.actuators if case.table_1 is None)
-        return Responses(tuple(responses), specimens, case.rig)
+        specimens = tuple(actuator.specimen for actuator in self.actuators
+                          if self.case.table_1 is None)
+        return Responses(tuple(responses), specimens, self.case.rig)
+
+    def in_time(self, actuator: Actuator) -> InTime:
+        """One of the actuators in time: by the film of its model where that has one."""
+        for model in self.case.models:
+            if model.film and model.specimen.name == actuator.specimen.name:
+                return FilmInTime(model, actuator.mass, actuator.rig)
+        return CirclesInTime(actuator, self.remarks)
 
     def linear(self, voltage: float, by: Input = "U") -> LinearResult:
         """Small motions of each about rest at a voltage [V]."""

@@ -1,7 +1,8 @@
 """The lumped model's motion and its exact derivatives by constants, over all steps at once.
 
-By Gauss's collocation at three points, order 6, A-stable (Hairer and Wanner, *Solving Ordinary
-Differential Equations II*, 1996, IV.5).
+A step of so small a model is a few microseconds of arithmetic and far more of calls, so all steps
+are solved together, and their lengths are those of a mesh that moves as a whole. The rule is one of
+:mod:`tympan.fem.transient.collocation`.
 """
 
 from __future__ import annotations
@@ -15,22 +16,24 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.base.errors import InputError
+from tympan.fem.transient.collocation import gauss, newton_matrix
+from tympan.fem.transient.ends import Stopped
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.signals import Signal
 
 #: Derivatives of an actuator's rates by p constants, (…, size, p), at states and voltages.
 Slopes = Callable[[Array, Array], Array]
 
-_ROOT = 15**0.5
-_C = np.array([0.5 - _ROOT / 10, 0.5, 0.5 + _ROOT / 10])
-_A = np.array([[5 / 36, 2 / 9 - _ROOT / 15, 5 / 36 - _ROOT / 30],
-               [5 / 36 + _ROOT / 24, 2 / 9, 5 / 36 - _ROOT / 24],
-               [5 / 36 + _ROOT / 30, 2 / 9 + _ROOT / 15, 5 / 36]])
-# The weights of the stages, less the start, in the step's end.
-_END = np.linalg.solve(_A.T, np.array([5 / 18, 4 / 9, 5 / 18]))
+#: Rule of a step: of sixth order, as the quintics between its ends are. What swings without loss it
+#: does not damp.
+_RULE = gauss(3)
+#: Stages of a step.
+_STAGES = len(_RULE.nodes)
 
-_PRECISION = 1e-10  # of the quintics [m]
-_CLOSE = 1e-7  # [m]: from a change so small Newton's next step, the one with derivatives, is exact
+#: Error of the quintics [m].
+_PRECISION = 1e-10
+#: Change of the deflection [m] from which Newton's next step, the one with derivatives, is exact.
+_CLOSE = 1e-7
 
 #: Most of Newton's iterations over a whole mesh. If they do not end by then, halves of it are
 #: solved one after the other.
@@ -117,15 +120,6 @@ class Motion:
         return step, width, (at - self.time[step]) / width
 
 
-class DrawnIn(InputError):
-    """A motion that has no end within the model; ``time`` is up to when it has one [s]."""
-
-    def __init__(self, actuator: Actuator, time: float) -> None:
-        super().__init__("is drawn in with these constants: its motion goes beyond the model's "
-                         "reach", key=actuator.specimen.name, given=f"after {time:.4g} s")
-        self.time = time
-
-
 @dataclass(eq=False)
 class CollocationSolver:
     """Solves an actuator's motion under one signal, for one set of constants after the other.
@@ -148,8 +142,14 @@ class CollocationSolver:
         """The motion from a state and its derivatives by constants, ``start``, shape (size, 1 + p).
 
         ``mesh`` are the times to begin with [s], by default those of the last motion, or of
-        :func:`first_mesh`; ``by_constants`` what drives the derivatives. A motion that has no end
-        raises :class:`DrawnIn`.
+        :func:`first_mesh`; ``by_constants`` what drives the derivatives.
+
+        Raises
+        ------
+        Stopped
+            Where the motion goes beyond the model's reach: its time is up to when there is one.
+        InputError
+            Where it takes more evaluations of the rates than allowed.
         """
         time = mesh
         if time is None:
@@ -169,7 +169,7 @@ class CollocationSolver:
 
     def check(self, steps: int) -> None:
         """Refuse what takes too much, if so many more steps do."""
-        if self.evaluations + _PASSES * len(_C) * steps > self.most:
+        if self.evaluations + _PASSES * _STAGES * steps > self.most:
             raise InputError("takes too many steps: make it shorter or with fewer bends",
                              key="signal", given=f"{len(self.signal.breaks)} bends in "
                                                  f"{self.signal.end:g} s")
@@ -179,19 +179,19 @@ class CollocationSolver:
         if last is None or last.time[0] != mesh.time[0] or last.time[-1] != mesh.time[-1]:
             return None
         if last.time is not mesh.time:
-            return last.state(mesh.within.ravel()).reshape(len(mesh.width), 3, -1)
+            return last.state(mesh.within.ravel()).reshape(len(mesh.width), _STAGES, -1)
         if constants is None or self.constants is None or not last.stage_slopes.shape[-1]:
             return last.stages
         return np.asarray(last.stages + last.stage_slopes @ (constants - self.constants))
 
     def _solved(self, mesh: _Mesh, guess: Array | None, start: Array) -> tuple[Array, Array]:
         steps = len(mesh.width)
-        begun = np.broadcast_to(start, (steps, 3, len(start))) if guess is None else guess
+        begun = np.broadcast_to(start, (steps, _STAGES, len(start))) if guess is None else guess
         solution = self._newton(mesh, begun, start)
         if solution is not None:
             return solution
         if steps == 1:
-            raise DrawnIn(mesh.actuator, float(mesh.time[0]))
+            raise Stopped("drawn_in", float(mesh.time[0]))
         half = steps // 2
         guesses = (None, None) if guess is None else (guess[:half], guess[half:])
         before, middle = self._solved(mesh.part(0, half), guesses[0], start)
@@ -276,7 +276,7 @@ class _Mesh:
 
     @cached_property
     def within(self) -> Array:
-        return np.asarray(self.time[:-1, None] + self.width[:, None] * _C)
+        return np.asarray(self.time[:-1, None] + self.width[:, None] * _RULE.nodes)
 
     @cached_property
     def piece(self) -> Numbers:
@@ -305,19 +305,17 @@ def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[A
     """
     steps, _, size = stages.shape
     rates, slopes = mesh.actuator.linear(stages, mesh.volts)
-    reach = mesh.width[:, None, None] * _A
-    matrix = np.eye(3 * size).reshape(3, size, 3, size) \
-        - reach[:, :, None, :, None] * np.moveaxis(slopes, 1, 2)[:, None]
+    weights = mesh.width[:, None, None] * _RULE.matrix
     free = rates - (slopes @ stages[..., None])[..., 0]
-    driven = np.concatenate([free[..., None], sources], axis=-1).reshape(steps, 3, -1)
-    driven = (reach @ driven).reshape(steps, 3, size, -1)
-    follow = np.broadcast_to(np.tile(np.eye(size), (3, 1)).reshape(3, size, size),
-                             (steps, 3, size, size))
-    right = np.concatenate([follow, driven], axis=-1).reshape(steps, 3 * size, -1)
-    solved = np.linalg.solve(matrix.reshape(steps, 3 * size, 3 * size), right)
-    solved = solved.reshape(steps, 3, size, -1)
-    end = np.tensordot(_END, solved, (0, 1))
-    nodes = _chained(end[..., :size] + (1 - _END.sum()) * np.eye(size), end[..., size:], start)
+    driven = np.concatenate([free[..., None], sources], axis=-1).reshape(steps, _STAGES, -1)
+    driven = (weights @ driven).reshape(steps, _STAGES, size, -1)
+    follow = np.broadcast_to(np.eye(size), (steps, _STAGES, size, size))
+    right = np.concatenate([follow, driven], axis=-1).reshape(steps, _STAGES * size, -1)
+    solved = np.linalg.solve(newton_matrix(weights, slopes), right)
+    solved = solved.reshape(steps, _STAGES, size, -1)
+    end = np.tensordot(_RULE.end, solved, (0, 1))
+    across = end[..., :size] + (1 - _RULE.end.sum()) * np.eye(size)
+    nodes = _chained(across, end[..., size:], start)
     return nodes, solved[..., :size] @ nodes[:-1, None] + solved[..., size:]
 
 

@@ -12,7 +12,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
-from tympan.fem.transient.integrate import Stopped
+from tympan.fem.transient.ends import Followed, Stopped, status_of
 from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.films.driven_film import ERROR, ReducedMoment
 from tympan.studies.films.film import NoBalance, ReducedFilm
@@ -41,10 +41,11 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
         first, force=np.array([motion.force for motion in motions]),
         signal=Together([motion.signal for motion in motions]))
     try:
-        moments, stopped = _followed(together)
+        followed = Followed(together.moments())
     except NoBalance:
-        moments, stopped = [], Stopped("pull_in", 0.0)
-    if stopped is not None and others:
+        followed = Followed((), Stopped("pull_in", 0.0))
+    moments = list(followed)
+    if followed.stopped is not None and others:
         half = len(motions) // 2
         return np.concatenate([_deflections(motions[:half], when),
                                _deflections(motions[half:], when)])
@@ -53,19 +54,6 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
     time = np.array([moment.time for moment in moments])
     heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
     return Trace(time).at(heaves, when).T
-
-
-def _followed(motion: ReducedMotion, progress: Callable[[float], None] = lambda share: None
-              ) -> tuple[list[ReducedMoment], Stopped | None]:
-    """The moments of a motion, and what stopped it, None where nothing did."""
-    moments, end = list[ReducedMoment](), float(motion.signal.breaks[-1])
-    try:
-        for moment in motion.moments():
-            moments.append(moment)
-            progress(moment.time / end)
-    except Stopped as ending:
-        return moments, ending
-    return moments, None
 
 
 def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
@@ -79,9 +67,9 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
         When the rig has what the reduced film does not know.
     """
     checked_load(mass, signal.peak)
-    if any(rig.weight_offset) or rig.series_resistance:
-        raise InputError("the reduced film has no weight beside the centre and no resistance: take "
-                         "tympan transient", key="rig")
+    if any(rig.weight_offset):
+        raise InputError("the reduced film has no weight beside the centre: take tympan transient",
+                         key="rig")
     if rig.gas_pressure and film.gas_area is None:
         raise InputError("the model's file has no gas_area_m2: build it again",
                          key="rig.gas_pressure", given=f"{rig.gas_pressure:g} Pa")
@@ -92,8 +80,10 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
     biases = solved_loading(rig.loading, Settings()).biases
     plate = float(film.specimen.plate_area) if rig.plate_pressure else 0.0
     force = float(rig.force(mass, plate)) - rig.gas_pressure * (film.gas_area or 0.0)
-    return ReducedMotion(film, force, Supplied(signal, rig), biases,
-                         moved if inertia else None, rig.plate_damping, error, budget)
+    # Where the film charges, the leak past it is the circuit's.
+    supplied = Supplied(signal, rig.source if rig.series_resistance else rig)
+    return ReducedMotion(film, force, supplied, biases, moved if inertia else None,
+                         rig.plate_damping, error, budget, rig.circuit)
 
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
@@ -110,10 +100,15 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     case = Case(model.specimen, mass=mass, voltage=signal.peak, rig=rig)
     warnings = [*rig.in_motion, *case.remarks]
     try:
-        moments, stopped = _followed(motion, progress)
+        followed = Followed(motion.moments())
     except NoBalance:
         reason = "must have an equilibrium under the signal's first voltage"
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg") from None
+    moments = list[ReducedMoment]()
+    for moment in followed:
+        moments.append(moment)
+        progress(moment.time / signal.end)
+    stopped = followed.stopped
     if not moments:
         reason = "the film has no equilibrium at once after the mass is put on"
         raise InputError(case.doubted(reason), key="mass", given=f"{mass:g} kg")
@@ -130,7 +125,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         warnings += unclosed(loop)
     return ModelResponse.of(
         signal, when, sampled, low, high, step and inertia, specimen=name, mass_kg=mass,
-        status="done" if stopped is None else stopped.kind, hysteresis_area_V_m=area,
+        status=status_of(stopped), hysteresis_area_V_m=area,
         stopped_s=np.nan if stopped is None else stopped.time, film_error=dict(model.film.errors),
         steps=len(moments), warnings=tuple(warnings), loop=loop, samples=pd.DataFrame({
             "specimen": name, "mass": mass, "run": "simulated", "t": when,

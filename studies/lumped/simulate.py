@@ -15,8 +15,9 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.fem.roots import root_between
+from tympan.fem.transient.ends import Stopped, status_of
 from tympan.studies.lumped.actuator import Actuator, flat_capacitance
-from tympan.studies.lumped.collocation import CollocationSolver, DrawnIn, Motion, first_mesh
+from tympan.studies.lumped.collocation import CollocationSolver, Motion, first_mesh
 from tympan.studies.lumped.equilibria import (
     highest,
     limit_words,
@@ -33,7 +34,7 @@ _PRECISION = 1e-11  # of a response [m]
 _WINDOW = 4000  # steps of a first mesh that are solved at once
 _FINER = 8
 _SAMPLES = 400  # of a period
-_WITHIN = 8  # times of a step at which extremes are sought
+_WITHIN = 8  # times of a step between which extremes are sought
 _SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
 #: Samples that are computed at once.
 _TOGETHER = 100_000
@@ -43,9 +44,10 @@ _LIGHTEST = 1e-6  # [kg]
 
 @dataclass(frozen=True, eq=False)
 class LumpedMotion:
-    """Motion of an actuator, dense in time. ``drawn_in`` is when it left the model's reach [s].
+    """Motion of an actuator, dense in time.
 
-    ``ends`` are the times between ``motions``, from 0 to when it is over [s].
+    ``ends`` are the times between ``motions``, from 0 to when it is over [s]; ``stopped``: where it
+    left the model's reach, None where it did not.
     """
 
     actuator: Actuator
@@ -53,7 +55,7 @@ class LumpedMotion:
     ends: Array
     motions: tuple[Motion, ...]
     evaluations: int
-    drawn_in: float | None = None
+    stopped: Stopped | None = None
 
     @property
     def end(self) -> float:
@@ -81,12 +83,18 @@ class LumpedMotion:
     def extremes(self) -> tuple[float, float]:
         """The smallest and the largest deflection [m], between samples too."""
         shares = np.linspace(0.0, 1.0, _WITHIN, endpoint=False)
-        ends: list[Array] = [self.deflection(np.array([0.0, self.end]))]
+        found: list[Array] = [self.deflection(np.array([0.0, self.end]))]
         for motion in self.motions:
             times = (motion.time[:-1, None] + np.diff(motion.time)[:, None] * shares).ravel()
-            y = motion.deflection(times.clip(0, self.end))[0]
-            ends.append(np.array([y.min(), y.max()]))
-        return float(np.min(ends)), float(np.max(ends))
+            times = np.append(times, motion.time[-1]).clip(0, self.end)
+            y, speed, _ = motion.deflection(times)
+            turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
+            # Where its speed is a line the deflection is flat: an error of the time hardly counts.
+            passed = speed[turns] / (speed[turns] - speed[turns + 1])
+            turned = times[turns] + passed * np.diff(times)[turns]
+            found += [y, motion.deflection(turned)[0]]
+        every = np.concatenate(found)
+        return float(every.min()), float(every.max())
 
     def last_loop(self, period: float) -> pd.DataFrame:
         """Voltages [V] and deflections [m] of the last whole period [s] of a sine."""
@@ -128,7 +136,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     """The response to a signal, by default from rest at its first voltage, to a precision [m].
 
     By collocation over many steps at once. ``progress`` is called with the share of the signal that
-    is over. A motion that leaves the model's reach ends there: ``LumpedMotion.drawn_in``. A signal
+    is over. A motion that leaves the model's reach ends there: ``LumpedMotion.stopped``. A signal
     beyond pull-in or the model's reach is refused: no rest holds the film there. So is a mass next
     to nothing, and what would take minutes.
     """
@@ -147,28 +155,29 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     solver.check(len(signal.breaks) - 1)
     mesh = first_mesh(actuator, state, signal)
     ends, motions = [0.0], list[Motion]()
-    steps, drawn_in = _WINDOW, None
-    while drawn_in is None and len(mesh) > 1:
+    steps, gone = _WINDOW, None
+    while gone is None and len(mesh) > 1:
         window = mesh[:steps + 1]
         try:
             motion = solver.solve(actuator, state[:, None], window)
-        except DrawnIn as gone:
+        except Stopped as ending:
             # On to where there is a motion yet, in finer steps, which may follow it further.
-            whole = max(int(np.searchsorted(window, gone.time, "right")) - 1, 1)
+            whole = max(int(np.searchsorted(window, ending.time, "right")) - 1, 1)
             if window[whole] - window[0] < _SHORTEST:
-                drawn_in = float(window[0])
+                gone = float(window[0])
                 break
             finer = np.interp(np.linspace(0, whole, _FINER * whole + 1), np.arange(whole + 1),
                               window[:whole + 1])
             mesh, steps = np.concatenate([finer, mesh[whole + 1:]]), _FINER * whole
             continue
-        drawn_in = _leaves(motion, actuator.reach)
+        gone = _leaves(motion, actuator.reach)
         mesh, steps, state = mesh[len(window) - 1:], _WINDOW, motion.nodes[-1]
-        ends.append(float(window[-1]) if drawn_in is None else drawn_in)
+        ends.append(float(window[-1]) if gone is None else gone)
         motions.append(motion)
         progress(ends[-1] / signal.end)
+    stopped = None if gone is None else Stopped("drawn_in", gone)
     return LumpedMotion(actuator, signal, np.array(ends), tuple(motions), solver.evaluations,
-                        drawn_in)
+                        stopped)
 
 
 def _leaves(motion: Motion, reach: float) -> float | None:
@@ -221,15 +230,15 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step, after
     which an oscillation settles; ``remarks`` are on how the actuator was chosen.
     """
-    actuator, drawn_in, rig = response.actuator, response.drawn_in, response.actuator.rig
+    actuator, stopped, rig = response.actuator, response.stopped, response.actuator.rig
     name, first = actuator.specimen.name, response.signal.first
     limit = pull_in(actuator)
     time = np.linspace(0.0, response.end, sample_count(response.end, interval))
     voltage, deflection = response.voltage(time), response.deflection(time)
     warnings = [*remarks]
-    if drawn_in is not None:
-        warnings.append(remark("drawn_in", time=drawn_in))
-    loop = response.last_loop(period) if period is not None and drawn_in is None else None
+    if stopped is not None:
+        warnings.append(str(stopped))
+    loop = response.last_loop(period) if period is not None and stopped is None else None
     warnings += [] if loop is None else unclosed(loop)
     if limit is not None and deflection[-1] > limit[1]:
         warnings.append(remark("beyond_pull_in", limit=1e3 * limit[1]))
@@ -239,7 +248,7 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
     return ModelResponse.of(
         response.signal, time, deflection, *response.extremes, step,
         specimen=name, mass_kg=actuator.mass, circles=tuple(actuator.circles.radius.tolist()),
-        alpha=tuple(actuator.weights), status="done" if drawn_in is None else "drawn_in",
+        alpha=tuple(actuator.weights), status=status_of(stopped),
         hysteresis_area_V_m=None if loop is None else _area(loop),
         pull_in_film_voltage_V=np.nan if limit is None else limit[0], flat_capacitance_F=flat,
         flat_stored_energy_J=flat * float(np.abs(voltage).max()) ** 2 / 2,

@@ -241,7 +241,7 @@ def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Arra
     time = np.arange(0.0, signal.end + INTERVAL / 2, INTERVAL)
     responses = [[simulate(model, signal, precision=_PRECISION) for model in row]
                  for row in models]
-    if any(response.drawn_in is not None for row in responses for response in row):
+    if any(response.stopped is not None for row in responses for response in row):
         raise InputError("one of the films is drawn in: a step overshoots what a slow ramp may "
                          "reach; lower the voltage", key="signal",
                          given=f"{signal.peak / 1e3:g} kV")

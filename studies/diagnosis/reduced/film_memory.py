@@ -28,7 +28,7 @@ from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.rig import Rig
-from tympan.fem.transient.integrate import Stopped
+from tympan.fem.transient.ends import Stopped
 from tympan.geometry.specimen import Film, Specimen, ViscousBranch
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.history import WEIGHTS, Passages, VoltageHistory

@@ -21,12 +21,6 @@ from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method
 from tympan.studies.lumped.control.design import Design, design
 from tympan.studies.lumped.control.loop import Margins
-from tympan.studies.lumped.control.plants import (
-    FilmPlant,
-    LumpedPlant,
-    Plant,
-    creeping_circles,
-)
 from tympan.studies.lumped.control.result import (
     ControlledFilm,
     ControlResult,
@@ -38,9 +32,9 @@ from tympan.studies.lumped.control.result import (
 )
 from tympan.studies.lumped.equilibria import rest_curve
 from tympan.studies.lumped.export.fmu import require_compiler
+from tympan.studies.lumped.in_time import InTime
 from tympan.studies.lumped.linear import Linear, linearise
-from tympan.studies.lumped.model_file import LumpedModel
-from tympan.studies.lumped.remarks import origin
+from tympan.studies.lumped.plants import Plant
 from tympan.studies.sense.inverse import Inverse, fit_inverse
 from tympan.studies.sense.inverse import Sampled as CapacitanceCurve
 from tympan.studies.signals import Signal, nominal
@@ -208,38 +202,33 @@ def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSetting
         require_compiler()
     count = sample_count(signal.end, settings.interval, len(chosen.actuators))
     films = []
-    models = {model.specimen.name: model for model in chosen.case.models if model.film}
     for actuator in chosen.actuators:
         progress(actuator.specimen.name)
         if not actuator.viscous.eta2 and not actuator.rig.plate_damping:
             raise InputError("must have viscous constants, or its rig plate_damping: nothing damps "
                              "the swing of its plate", key=actuator.specimen.name)
-        films.append(_controlled(chosen, actuator, models.get(actuator.specimen.name), signal,
-                                 settings, count, lambda share: progress(share=share)))
+        films.append(_controlled(chosen.in_time(actuator), signal, settings, count,
+                                 chosen.remarks, lambda share: progress(share=share)))
     return ControlResult(tuple(films), settings.fmu)
 
 
-def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel | None,
-                signal: Signal, settings: ControlSettings, count: int,
-                progress: Callable[[float], None]) -> ControlledFilm:
-    """A controller designed on circles, run on them, or on a model's film in time."""
-    if model is not None:
-        actuator = creeping_circles(model, actuator.mass, actuator.rig, settings.supply / 2)
+def _controlled(driven: InTime, signal: Signal, settings: ControlSettings, count: int,
+                remarks: tuple[str, ...], progress: Callable[[float], None]) -> ControlledFilm:
+    """Design a controller on an actuator's circles and run it on the actuator in time."""
+    actuator = driven.circles(settings.supply / 2)
     lag = settings.lag(actuator.rig)
     designed = design(actuator, settings.supply, settings.interval, lag, settings.method)
     controller = designed.controller
     time = _times(count, settings.interval)
     voltages = np.abs(nominal(signal, time))
     wanted = rest_curve(actuator, voltages)
-    begin: Plant = LumpedPlant.resting(actuator, abs(signal.first))
-    if model is not None and model.film is not None:
-        begin = FilmPlant.resting(model.film, actuator.mass, actuator.rig, abs(signal.first))
+    begin = driven.resting(abs(signal.first))
     before = float(rest_curve(actuator, abs(signal.first)))
     parts = _parts(wanted, before, controller)
     sensed = _sensed(actuator, controller) if settings.sensor == "capacitance" else None
     run = closed_loop(controller, begin, before, wanted, lag, progress,
                       {part.start for part in parts}, sensed)
-    free = LoopRun(time, wanted, begin.driven(signal, time), voltages)
+    free = LoopRun(time, wanted, driven.driven(signal, time), voltages)
     ends = [linearise(actuator, voltage, by="U2") for voltage in (0.0, settings.supply)]
     swings = [_swing(each) for each in ends]
     return ControlledFilm(
@@ -254,7 +243,7 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
         steps=tuple(_step(run, free, controller, part, before) for part in parts),
         scattered=_scattered(designed, actuator),
         sensed=sensed, disturbance=_disturbed(controller, actuator, begin, settings, sensed),
-        warnings=(*chosen.remarks, *([] if model else origin(actuator)), *actuator.rig.in_motion,
+        warnings=(*remarks, *driven.origin, *actuator.rig.in_motion,
                   *actuator.case(settings.supply).remarks),
         samples=pd.DataFrame({
             "specimen": actuator.specimen.name, "t": time, "wanted": wanted,

@@ -21,7 +21,7 @@ from tympan.fem.membrane.damped_rule import end_weight
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
 from tympan.studies.case import Settings
-from tympan.studies.signals import ramp
+from tympan.studies.signals import Pieces, ramp
 from tympan.studies.transient import TransientCase, begun, history
 
 FINE = StepSettings(error=1e-6)
@@ -155,3 +155,22 @@ def test_a_damper_of_a_microsecond_turns_into_heat_what_else_is_lost_at_once() -
         assert less > 10 * without.heat_J
         assert damped.heat_J - without.heat_J == pytest.approx(less, rel=0.01)
         assert abs(damped.unexplained_J) < 1e-4 * damped.electrical_work_J
+
+
+def test_a_film_charges_by_a_source_of_either_sign_and_through_none() -> None:
+    """From 3 kV to −3 kV as a capacitor does, since the film hardly moves; with few steps."""
+    rig, times = Rig(series_resistance=1e8), np.array([0.0, 0.0, 4.0, 4.0, 8.0])
+    there, back = (moved(CREEPS, Pieces(times, sign * np.array([0.0, 3e3, 3e3, -3e3, -3e3])),
+                         rig=rig, steps=FINE) for sign in (1, -1))
+    assert (there.deflection == back.deflection).all()
+    assert (there.current == -back.current).all()
+    assert len(there.time) < 150
+    when = np.linspace(4.0, 6.0, 101)[1:]
+    late = 1e8 * there.capacitance[-1]
+    across = np.abs(-3e3 + 6e3 * np.exp(-(when - 4.0) / late))
+    near = np.interp(when, there.time, there.voltage)
+    far = np.abs(when - 4.0 - late * np.log(2)) > 0.1  # of 0, where the magnitude has a kink
+    assert there.at(there.voltage, when)[far] == pytest.approx(across[far], abs=0.03 * 3e3)
+    assert near[-1] == pytest.approx(3e3, rel=1e-4)
+    assert there.deflection[-1] == pytest.approx(there.at(there.deflection, np.array([3.99]))[0],
+                                                 rel=5e-3)

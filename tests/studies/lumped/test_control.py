@@ -39,7 +39,6 @@ from tympan.studies.lumped.control.controller import Controller, Method, StaticI
 from tympan.studies.lumped.control.design import SENSITIVITY, Design, design
 from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.lumped.control.lqg import _filter, _law, _regulator
-from tympan.studies.lumped.control.plants import FilmPlant, LumpedPlant, creeping_circles
 from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.lumped.control.run import (
     ControlSettings,
@@ -53,8 +52,10 @@ from tympan.studies.lumped.control.run import (
 )
 from tympan.studies.lumped.equilibria import rest, rest_curve
 from tympan.studies.lumped.export.fmu import export_fmu
+from tympan.studies.lumped.in_time import CirclesInTime, FilmInTime
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import STILL, LumpedModel, write_model
+from tympan.studies.lumped.plants import FilmPlant, LumpedPlant
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.sense.inverse import Inverse
 from tympan.studies.signals import Pieces, step, through
@@ -335,8 +336,10 @@ def film_plant(film: ReducedFilm | None, voltage: float, mass: float = 17.9e-3) 
 
 def test_a_film_moves_as_its_motion_says() -> None:
     """Sample by sample against steps of its own length."""
-    plant = film_plant(branched_model().film, 2e3)
-    whole = plant.driven(step(2e3, 5e3, 0.0, 0.5), np.linspace(0, 0.5, 51))
+    model = branched_model()
+    plant = film_plant(model.film, 2e3)
+    signal, times = step(2e3, 5e3, 0.0, 0.5), np.linspace(0, 0.5, 51)
+    whole = FilmInTime(model, plant.mass, plant.rig).driven(signal, times)
     reached = [plant.deflection]
     for _ in range(50):
         plant = plant.after(5e3, INTERVAL)
@@ -349,10 +352,10 @@ def test_a_film_moves_as_its_motion_says() -> None:
 
 def test_circles_creep_as_the_film_they_stand_for() -> None:
     model, times = branched_model(), np.linspace(0, 60, 241)
-    circles = creeping_circles(model, 17.9e-3, DAMPED, 3.5e3)
+    creeps = FilmInTime(model, 17.9e-3, DAMPED)
+    circles = CirclesInTime(creeps.circles(3.5e3))
     signal = step(3e3, 4e3, 0.0, 60.0)
-    film, lumped = (plant.driven(signal, times) for plant in (
-        film_plant(model.film, 3e3), LumpedPlant.resting(circles, 3e3)))
+    film, lumped = (each.driven(signal, times) for each in (creeps, circles))
     assert lumped == pytest.approx(film, abs=0.05 * float(np.ptp(film)))
 
 

@@ -16,10 +16,10 @@ from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.build import BuildSettings, build
-from tympan.studies.lumped.control.plants import LumpedPlant
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.model_file import STILL
+from tympan.studies.lumped.plants import LumpedPlant
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces, step
 from tympan.studies.transient import TransientCase, respond

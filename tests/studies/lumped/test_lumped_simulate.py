@@ -133,7 +133,8 @@ def test_a_film_thrown_beyond_the_models_reach_is_followed_until_there() -> None
                       atol=1e-13, events=gone, dense_output=True)
     response = simulate(PAPER, constant, start)
     assert other.status == 1
-    assert response.drawn_in == pytest.approx(other.t[-1], rel=1e-7)
+    assert response.stopped is not None
+    assert response.stopped.time == pytest.approx(other.t[-1], rel=1e-7)
     half = np.array([response.end / 2])
     assert response.deflection(half) == pytest.approx(other.sol(half)[0], rel=1e-7)
     assert "drawn in after" in sample(response, 1e-4).warnings[0]

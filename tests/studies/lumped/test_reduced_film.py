@@ -26,7 +26,8 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import radau
-from tympan.fem.transient.integrate import Stopped
+from tympan.fem.transient.ends import Stopped
+from tympan.fem.transient.integrate import StepSettings
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBranch
@@ -142,6 +143,68 @@ def test_gas_lifts_the_plate_in_time_as_finite_elements_have_it(pressure: float)
     assert np.abs(near - field).max() < 3e-3 * np.abs(field).max()
     with pytest.raises(InputError, match="no gas_area_m2: build it again"):
         film_motion(of(NEO), signal, MASS, rig)
+
+
+#: Charging in a microsecond, a tenth of a second and the better part of two, which also leaks.
+CIRCUITS = (Rig(series_resistance=1e3), Rig(series_resistance=1e8),
+            Rig(series_resistance=1.5e9, leakage_resistance=1.5e10))
+
+
+@pytest.mark.parametrize("rig", CIRCUITS, ids=["at once", "soon", "late"])
+@pytest.mark.parametrize("signal", [step(0.0, 6e3, 0.0, 20.0), step(4e3, 1e3, 0.0, 20.0),
+                                    Sine(2.5e3, 2.5e3, 10.0, 1.0)], ids=["up", "down", "sine"])
+def test_a_film_that_charges_creeps_as_by_finite_elements(rig: Rig, signal: Any) -> None:
+    when = np.linspace(0.0, signal.end, 81)
+    done = history(TransientCase(NEO, signal, mass=MASS, rig=rig,
+                                 steps=StepSettings(error=1e-6)), Settings())
+    field, voltage = (done.at(values, when) for values in (done.deflection, done.voltage))
+    moments = list(film_motion(of(NEO), signal, MASS, rig).moments())
+    trace = Trace(np.array([moment.time for moment in moments]))
+    near = trace.at(np.array([moment.heave for moment in moments]), when)
+    across = trace.at(np.array([moment.voltage for moment in moments]), when)
+    assert np.abs(near - field).max() < 2e-3 * np.ptp(np.append(field, done.before))
+    assert np.abs(across - voltage).max() < 1e-3 * np.abs(voltage).max()
+
+
+@pytest.mark.parametrize("rig", [Rig(series_resistance=1e7), Rig(series_resistance=3e6,
+                                                                 plate_damping=0.3)])
+def test_the_swing_of_a_film_that_charges_is_that_of_finite_elements(rig: Rig) -> None:
+    signal, when = stepped(0.0, 4e3, 0.2), np.linspace(0.0, 0.2, 81)
+    done = history(TransientCase(NEO, signal, mass=MASS, rig=rig, inertia=True,
+                                 steps=StepSettings(error=1e-6)), Settings())
+    field = done.at(done.deflection, when)
+    near = moved(of(NEO), signal, when, rig=rig, inertia=True)
+    assert np.abs(near - field).max() < 2e-3 * np.ptp(field)
+    plain = moved(of(NEO), signal, when, rig=replace(rig, series_resistance=0.0), inertia=True)
+    assert np.abs(near - plain).max() > 0.05 * np.ptp(field)  # it charges late
+
+
+def test_a_stiff_film_charges_as_a_capacitor_does() -> None:
+    """In closed form: U = U_s (1 − e^(−t/RC)), of a film that hardly moves at 10 V, and back.
+
+    Beyond 0 to a negative voltage, too.
+    """
+    rig, signal = Rig(series_resistance=1e9), Pieces(np.array([0.0, 0.0, 4.0, 4.0, 8.0]),
+                                                     np.array([0.0, 10.0, 10.0, -10.0, -10.0]))
+    film = of(NEO)
+    moments = list(film_motion(film, signal, MASS, rig, error=1e-6).moments())
+    time = np.array([moment.time for moment in moments])
+    late = 1e9 * film.capacitance(moments[0].q)
+    charged = 10 * (1 - np.exp(-time / late))
+    top = 10 * (1 - np.exp(-4.0 / late))
+    back = -10 + (top + 10) * np.exp(-(time - 4.0) / late)
+    exact = np.where(time <= 4.0, charged, back)
+    assert [moment.voltage for moment in moments] == pytest.approx(exact, abs=1e-4)
+
+
+def test_films_that_charge_together_are_each_its_own() -> None:
+    film, when = of(NEO), np.linspace(0.0, 20.0, 25)
+    rig = Rig(series_resistance=1e9)
+    signals = [random_steps(0.0, high, 10.0, 2, 5) for high in (3e3, 5e3)]
+    together = film_deflections(film, signals, [MASS, HEAVY], when, rig)
+    for row, signal, mass in zip(together, signals, (MASS, HEAVY), strict=True):
+        alone, = film_deflections(film, [signal], [mass], when, rig)
+        assert row == pytest.approx(alone, rel=3e-4)
 
 
 @pytest.mark.parametrize("specimen", [NEO, BAND], ids=["circle", "band"])

@@ -1,4 +1,4 @@
-"""Plants of a controller: a voltage held for a time, and where the plate is then."""
+"""Actuators at a moment, and after a voltage was held for a time."""
 
 from __future__ import annotations
 
@@ -8,17 +8,15 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.base.errors import Failure, InputError
+from tympan.base.errors import Failure
 from tympan.fem.rig import Rig
-from tympan.fem.transient.collocation import radau
+from tympan.fem.transient.collocation import newton_matrix, radau
 from tympan.studies.films.driven_film import ReducedMoment
 from tympan.studies.films.film import ReducedFilm
-from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle, squared_at
-from tympan.studies.lumped.film_response import film_deflections, film_motion
-from tympan.studies.lumped.model_file import LumpedModel
-from tympan.studies.lumped.simulate import simulate
-from tympan.studies.signals import Pieces, Signal
+from tympan.studies.lumped.film_response import film_motion
+from tympan.studies.signals import Pieces
 
 #: Stages of a step: order 7, so that a step of a radian of the swing errs by 1e-6.
 _STAGES = 4
@@ -57,9 +55,6 @@ class Plant(Protocol):
     def rested(self, voltage: float) -> Self:
         """The same at rest at a nominal voltage [V]."""
 
-    def driven(self, signal: Signal, time: Array) -> Array:
-        """Deflections [m] at times [s] under a signal, from rest at its first voltage."""
-
 
 @dataclass(frozen=True, eq=False)
 class LumpedPlant:
@@ -91,12 +86,6 @@ class LumpedPlant:
     def rested(self, voltage: float) -> LumpedPlant:
         return self.resting(self.actuator, voltage)
 
-    def driven(self, signal: Signal, time: Array) -> Array:
-        motion = simulate(self.actuator, signal)
-        if motion.drawn_in is not None:
-            raise _pulls_in(self.actuator.label, signal)
-        return motion.deflection(time)
-
     def under(self, mass: Any) -> LumpedPlant:
         return LumpedPlant(replace(self.actuator, mass=mass), self.state)
 
@@ -127,12 +116,10 @@ class LumpedPlant:
         # Stages first: actuators broadcast behind them.
         stages = np.tensordot(rule.beyond(1.0), self.past[1], 1) \
             if self.past and self.past[0] == duration else np.repeat(state[None], _STAGES, 0)
-        identity = np.eye(_STAGES * size)
         for _ in range(_CORRECTIONS):
             rates, slopes = self.actuator.linear(stages, voltage)
             missed = stages - state - np.tensordot(weights, rates, 1)
-            matrix = np.einsum("ij,j...kl->...ikjl", weights, slopes)
-            matrix = identity - matrix.reshape(*matrix.shape[:-4], *identity.shape)
+            matrix = newton_matrix(weights, np.moveaxis(slopes, 0, -3))
             flat = np.moveaxis(missed, 0, -2).reshape(*state.shape[:-1], -1, 1)
             moved = np.linalg.solve(matrix, flat).reshape(*state.shape[:-1], _STAGES, size)
             stages = stages - np.moveaxis(moved, -2, 0)
@@ -169,13 +156,6 @@ class FilmPlant:
     def rested(self, voltage: float) -> FilmPlant:
         return self.resting(self.film, self.mass, self.rig, voltage)
 
-    def driven(self, signal: Signal, time: Array) -> Array:
-        deflections = film_deflections(self.film, [signal], [self.mass], time, self.rig,
-                                       inertia=True)[0]
-        if np.isnan(deflections).any():
-            raise _pulls_in(self.film.specimen.name, signal)
-        return np.asarray(deflections)
-
     def under(self, mass: float) -> FilmPlant:
         return replace(self, mass=mass)
 
@@ -183,8 +163,10 @@ class FilmPlant:
         """Test whether a plate without inertia would come so far [m] at once."""
         film, moment = self.film.tabulated, self.moment
         flow = moment.memory.step(film.strain(moment.q), 0.0)
-        loads = replace(moment.loads,
-                        voltage_squared=float(self.rig.film_voltage(voltage)) ** 2)
+        loads = moment.loads
+        if not self.rig.series_resistance:  # through which the film has not charged at once
+            squared = float(self.rig.film_voltage(voltage)) ** 2
+            loads = replace(loads, voltage_squared=squared)
         return bool(film.carried(moment.q, moment.loads, loads, flow)[0] >= deflection)
 
     def after(self, voltage: float, duration: float) -> FilmPlant:
@@ -192,40 +174,6 @@ class FilmPlant:
                              inertia=True)
         *_, last = motion.moments(replace(self.moment, time=0.0))
         return replace(self, moment=last)
-
-
-def creeping_circles(model: LumpedModel, mass: float, rig: Rig, voltage: float) -> Actuator:
-    """Circles of a model whose film has branches, with one branch that stands for them.
-
-    It stiffens the plate at rest at a voltage [V] as they do at once, and has the mean of their
-    times, weighted with their moduli.
-    """
-    film, still = model.film, model.actuator(mass, rig)
-    assert film is not None
-    plant = FilmPlant.resting(film, mass, rig, voltage)
-    moment = plant.moment
-    at_once = moment.memory.step(film.strain(moment.q), 0.0)
-    frozen, relaxed = (_along_plate(film.pull(moment.q, moment.loads.voltage_squared, flow)[1])
-                       for flow in (at_once, None))
-    y = plant.deflection
-    unit = replace(still, viscous=Viscous(1.0, 1.0, 0.0))
-    strains = unit.strains(unit.rest(y, voltage))
-    of_one = unit.balance(y, voltage, strains)[1] - unit.balance(y, voltage)[1]
-    k1 = float((frozen - relaxed) / of_one)
-    branches = film.specimen.membrane.branches
-    time = np.average([branch.time for branch in branches],
-                      weights=[branch.modulus for branch in branches])
-    return replace(still, viscous=Viscous(k1, k1 * float(time), 0.0))
-
-
-def _along_plate(stiffness: Array) -> float:
-    """Stiffness against the plate's deflection, the other shapes in balance [N/m]."""
-    return float(1 / np.linalg.inv(stiffness)[0, 0])
-
-
-def _pulls_in(name: str, signal: Signal) -> InputError:
-    return InputError("meets pull-in on its way without feedback: lower its voltages", key=name,
-                      given=f"{signal.peak / 1e3:g} kV")
 
 
 def _held(voltage: float, duration: float) -> Pieces:
