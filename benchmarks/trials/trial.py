@@ -369,8 +369,9 @@ def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     if verdict is None:
         return [finished]
     group = {Cause("drift"), Cause("sensor_zero")}
-    reported = (any(group <= set(causes) for causes in verdict.indistinguishable) if kind == 2
-                else Cause(effect) in verdict.invisible)
+    misfit = verdict.misfit
+    reported = (any(group <= set(causes) for causes in misfit.indistinguishable) if kind == 2
+                else Cause(effect) in misfit.invisible)
     return [replace(finished, reported=reported and not verdict.named)]
 
 
@@ -433,7 +434,7 @@ def _mess(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     errors, at_fault = MESSES[kind].draw(generator, len(values), float(table.sigma[0]))
     messy = table.with_values(values + errors)
     finished, verdict = judged(record, design, simulation, messy, truth)
-    told = [] if verdict is None else np.flatnonzero(verdict.told.off).tolist()
+    told = [] if verdict is None else np.flatnonzero(verdict.misfit.told.off).tolist()
     hit = len({*told} & {*at_fault})
     finished = replace(finished, words=kind, rows=(hit, len(at_fault), len(told) - hit))
     if not truth.hypothesis:

@@ -132,7 +132,7 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     """
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
-    counts = table.judged & (judgement.told.off == 0)
+    counts = table.judged & (judgement.misfit.told.off == 0)
     splits = tuple(split for split in splits if np.any(split[2] & counts))
     unexplained = judgement.verdict == "unexplained"
     doubtful = unexplained or judgement.verdict == "ambiguous"
@@ -240,7 +240,7 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     train = table[~rows].compact()
     counted = rows & counts
     test = table[counted].compact()
-    others = table[rows & ~table.judged & (judgement.told.off == 0)].compact()
+    others = table[rows & ~table.judged & (judgement.misfit.told.off == 0)].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
@@ -308,7 +308,7 @@ def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause
     few, to first order ``about`` the fits to all readings. Then those that matter are fitted by the
     model. Causes that are large by all readings are sought from there too.
     """
-    large = {other.hypothesis: [other.unknowns] for other in judgement.alone
+    large = {other.hypothesis: [other.unknowns] for other in judgement.weighed.alone
              if other.surprise(other.hypothesis[0]) > _LARGE}
     hypotheses = hypotheses_of(causes)
     prior = {hypothesis: np.log(share) for hypothesis, share in priors(hypotheses).items()}
@@ -335,7 +335,7 @@ def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause
                 fitted(about, pair, starts)
     while True:
         best = ranked()
-        wrong = _unlike_the_best(best, judgement.indistinguishable)
+        wrong = _unlike_the_best(best, judgement.misfit.indistinguishable)
         least_log = logsumexp([log(other) for other in best] or [0.0]) + np.log(_MATTERS)
         rough = next((other for other in best if about.approximates(other.hypothesis) and (
             other is best[0] or other is wrong or log(other) > least_log)), None)

@@ -70,7 +70,7 @@ class Bench:
         size, values = self._readings(hidden, generator)
         table = self.table.with_values(values + self.table.noise.drawn(generator))
         judged = judge(self.simulation, table, self.causes, seed=number)
-        listed = judged.named or (judged.suspects if judged.verdict == "ambiguous" else ())
+        listed = judged.named or (judged.weighed.suspects if judged.verdict == "ambiguous" else ())
         return SyntheticSet(hidden, size, judged.verdict, listed)
 
     def hidden(self, number: int, generator: np.random.Generator) -> Cause | None:

@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from tympan.base.arrays import Array, Numbers
+from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.evidence.kind import Model, rows_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
+from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
 from tympan.studies.diagnosis.inference.noise_told import (
     WANDERS,
     Missed,
@@ -57,13 +57,15 @@ TOO_FEW = "there are too few readings to tell a misfit from noise"
 class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
-    ``patterns``: what its misfit may be a combination of, in units of the readings, by name;
-    ``stated``: the noise before what is ``told`` of it; ``scatter``: scatter about smooth curves
-    over the stated noise of the channels, by kind, of which both are known.
+    ``causes``: effects that may be wrong; ``patterns``: what its misfit may be a combination of, in
+    units of the readings, by name; ``stated``: the noise before what is ``told`` of it;
+    ``scatter``: scatter about smooth curves over the stated noise of the channels, by kind, of
+    which both are known.
     """
 
     simulation: Model
     table: ReadingTable
+    causes: tuple[Cause, ...]
     fit: Fit
     patterns: dict[str, Array]
     stated: Noise
@@ -72,8 +74,8 @@ class NominalMisfit:
 
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
-           workers: int = 1, told: Told | None = None) -> tuple[NominalMisfit, ResidualTests]:
-        """Fit a simulation, extended as far as the fit needs; and test what it misses.
+           workers: int = 1, told: Told | None = None) -> NominalMisfit:
+        """Fit a simulation, extended as far as the fit needs.
 
         ``told`` of the noise, by default what the misfit tells.
         Raises ArithmeticError where there is no equilibrium at the readings' states.
@@ -87,29 +89,52 @@ class NominalMisfit:
         if not nominal.possible:
             raise ArithmeticError("the nominal model has no equilibrium at the states that were "
                                   "read")
-        misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal),
-                     table.noise, Told.nothing(len(table)))
-        misfit = misfit._with_noise_of_channels(misfit._shown(causes))
+        misfit = cls(simulation, table, tuple(causes), nominal,
+                     _patterns(simulation, table, nominal), table.noise, Told.nothing(len(table)))
+        misfit = misfit._with_noise_of_channels()
         misfit = replace(misfit, stated=misfit.table.noise)
-        misfit = misfit.with_noise_told(causes) if told is None else misfit.with_told(told)
-        tests = misfit.tests(causes)
+        misfit = misfit.with_noise_told() if told is None else misfit.with_told(told)
         if table.noise.shared and not table.lengths.any():
             # What lasts along strips is told from noise once that is known.
-            misfit = misfit.louder(tests.noise(misfit.fit.residual))
-            tests = misfit.tests(causes)
-        return misfit, tests
-
-    def signatures(self, causes: Sequence[Cause]) -> Signatures:
-        """Signatures of causes in the readings, computed once."""
-        key = tuple(causes)
-        if key not in self._signatures:
-            self._signatures[key] = signatures(self.simulation, self.table, self.fit.unknowns,
-                                               causes)
-        return self._signatures[key]
+            misfit = misfit.louder(misfit.tests.noise(misfit.fit.residual))
+        return misfit
 
     @cached_property
-    def _signatures(self) -> dict[tuple[Cause, ...], Signatures]:
-        return {}
+    def signatures(self) -> Signatures:
+        """Signatures of the causes in the readings."""
+        return signatures(self.simulation, self.table, self.fit.unknowns, self.causes)
+
+    @property
+    def invisible(self) -> tuple[Cause, ...]:
+        """Causes that these readings cannot show."""
+        return self._classes[0]
+
+    @property
+    def indistinguishable(self) -> tuple[tuple[Cause, ...], ...]:
+        """Classes of causes that these readings cannot tell apart."""
+        return self._classes[1]
+
+    @cached_property
+    def _classes(self) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
+        return classes_of(self.signatures)
+
+    @property
+    def rough(self) -> dict[str, float]:
+        """Scatter of the channels whose stated noise is too small to be theirs."""
+        return {kind: scatter for kind, scatter in self.scatter.items() if scatter > UNLIKE}
+
+    @property
+    def quiet(self) -> dict[str, float]:
+        """Scatter of the channels whose stated noise is too large to be theirs."""
+        return {kind: scatter for kind, scatter in self.scatter.items() if scatter < 1 / UNLIKE}
+
+    def part(self, rows: Mask, simulation: Model) -> NominalMisfit:
+        """The same of some readings, which a simulation shows."""
+        patterns = {name: values[rows] for name, values in self.patterns.items()
+                    if values[rows].any()}
+        return replace(self, simulation=simulation, table=self.table[rows].compact(),
+                       fit=self.fit.part(rows), patterns=patterns, stated=self.stated[rows],
+                       told=self.told[rows])
 
     @property
     def of_unknown_noise(self) -> NominalMisfit:
@@ -126,8 +151,7 @@ class NominalMisfit:
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
-    def with_noise_told(self, causes: Sequence[Cause], remembers: bool = False,
-                        most: float = WANDERS) -> NominalMisfit:
+    def with_noise_told(self, remembers: bool = False, most: float = WANDERS) -> NominalMisfit:
         """Misfit with the noise that readings tell beside the model and each cause.
 
         The same object if that is as before.
@@ -136,7 +160,7 @@ class NominalMisfit:
         """
         nominal, colour = self.missed_by(self.fit), self.table.noise.coloured
         beside = [replace(nominal, jacobian=np.hstack([nominal.jacobian, colour(values)]))
-                  for values in self.signatures(causes).values()]
+                  for values in self.signatures.values()]
         told = self.noise_told([nominal, *beside], remembers, most)
         return self if told.alike(self.told) else self.with_told(told)
 
@@ -173,23 +197,28 @@ class NominalMisfit:
         patterns = _patterns(self.simulation, table, nominal)
         return replace(self, table=table, fit=nominal, patterns=patterns, told=told)
 
-    def _shown(self, causes: Sequence[Cause]) -> dict[str, Array]:
+    @cached_property
+    def shown(self) -> dict[str, Array]:
         """Columns of patterns and causes over the noise, by name."""
         return over(self.patterns, self.table) | {
-            str(cause): signature for cause, signature in self.signatures(causes).items()}
+            str(cause): signature for cause, signature in self.signatures.items()}
 
-    def tests(self, causes: Sequence[Cause]) -> ResidualTests:
-        return ResidualTests.of(self.fit.free_jacobian, self._shown(causes),
-                                float(self.table.noise.freedom.sum()), one_sided(causes))
+    @cached_property
+    def tests(self) -> ResidualTests:
+        """Tests of what is missed against all that is shown."""
+        return ResidualTests.of(self.fit.free_jacobian, self.shown,
+                                float(self.table.noise.freedom.sum()), one_sided(self.causes))
 
-    def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
+    def _with_noise_of_channels(self) -> NominalMisfit:
         """Misfit with the noise of each channel by its scatter, since files state it or do not.
 
-        About all that is ``shown``, or, of a channel with too few readings for that, about its own
-        smooth misfit: what is missed by much is not noise, nor is a reading that is off by itself.
-        A noise that is given beside readings has its say, unless readings scatter by far more.
+        The scatter is that about all that is shown. A channel with too few readings for that is
+        taken about its own smooth misfit: what is missed by much is not noise, nor is a reading
+        that is off by itself. A noise that is given beside readings has its say, unless readings
+        scatter by far more.
         """
         factor, table, found = np.ones(len(self.table)), self.table, dict[str, float]()
+        shown = self.shown
         for kind, rows in table.rows_of.items():
             rows, own, stated = self._channel(kind, rows, shown)
             if not own:
@@ -242,7 +271,8 @@ def one_sided(causes: Iterable[Cause]) -> frozenset[str]:
 def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Cause]
                      ) -> ReadingTable:
     """A table with its noise as the nominal model's misfit tells it."""
-    misfit, tests = NominalMisfit.of(simulation, table, causes)
+    misfit = NominalMisfit.of(simulation, table, causes)
+    tests = misfit.tests
     if not tests.freedom + tests.stated:
         raise ArithmeticError(TOO_FEW)
     table = misfit.table.with_sigma(misfit.table.sigma * tests.noise(misfit.fit.residual))

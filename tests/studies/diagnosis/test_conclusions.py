@@ -37,8 +37,8 @@ def concluded(judged: Judgement, dataset: Any = None) -> Conclusions:
 
 def test_a_rival_is_listed_beside_what_is_more_probable(sagging: Judgement) -> None:
     rival = fit(BENCH, (DRIFT,), readings({DRIFT: 12.0}))
-    doubted = replace(sagging, verdict="ambiguous", named=(), rivals=(rival,),
-                      suspects=(SAG, DRIFT))
+    doubted = replace(sagging, weighed=replace(
+        sagging.weighed, verdict="ambiguous", named=(), rivals=(rival,), suspects=(SAG, DRIFT)))
     assert doubted.posterior is not None
     causes = list(concluded(doubted)._causes(doubted.posterior))
     assert causes[0].in_library == pytest.approx(doubted.posterior.in_library()[SAG])

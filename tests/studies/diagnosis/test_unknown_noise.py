@@ -90,8 +90,8 @@ def test_a_sensor_that_wanders_gets_no_name(three_shapes: Simulation, seed: int)
     values = plain + 5 * SIGMA * remembering(0.96, table.ramp, seed)
     judged = judge(three_shapes, unstated(table, values), few_causes(three_shapes))
     assert not judged.named
-    assert judged.verdict == "nothing" or judged.of_sensor
-    assert judged.verdict == "nothing" or judged.wandering > 3 * SIGMA
+    assert judged.verdict == "nothing" or judged.sensor.possible
+    assert judged.verdict == "nothing" or judged.sensor.size > 3 * SIGMA
 
 
 @pytest.mark.parametrize(("correlation", "told"), [(0.7, True), (0.98, False)])

@@ -20,12 +20,16 @@ from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.explanations.kind import Explanation, Written
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Confusion, Judgement
+from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
+from tympan.studies.diagnosis.sentences import WORDS, listed
 from tympan.studies.effects import Setup
 
 #: Probability beforehand from which factors are those of an ordinary film.
@@ -54,6 +58,19 @@ _COLUMNS: dict[str, tuple[dict[str, float], tuple[float, float]]] = {
     "force": (_FORCES, (1.0, 1.0)),
     "voltage": (_VOLTAGES, (0.0, -2.0)),
 }
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """A quantity that was written as if it were another, in words.
+
+    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads; ``check``:
+    the key of the sentence on what to do about it.
+    """
+
+    of: str
+    taken: str
+    check: str = "do_quantity"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +104,26 @@ class _Other:
         return float((len(self.table) + stated) * np.log(stated + chi_squared))
 
 
+def mistaken_quantity(judged: Judgement, written: Written | None = None) -> Explanation | None:
+    """Quantities that, read as others they are often taken for, make a film an ordinary one."""
+    films = judged.of_first()
+    if written is None or not films.simulation.loaded:
+        return None
+    readings, confusions = written.readings, tuple[Confusion, ...]()
+    if judged.unusual:
+        stated = fit(judged.simulation, (), readings.table, judged.nominal.unknowns)
+        confusions = confusions_of(written.dataset, readings, stated)
+    elif judged.weighed.odd_specimen:
+        confusions = mistaken_sizes(readings.setup, films)
+    if not confusions:
+        return None
+    factors = np.exp((judged.chosen or judged.nominal).unknowns[FACTORS])
+    reads = listed([WORDS["reads"].format(confusion=one) for one in confusions], "or")
+    key = "confused" if judged.unusual else "mistaken"
+    return Explanation.of(Finding("quantity", WORDS[key].format(reads=reads, factors=factors),
+                                  check=WORDS[confusions[0].check]))
+
+
 def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
                   ) -> tuple[Confusion, ...]:
     """Confusions that make unusual factors ordinary and miss readings no more; the likeliest first.
@@ -105,7 +142,7 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
 
 def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
     """Mistaken sizes that leave noise, with ordinary factors, of a misfit of one odd specimen."""
-    table, which = judged.table, judged.odd_specimen
+    table, which = judged.table, judged.weighed.odd_specimen
     most = len(table) + 2 * (2 * len(table)) ** 0.5
     noise = _Other("", "", setup, table).scatter(most)
     return _ordinary([*_thicknesses(setup, table, which), *_sizes(setup, table, which)], noise)
