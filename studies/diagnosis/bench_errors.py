@@ -13,6 +13,7 @@ from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.estimation.noise import Shared
 
 #: Step of voltages for slopes by them, over the largest one: deflections go with the square.
 _STEP = 1e-3
@@ -80,7 +81,7 @@ def with_model_error(table: ReadingTable, error: float, nominal: Calibration) ->
 def _with_common(table: ReadingTable, rows: Numbers, columns: Array) -> ReadingTable:
     """Add errors that some readings share; a single reading gets more noise instead."""
     if len(rows) > 1:
-        return table.with_noise(table.noise.with_shared(rows, columns))
+        return table.with_noise(table.noise.plus(Shared.of(rows, columns)))
     sigma = table.sigma.copy()
     sigma[rows] = np.hypot(sigma[rows], np.linalg.norm(columns))
     return table.with_sigma(sigma)

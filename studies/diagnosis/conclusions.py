@@ -32,7 +32,7 @@ from tympan.studies.diagnosis.inference.families import (
     undecided,
 )
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
-from tympan.studies.diagnosis.inference.noise_told import LOUDER, probability_off
+from tympan.studies.diagnosis.inference.noise_terms import LOUDER, probability_off
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement, probability_with_noise
@@ -164,7 +164,7 @@ class Conclusions:
     def bench(self) -> Bench:
         """Bench that makes synthetic readings like these."""
         table = self.films.table
-        noise = self.readings.table.noise.with_sigma(table.sigma)
+        noise = self.readings.table.noise.with_own(table.sigma)
         return Bench(self.simulation, self.films.nominal.unknowns, table.with_noise(noise),
                      self.readings.causes)
 
@@ -260,7 +260,7 @@ class Conclusions:
     def _root(self, errors: Array) -> float:
         """Root mean square of errors of the films' readings that count, in their unit."""
         table = self.films.table
-        counts = table.judged & (self.films.misfit.told.off == 0)
+        counts = table.judged & (table.noise.off == 0)
         return table.unit.per_si * float(np.sqrt(np.mean(errors[counts] ** 2)))
 
     def _readings_off(self) -> Iterator[result.ReadingOff]:
@@ -269,7 +269,7 @@ class Conclusions:
         table, sigma = films.table, films.table.sigma
         specimens = [specimen.name for specimen in self.simulation.setup.specimens]
         expected = (films.chosen or films.nominal).predicted(table)
-        off = films.misfit.told.off
+        off = table.noise.off
         for row in np.flatnonzero(off).tolist():
             unit = UNITS[str(table.kind[row])]
             alike = (table.kind == table.kind[row]) & (off == 0)
@@ -323,8 +323,8 @@ class Conclusions:
             "file": table.file, "line": table.line, "kind": table.kind,
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
-            "sigma": self.films.misfit.told.own * table.sigma,
-            "counts": (self.films.misfit.told.off == 0).astype(float),
+            "sigma": table.noise.own,
+            "counts": (table.noise.off == 0).astype(float),
             **{name: common + table.noise.apart(values)
                for name, values in {"read": table.value, **models}.items()},
             **dict(zip("xy", table.places.T, strict=True)),
@@ -408,7 +408,7 @@ class Conclusions:
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,
             p_value_of_all=None if judged.test_of_all is None else judged.test_of_all.p_value,
-            correlation=judged.misfit.told.correlation * judged.misfit.told.share,
+            correlation=judged.table.noise.correlation,
             counts_below=(table.unit.per_si * judged.sensor.size / LOUDER if judged.sensor.size
                           else None),
             where=self._place,
@@ -419,7 +419,7 @@ class Conclusions:
 
     def _misfits_of_other_kinds(self, missed: Array) -> Iterator[result.MisfitOfKind]:
         """Misfits of readings that are not counted with the first kind, kind by kind."""
-        table, off = self.films.table, self.films.misfit.told.off
+        table, off = self.films.table, self.films.table.noise.off
         for kind, rows in table.rows_of.items():
             some = rows[~table.judged[rows] & (off[rows] == 0) & np.isfinite(missed[rows])]
             if len(some):

@@ -40,6 +40,7 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import EFFECTS, Setup
+from tympan.studies.estimation.noise import Shared
 from tympan.studies.files import to_json
 
 #: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
@@ -176,8 +177,8 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
     """
     best = coupons.chosen or coupons.nominal
     batch = tests.batch(coupons.simulation.extended(best.hypothesis, best.unknowns))
-    noise = coupons.table.noise.known(coupons.test.freedom).with_shared(
-        np.arange(len(coupons.table)), batch)
+    of_batch = Shared.of(np.arange(len(coupons.table)), batch)
+    noise = coupons.table.noise.known(coupons.test.freedom).plus(of_batch)
     # All of one state: of a plate, under some mass, that is held where the film is flat.
     mass = float(table.states.mass.max(initial=0.0))
     flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))

@@ -132,7 +132,7 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     """
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
-    counts = table.judged & (judgement.misfit.told.off == 0)
+    counts = table.judged & (judgement.table.noise.off == 0)
     splits = tuple(split for split in splits if np.any(split[2] & counts))
     unexplained = judgement.verdict == "unexplained"
     doubtful = unexplained or judgement.verdict == "ambiguous"
@@ -240,7 +240,7 @@ def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], spl
     train = table[~rows].compact()
     counted = rows & counts
     test = table[counted].compact()
-    others = table[rows & ~table.judged & (judgement.misfit.told.off == 0)].compact()
+    others = table[rows & ~table.judged & (judgement.table.noise.off == 0)].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)

@@ -36,11 +36,8 @@ def other_labels(judged: Judgement) -> Relabelling | None:
     misfit = judged.misfit
     if judged.test.p_value >= ALARM or not misfit.simulation.loaded:
         return None
-    table = misfit.table
-    if misfit.told.anything:
-        # Other labels may explain what was taken for readings that are off by themselves.
-        loudness = float(np.median(table.sigma / misfit.told.of(misfit.stated).sigma))
-        table = table.with_noise(misfit.stated.with_sigma(loudness * misfit.stated.sigma))
+    # Other labels may explain what was taken for readings that are off by themselves.
+    table = misfit.table.with_noise(misfit.table.noise.ordinary)
 
     def missed(one: Fit) -> float:
         return float(np.sum(table.noise.whitened(misfit.missed_by(one).residual) ** 2))
@@ -51,7 +48,7 @@ def other_labels(judged: Judgement) -> Relabelling | None:
                      key=lambda fit: fit.chi_squared)
     found = list[Relabelling]()
     for fitted in (misfit.fit, *singles[:_BESIDE]):
-        if misfit.told.anything:
+        if misfit.terms:
             fitted = fit(judged.simulation, fitted.hypothesis, table, fitted.unknowns)
         relabelling = relabelling_of(judged.simulation, table, fitted)
         if relabelling and relabelling.after < most:

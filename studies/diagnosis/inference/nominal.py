@@ -15,18 +15,20 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
-from tympan.studies.diagnosis.inference.noise_told import (
+from tympan.studies.diagnosis.inference.noise_terms import (
     WANDERS,
+    Jump,
     Missed,
-    Told,
+    Smooth,
     chain_of,
-    noise_told,
+    noise_terms,
+    same_terms,
 )
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.estimation.noise import STATED, Noise
+from tympan.studies.estimation.noise import STATED, Noise, Term
 
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
@@ -58,9 +60,9 @@ class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
     ``causes``: effects that may be wrong; ``patterns``: what its misfit may be a combination of, in
-    units of the readings, by name; ``stated``: the noise before what is ``told`` of it;
-    ``scatter``: scatter about smooth curves over the stated noise of the channels, by kind, of
-    which both are known.
+    units of the readings, by name; ``stated``: the noise without ``terms``, those that the readings
+    show; ``scatter``: scatter about smooth curves over the stated noise of the channels, by kind,
+    of which both are known.
     """
 
     simulation: Model
@@ -69,15 +71,15 @@ class NominalMisfit:
     fit: Fit
     patterns: dict[str, Array]
     stated: Noise
-    told: Told
+    terms: tuple[Term, ...] = ()
     scatter: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
-           workers: int = 1, told: Told | None = None) -> NominalMisfit:
+           workers: int = 1, terms: Sequence[Term] | None = None) -> NominalMisfit:
         """Fit a simulation, extended as far as the fit needs.
 
-        ``told`` of the noise, by default what the misfit tells.
+        ``terms`` of the noise, by default those that the misfit shows.
         Raises ArithmeticError where there is no equilibrium at the readings' states.
         """
         nominal = nominal_fit(simulation, table)
@@ -90,11 +92,12 @@ class NominalMisfit:
             raise ArithmeticError("the nominal model has no equilibrium at the states that were "
                                   "read")
         misfit = cls(simulation, table, tuple(causes), nominal,
-                     _patterns(simulation, table, nominal), table.noise, Told.nothing(len(table)))
+                     _patterns(simulation, table, nominal), table.noise)
         misfit = misfit._with_noise_of_channels()
         misfit = replace(misfit, stated=misfit.table.noise)
-        misfit = misfit.with_noise_told() if told is None else misfit.with_told(told)
-        if table.noise.shared and not table.lengths.any():
+        misfit = (misfit.with_terms(misfit.shown_terms()) if terms is None
+                  else misfit._fitted_with(terms))
+        if table.noise.common and not table.lengths.any():
             # What lasts along strips is told from noise once that is known.
             misfit = misfit.louder(misfit.tests.noise(misfit.fit.residual))
         return misfit
@@ -133,8 +136,7 @@ class NominalMisfit:
         patterns = {name: values[rows] for name, values in self.patterns.items()
                     if values[rows].any()}
         return replace(self, simulation=simulation, table=self.table[rows].compact(),
-                       fit=self.fit.part(rows), patterns=patterns, stated=self.stated[rows],
-                       told=self.told[rows])
+                       fit=self.fit.part(rows), patterns=patterns, stated=self.stated[rows])
 
     @property
     def of_unknown_noise(self) -> NominalMisfit:
@@ -147,55 +149,58 @@ class NominalMisfit:
 
     def louder(self, factor: float) -> NominalMisfit:
         """All of it with a factor on the noise of each reading by itself."""
-        table = self.table.with_sigma(factor * self.table.sigma)
+        table = self.table.with_noise(self.table.noise.times(factor))
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
-    def with_noise_told(self, remembers: bool = False, most: float = WANDERS) -> NominalMisfit:
-        """Misfit with the noise that readings tell beside the model and each cause.
+    def shown_terms(self, remembers: bool = False, most: float = WANDERS) -> tuple[Term, ...]:
+        """Terms of the noise that readings show beside the model and each cause.
 
-        The same object if that is as before.
-
-        ``remembers``: errors may remember those before; ``most`` as :func:`noise_told` has it.
+        ``remembers``: errors may remember those before; ``most`` as :func:`noise_terms` has it.
         """
         nominal, colour = self.missed_by(self.fit), self.table.noise.coloured
         beside = [replace(nominal, jacobian=np.hstack([nominal.jacobian, colour(values)]))
                   for values in self.signatures.values()]
-        told = self.noise_told([nominal, *beside], remembers, most)
-        return self if told.alike(self.told) else self.with_told(told)
+        return self.terms_by([nominal, *beside], remembers, most)
 
-    def noise_told(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS) -> Told:
-        """Noise of readings by the residuals of models."""
+    def terms_by(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS
+                 ) -> tuple[Term, ...]:
+        """Terms of the noise by the residuals of models."""
         chain = chain_of(self.table) if remembers else None
-        jumps = [self.patterns[name] for name in JUMPS if name in self.patterns]
-        return noise_told(self.stated, models, self._smooth_misfits, chain, jumps, most)
+        return noise_terms(self.stated, models, self._rivals, chain, most)
 
     def as_a_sensor_that_wanders(self) -> NominalMisfit:
         """The same with noise as if all that is missed were errors that remember."""
-        return self.with_told(noise_told(self.stated, [self.missed_by(self.fit)], tuple,
-                                         chain_of(self.table)))
+        missed = [self.missed_by(self.fit)]
+        return self.with_terms(noise_terms(self.stated, missed, chain=chain_of(self.table)))
 
-    def _smooth_misfits(self) -> Iterator[Array]:
-        """Columns of smooth misfits, of patterns and of processes.
+    def _rivals(self) -> Iterator[Smooth | Jump]:
+        """Misfits that are no noise: jumps, patterns, and smooth processes.
 
-        By which each run is off in its own way, none: that is what noise does, too.
+        That each run is off in its own way is none of them: noise does that, too.
         """
+        for name in JUMPS:
+            if name in self.patterns:
+                yield Jump(self.patterns[name])
         few = [values for name, values in self.patterns.items() if name not in (*JUMPS, *EACH_RUN)]
         if few:
-            yield np.hstack(few)
-        yield from smooth_columns(self.table)
+            yield Smooth(np.hstack(few))
+        yield from map(Smooth, smooth_columns(self.table))
 
     def missed_by(self, fit: Fit) -> Missed:
         """Residuals of a fit to the table."""
         colour = self.table.noise.coloured
         return Missed(colour(fit.residual), colour(fit.free_jacobian))
 
-    def with_told(self, told: Told) -> NominalMisfit:
-        """Fitted again with what is told of the noise."""
-        table = self.table.with_noise(told.of(self.stated))
+    def with_terms(self, terms: Sequence[Term]) -> NominalMisfit:
+        """The misfit fitted again with these terms of the noise; the same object if it has them."""
+        return self if same_terms(terms, self.terms) else self._fitted_with(terms)
+
+    def _fitted_with(self, terms: Sequence[Term]) -> NominalMisfit:
+        table = self.table.with_noise(self.stated.plus(*terms))
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         patterns = _patterns(self.simulation, table, nominal)
-        return replace(self, table=table, fit=nominal, patterns=patterns, told=told)
+        return replace(self, table=table, fit=nominal, patterns=patterns, terms=tuple(terms))
 
     @cached_property
     def shown(self) -> dict[str, Array]:
@@ -243,7 +248,7 @@ class NominalMisfit:
                     factor[rows] = found[kind]
         if (factor == 1.0).all():
             return replace(self, scatter=found)
-        table = table.with_sigma(factor * table.sigma)
+        table = table.with_noise(table.noise.times(factor))
         return replace(self, table=table, scatter=found,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
 
@@ -275,8 +280,8 @@ def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Ca
     tests = misfit.tests
     if not tests.freedom + tests.stated:
         raise ArithmeticError(TOO_FEW)
-    table = misfit.table.with_sigma(misfit.table.sigma * tests.noise(misfit.fit.residual))
-    return table.with_noise(table.noise.known(tests.freedom + tests.stated))
+    noise = misfit.table.noise.times(tests.noise(misfit.fit.residual))
+    return misfit.table.with_noise(noise.known(tests.freedom + tests.stated))
 
 
 def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str, Array]:

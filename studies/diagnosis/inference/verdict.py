@@ -17,7 +17,7 @@ from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.families import has_size
 from tympan.studies.diagnosis.inference.identifiability import shows_when_large
-from tympan.studies.diagnosis.inference.noise_told import Told
+from tympan.studies.diagnosis.inference.noise_terms import remembers, same_terms
 from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit, one_sided
 from tympan.studies.diagnosis.inference.posterior import DISCREPANCY as DISCREPANCY_PRIOR
 from tympan.studies.diagnosis.inference.posterior import (
@@ -32,7 +32,7 @@ from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, ne
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
-from tympan.studies.estimation.noise import UNSTATED, Noise
+from tympan.studies.estimation.noise import UNSTATED, Noise, Term
 
 #: Probability by noise alone below which something is wrong, or is left by a cause unexplained:
 #: noise as benches have it, of heavy tails or with slips and memory, goes below it twice as often
@@ -269,34 +269,34 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     """
     judged = _judged(simulation, table, causes, widen, seed, workers)
     for _ in range(_AGAIN):
-        told = _told_by(judged)
-        if told.alike(judged.misfit.told):
+        terms = _noise_terms(judged)
+        if same_terms(terms, judged.misfit.terms):
             break
-        judged = _judged(judged.simulation, table, causes, widen, seed, workers, told,
+        judged = _judged(judged.simulation, table, causes, widen, seed, workers, terms,
                          judged.sensor)
-    if not judged.misfit.told.anything:
+    if not judged.misfit.terms:
         return judged
-    every = NominalMisfit.of(judged.simulation, table, causes, workers, Told.nothing(len(table)))
+    every = NominalMisfit.of(judged.simulation, table, causes, workers, ())
     found = table.noise if table.noise.found else None
     test = every.tests(every.fit.residual, np.random.default_rng(seed), found)
     return replace(judged, test_of_all=test)
 
 
 def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], widen: float,
-            seed: int, workers: int, told: Told | None = None, sensor: Wandering = Wandering()
-            ) -> Judgement:
-    """Judge as :func:`judge` does, with what is ``told`` of the noise and of the ``sensor``.
+            seed: int, workers: int, terms: Sequence[Term] | None = None,
+            sensor: Wandering = Wandering()) -> Judgement:
+    """Judge as :func:`judge` does, with ``terms`` of the noise and a ``sensor`` that are known.
 
-    By default what the nominal model's misfit tells.
+    By default they are those that the nominal model's misfit shows.
     """
     generator = np.random.default_rng(seed)
-    misfit = NominalMisfit.of(simulation, table, causes, workers, told)
+    misfit = NominalMisfit.of(simulation, table, causes, workers, terms)
     if not misfit.tests.able:
         raise ArithmeticError(TOO_FEW)
     found = table.noise if table.noise.found else None
     test = misfit.tests(misfit.fit.residual, generator, found)
-    if told is None and test.p_value < ALARM and misfit.simulation.loaded:
-        remembering = misfit.with_noise_told(remembers=True)
+    if terms is None and test.p_value < ALARM and misfit.simulation.loaded:
+        remembering = misfit.with_terms(misfit.shown_terms(remembers=True))
         if remembering is not misfit:
             misfit = remembering
             test = misfit.tests(misfit.fit.residual, generator, found)
@@ -321,24 +321,24 @@ def _wandering(misfit: NominalMisfit, generator: np.random.Generator) -> Wanderi
     """Errors that remember, however large, if they explain the misfit."""
     unknown = misfit.of_unknown_noise
     free = unknown.as_a_sensor_that_wanders()
-    if not (free.told.correlation and free.fit.possible):
+    if not (remembers(free.terms) and free.fit.possible):
         return Wandering()
     test = free.tests(free.fit.residual, generator, None)
     lengths = free.table.lengths
     size = test.noise * float(np.median(free.table.sigma[lengths])) if lengths.any() else 0.0
     if test.p_value < ALARM:
         return Wandering()
-    beside = unknown.with_noise_told(remembers=True, most=np.inf)
-    return Wandering(size, excluded=not beside.told.correlation)
+    beside = unknown.shown_terms(remembers=True, most=np.inf)
+    return Wandering(size, excluded=not remembers(beside))
 
 
-def _told_by(judged: Judgement) -> Told:
-    """Noise by which all fits together were judged, as they show it."""
+def _noise_terms(judged: Judgement) -> tuple[Term, ...]:
+    """Terms of the noise as all fits together show them."""
     misfit = judged.misfit
     if judged.posterior is None:
-        return misfit.told
+        return misfit.terms
     fits = [misfit.fit, *judged.posterior.fits[: _ASKED[0]], *judged.weighed.alone[: _ASKED[1]]]
-    return misfit.noise_told([misfit.missed_by(fit) for fit in fits], judged.simulation.loaded)
+    return misfit.terms_by([misfit.missed_by(fit) for fit in fits], judged.simulation.loaded)
 
 
 @dataclass

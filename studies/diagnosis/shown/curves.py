@@ -113,4 +113,4 @@ def _ramp(ramp: ReadingTable, held: bool) -> ReadingTable:
     return replace(rows, states=states, state=np.arange(_POINTS),
                    since=np.full(_POINTS, 0 if ramp.since[0] >= 0 else -1),
                    value=np.full(_POINTS, np.nan),
-                   noise=rows.noise.with_sigma(np.full(_POINTS, np.median(ramp.sigma))))
+                   noise=rows.noise.with_own(np.full(_POINTS, np.median(ramp.sigma))))

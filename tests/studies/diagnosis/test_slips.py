@@ -43,8 +43,8 @@ def test_single_readings_are_told_by_their_lines(three_shapes: Simulation,
     value[[20, 71]] += [1e-3, -0.7e-3]
     judgement = judged(three_shapes, table.with_values(value))
     assert judgement.verdict == "nothing"
-    assert np.flatnonzero(judgement.misfit.told.off).tolist() == [20, 71]
-    assert judgement.misfit.told.off[[20, 71]] == pytest.approx([1e-3, 0.7e-3], abs=0.1e-3)
+    assert np.flatnonzero(judgement.table.noise.off).tolist() == [20, 71]
+    assert judgement.table.noise.off[[20, 71]] == pytest.approx([1e-3, 0.7e-3], abs=0.1e-3)
 
 
 def test_a_run_under_another_mass_than_is_written_is_told(three_shapes: Simulation,

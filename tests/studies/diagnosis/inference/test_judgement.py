@@ -98,7 +98,7 @@ def test_readings_that_are_off_by_themselves_do_not_count() -> None:
     values[[5, 20]] += 40 * table.sigma[0]
     found = judge(BENCH, table.with_values(values), FEW)
     assert found.verdict == "nothing"
-    assert np.flatnonzero(found.misfit.told.off).tolist() == [5, 20]
+    assert np.flatnonzero(found.table.noise.off).tolist() == [5, 20]
     assert found.test_of_all is not None
     assert found.test_of_all.p_value < found.test.p_value
 
@@ -159,7 +159,7 @@ def test_a_slip_is_found_that_two_effects_hide() -> None:
     values[8] += 60 * table.sigma[0]
     found = judge(BENCH, table.with_values(values), FEW)
     assert (found.verdict, set(found.named)) == ("named", {ZERO, SAG})
-    assert np.flatnonzero(found.misfit.told.off).tolist() == [8]
+    assert np.flatnonzero(found.table.noise.off).tolist() == [8]
 
 
 def of_unstated_noise(table: ReadingTable) -> ReadingTable:
