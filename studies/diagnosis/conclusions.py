@@ -17,7 +17,7 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.findings import Finding
 from tympan.studies.data.noise import stated_noise
 from tympan.studies.diagnosis import result
-from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings, ReadingModel
 from tympan.studies.diagnosis.explanations.kind import Explanation, Written
 from tympan.studies.diagnosis.explanations.registry import explanation_of
 from tympan.studies.diagnosis.fits.evidence import interval
@@ -156,7 +156,7 @@ class Conclusions:
         return self.films.chosen if self.gain.extends else None
 
     @property
-    def simulation(self) -> Model:
+    def simulation(self) -> ReadingModel:
         """The dataset's simulation, as far as effects were explored."""
         return self.films.simulation
 
@@ -343,7 +343,7 @@ class Conclusions:
                 continue
             fit = self._found(cause)
             widened, fit = self._widened(fit), self._known(fit)
-            alike = undecided(cause, self.readings.told, self._suspects)
+            alike = undecided(cause, self.readings.quantities, self._suspects)
             family = self._family(alike, fit, cause) if alike else None
             chance = probability_text(min(1.0, sum(
                 probabilities.get(other, 0.0) for other in alike or (cause,))))
@@ -352,7 +352,7 @@ class Conclusions:
                 headline=(f"{family.headline} ({chance})" if family else with_other_loads(
                     headline_of(fit, cause, chance), self._loads_instead(fit, cause))),
                 in_library=in_library.get(cause, 0.0), clear=has_size(fit, cause),
-                check=check_of(cause, self.readings.told, self._suspects), family=family,
+                check=check_of(cause, self.readings.quantities, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),
                 named=cause in judged.named, parameters=_parameters(fit, cause), widened=widened)
@@ -489,7 +489,7 @@ class Conclusions:
         worth = [fit for fit in self.single_effects
                  if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
         return [*pattern_checks(self.films),
-                *(check_of(fit.hypothesis[0], self.readings.told) for fit in worth)]
+                *(check_of(fit.hypothesis[0], self.readings.quantities) for fit in worth)]
 
     def _limitations(self) -> list[str]:
         """Limitations of the conclusions."""

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.studies.diagnosis.evidence.kind import Model, Predicts, Split
+from tympan.studies.diagnosis.evidence.kind import Predicts, ReadingModel, Split
 from tympan.studies.diagnosis.fits.first_order import FirstOrder
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
@@ -122,7 +122,7 @@ class GainReport:
                         pit=tuple(np.histogram(below, 10, (0.0, 1.0))[0].tolist()))
 
 
-def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
+def gain_of(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
             judgement: Judgement, seed: int = 0) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
 
@@ -148,7 +148,7 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
         tested, impossible, not unexplained or _better(overall))
 
 
-def _of_other_kinds(simulation: Model, splits: Sequence[SplitGain]) -> Iterator[GainOfKind]:
+def _of_other_kinds(simulation: ReadingModel, splits: Sequence[SplitGain]) -> Iterator[GainOfKind]:
     """Errors of both models on readings held out that are no lengths, kind by kind."""
     missed: dict[str, list[Array]] = defaultdict(list)
     for split in splits:
@@ -207,7 +207,7 @@ class _Beyond:
         return expected.below(test.value, self.noise * test.noise.total)
 
 
-def splits_of(simulation: Model,
+def splits_of(simulation: ReadingModel,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
     return _told_apart(table, *simulation.evidence[0].splits(simulation.setup, table))
@@ -233,7 +233,7 @@ def _unfit(kind: str, test: Mask, table: ReadingTable, levels: Array) -> str:
     return ""
 
 
-def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
+def _tested(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause], split: Split,
             counts: Mask, judgement: Judgement, about: FirstOrder,
             beyond: _Beyond | None) -> SplitGain:
     kind, held_out, rows = split
@@ -300,8 +300,8 @@ class _Alternatives(NamedTuple):
     exact: frozenset[Hypothesis]
 
 
-def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
-                  judgement: Judgement, about: FirstOrder) -> _Alternatives:
+def _alternatives(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
+                  nominal: Fit, judgement: Judgement, about: FirstOrder) -> _Alternatives:
     """Hypotheses weighed by a table of a part of the readings.
 
     Each cause alone, the best of them with every other that may help, and such pairs of the best

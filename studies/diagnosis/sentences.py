@@ -63,9 +63,9 @@ def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) 
     return WORDS["one_load_instead"].format(headline=headline, loads=listed(each, "or"))
 
 
-def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()) -> str:
-    """Advice on what to look at on the bench, by what the readings tell already."""
-    family = cause.effect.family if undecided(cause, told, suspects) else None
+def check_of(cause: Cause, read: set[Quantity], suspects: Collection[Cause] = ()) -> str:
+    """Advice on what to look at on the bench, beside the quantities that are read already."""
+    family = cause.effect.family if undecided(cause, read, suspects) else None
     return (family or cause.effect).check.format(which=cause.which)
 
 

@@ -83,7 +83,7 @@ class Scans(PlateEvidence):
                                          film_patterns(table[rows], predicted[rows]))
                 for kind, rows in table.rows_of.items()}
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
         return {Quantity.SHAPE} if table.scans else set()
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.studies.diagnosis.evidence.kind import Model, rows_of
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -65,7 +65,7 @@ class NominalMisfit:
     of which both are known.
     """
 
-    simulation: Model
+    simulation: ReadingModel
     table: ReadingTable
     causes: tuple[Cause, ...]
     fit: Fit
@@ -75,7 +75,7 @@ class NominalMisfit:
     scatter: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
+    def of(cls, simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
            workers: int = 1, terms: Sequence[Term] | None = None) -> NominalMisfit:
         """Fit a simulation, extended as far as the fit needs.
 
@@ -131,7 +131,7 @@ class NominalMisfit:
         """Scatter of the channels whose stated noise is too large to be theirs."""
         return {kind: scatter for kind, scatter in self.scatter.items() if scatter < 1 / UNLIKE}
 
-    def part(self, rows: Mask, simulation: Model) -> NominalMisfit:
+    def part(self, rows: Mask, simulation: ReadingModel) -> NominalMisfit:
         """The same of some readings, which a simulation shows."""
         patterns = {name: values[rows] for name, values in self.patterns.items()
                     if values[rows].any()}
@@ -273,7 +273,7 @@ def one_sided(causes: Iterable[Cause]) -> frozenset[str]:
                      if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
 
 
-def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Cause]
+def with_noise_found(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause]
                      ) -> ReadingTable:
     """A table with its noise as the nominal model's misfit tells it."""
     misfit = NominalMisfit.of(simulation, table, causes)
@@ -284,7 +284,7 @@ def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Ca
     return misfit.table.with_noise(noise.known(tests.freedom + tests.stated))
 
 
-def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
+def _patterns(simulation: ReadingModel, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
     """Patterns that a misfit may be a combination of, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tympan.base.arrays import Array
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -98,7 +98,7 @@ class RoughBench:
                 shares[cause] = shares.get(cause, 0.0) + chance
         return tuple(cause for cause, chance in shares.items() if chance >= least)
 
-    def again(self, simulation: Model, table: ReadingTable, widen: float
+    def again(self, simulation: ReadingModel, table: ReadingTable, widen: float
               ) -> tuple[Posterior, Fit]:
         """Those near fitted again, each beside small errors as is most probable; and the best.
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from tympan.base.arrays import Mask
-from tympan.studies.diagnosis.evidence.kind import Model, rows_of
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -116,7 +116,7 @@ class Weighed:
     """
 
     verdict: Verdict
-    simulation: Model
+    simulation: ReadingModel
     posterior: Posterior | None = None
     after: TestResult | None = None
     alone: tuple[Fit, ...] = ()
@@ -157,7 +157,7 @@ class Judgement:
         return self.weighed.verdict
 
     @property
-    def simulation(self) -> Model:
+    def simulation(self) -> ReadingModel:
         """The simulation, as far as it was grown."""
         return self.weighed.simulation
 
@@ -261,7 +261,7 @@ def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> f
     return float(weight[1:-1][named].sum() / weight.sum())
 
 
-def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
+def judge(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
           widen: float = 1.0, seed: int = 0, workers: int = 1) -> Judgement:
     """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
 
@@ -282,7 +282,7 @@ def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     return replace(judged, test_of_all=test)
 
 
-def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], widen: float,
+def _judged(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause], widen: float,
             seed: int, workers: int, terms: Sequence[Term] | None = None,
             sensor: Wandering = Wandering()) -> Judgement:
     """Judge as :func:`judge` does, with ``terms`` of the noise and a ``sensor`` that are known.
