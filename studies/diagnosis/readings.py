@@ -46,7 +46,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         raise InputError(f"less than {FEWEST} can be used", key="readings",
                          given="; ".join(remarks) or sum(map(len, dataset.sheets)))
     if not parts:
-        return PreparedReadings(setup, reduce(ReadingTable.joined, noisy), PLATES,
+        return PreparedReadings(setup, reduce(ReadingTable.joined, noisy), tuple(PLATES),
                                 (*remarks, *seen))
     table = _with_noise(reduce(ReadingTable.joined, parts), dataset)
     if dataset.static is not None and (moved := dataset.run_zeros) is not None:
@@ -58,7 +58,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         table = _rounded(table, step)
     table, fewer = _not_too_many(table)
     table = reduce(ReadingTable.joined, noisy, table)
-    return PreparedReadings(setup, table, PLATES, (*remarks, *fewer, *seen))
+    return PreparedReadings(setup, table, tuple(PLATES), (*remarks, *fewer, *seen))
 
 
 def _read(kinds: list[PlateEvidence], dataset: Dataset, setup: Setup

@@ -15,6 +15,7 @@ from tympan.base.arrays import Array, Mask, Numbers
 from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
+from tympan.studies.columns import Column
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
@@ -24,7 +25,7 @@ from tympan.studies.diagnosis.hypothesis import (
     with_factors,
 )
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import ReadingTable, Unit
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.effects.effect import Quantity
 
@@ -223,9 +224,13 @@ class PlateEvidence(Evidence, Protocol):
     """Readings of plates under loads.
 
     ``alone``: without others they tell a mass from a stiffness. ``noisy``: their rows come with
-    their noise, and are neither averaged nor rounded.
+    their noise, and are neither averaged nor rounded. ``columns`` of files that
+    :mod:`~tympan.studies.data.dataset` does not know, by name, and ``units`` of kinds of rows that
+    :mod:`~tympan.studies.diagnosis.reading_table` does not know.
     """
 
+    columns: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
+    units: ClassVar[Mapping[str, Unit]] = {}
     loaded: ClassVar[bool] = True
     alone: ClassVar[bool] = False
     noisy: ClassVar[bool] = False

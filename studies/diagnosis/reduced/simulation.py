@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,7 +73,7 @@ class Simulation(ReducedFilms, ReadingModel):
     that are loaded as it is.
     """
 
-    evidence: tuple[Evidence, ...] = PLATES
+    evidence: tuple[Evidence, ...] = field(default_factory=lambda: tuple(PLATES))
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
         # The films are asked once for all that is read of plates under loads.

@@ -95,7 +95,7 @@ def test_rows_are_what_each_simulation_predicts(together: tuple[PreparedReadings
     hypothesis, unknowns = (STIFFENING,), np.array([0.05, -0.04, -0.25])
     joint = simulation.prediction(hypothesis, unknowns, table)
     alone = judgement.of_first()
-    assert alone.simulation.evidence == PLATES
+    assert alone.simulation.evidence == tuple(PLATES)
     assert len(alone.table) == 160
     assert joint.values[:160] == pytest.approx(
         alone.simulation.predict(hypothesis, unknowns, alone.table), rel=1e-12)
