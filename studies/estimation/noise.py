@@ -350,7 +350,7 @@ class Noise:
 
     @cached_property
     def memories(self) -> tuple[Memory, ...]:
-        """What errors remember, but of readings that are off."""
+        """Memories of the readings that are not off by themselves."""
         memories = tuple(term for term in self.terms if isinstance(term, Memory))
         if not self.off.any():
             return memories

@@ -153,7 +153,7 @@ class Judgement:
 
     @property
     def verdict(self) -> Verdict:
-        """What is concluded."""
+        """Conclusion in one word."""
         return self.weighed.verdict
 
     @property
