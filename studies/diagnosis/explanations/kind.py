@@ -11,7 +11,7 @@ from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 
 @dataclass(frozen=True)
 class Explanation:
-    """What may be wrong with the data: a sentence, and what to do about it.
+    """Fault of the data that would explain a misfit: a sentence, and what to do about it.
 
     ``finding``: the fault in the dataset that is to be put right; None where the sentence only says
     where to look.
