@@ -1,8 +1,8 @@
 """Numbers that are often written for others: a unit, a diameter, a stretch, a thickness.
 
-A film that must be ten times as stiff as stated to explain its readings is none; centimetres in a
-column of millimetres are. So where the fitted factors are none of a film as it is stated, readings
-and specimens are tried as if each such quantity had been taken for another.
+No film is ten times as stiff as stated; but people write centimetres into a column of millimetres.
+So where the fitted factors are far from those of the stated film, each quantity that is often
+confused is read as the other one, and the films are fitted again.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ class Confusion:
 class _Other:
     """Readings and specimens with one quantity taken for another.
 
-    ``shift``: by what the logarithms of both factors change, of small deflections; None where only
-    a fit tells. ``larger``: the logarithm of what the readings are multiplied by, of all together;
-    ``check``: the sentence on what to do about it.
+    ``shift``: change of the logarithms of both factors at small deflections, None where it takes a
+    fit; ``larger``: sum over the readings of the logarithm of the factor on them; ``check``: the
+    key of the sentence on what to do about it.
     """
 
     of: str
@@ -91,15 +91,16 @@ class _Other:
     check: str = "do_quantity"
 
     def unlikely(self, found: Fit) -> float:
-        """Minus twice the logarithm of the readings' probability, their noise as they tell it.
+        """Minus twice the logarithm of the readings' probability.
 
-        And as it is stated, which counts as few readings: that tells a unit of readings from one of
-        loads, by which films are as stiff.
+        Their scatter determines the noise, together with the stated one, which counts as a few
+        readings. So a wrong unit of readings differs from a wrong unit of loads, although both
+        change the stiffness alike.
         """
         return self.scatter(found.chi_squared) - 2 * self.larger
 
     def scatter(self, chi_squared: float) -> float:
-        """The same of χ² alone."""
+        """Part of :meth:`unlikely` that depends on χ² alone."""
         stated = float(self.table.noise.freedom.sum())
         return float((len(self.table) + stated) * np.log(stated + chi_squared))
 

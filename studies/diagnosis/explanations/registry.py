@@ -15,7 +15,7 @@ from tympan.studies.diagnosis.inference.verdict import Judgement
 #: written.
 Seeks = Callable[[Judgement, Written | None], Explanation | None]
 
-#: In the order in which they are sought: the first that is found is told.
+#: Explanations in the order in which they are sought: the first that is found is reported.
 EXPLANATIONS: tuple[Seeks, ...] = (
     wrong_labels, mistaken_quantity, no_such_film, odd_run, odd_specimen)
 

@@ -26,27 +26,28 @@ from tympan.studies.estimation.noise import Memory, Noise, Off, Term
 SLIPS = 0.01
 #: Logarithm of the largest such error over the least, of which all magnitudes are as probable.
 _MAGNITUDES = float(np.log(1e3))
-#: Most readings that are off, as a share: of more, the others do not tell how.
+#: Largest share of readings that may be off: with more, the others do not determine the curve.
 _MOST = 0.2
-#: Most that are tried, of those that are missed most. A bound of the cost.
+#: Most readings that are tried as off, those that are missed most. A bound of the cost.
 _CANDIDATES = 200
 #: Readings taken without gain after which no more are tried: two may hide each other.
 _PATIENT = 4
 
-#: Correlations that are tried, of what neighbouring readings' errors remember.
+#: Correlations of the errors of neighbouring readings that are tried.
 CORRELATIONS = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-#: Shares of the variance that remember, that are tried.
+#: Shares of the variance that remember which are tried.
 SHARES = (1.0, 0.5)
 
-#: Most that errors which remember may exceed what is stated: people state what the next reading
-#: differs by, which for a correlation of 0.9 is a half of all.
+#: Largest ratio of errors that remember to the stated noise: people state by how much the next
+#: reading differs, which for a correlation of 0.9 is half of the whole error.
 LOUDER = 2.0
 
-#: The same over the scatter of neighbours, where nothing is stated: a sensor whose error wanders by
-#: more between successive ramps than from reading to reading is possible, but its owner knows.
+#: Largest ratio of errors that remember to the scatter of neighbours, where no noise is stated. A
+#: sensor may wander by more between successive ramps than from reading to reading, but its owner
+#: knows.
 WANDERS = 3.0
 
-#: Fewest readings of a jump, and beside it: fewer are off by themselves, as slips of the pen are.
+#: Fewest readings before and after a jump: fewer are off by themselves, as slips of the pen are.
 _FEW = 4
 
 #: Sizes of misfits that are tried: the root of all their squares, over the noise.

@@ -33,25 +33,25 @@ from tympan.studies.estimation.noise import STATED, Noise, Term
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
 
-#: The least noise of a channel, over what is assumed.
+#: Smallest factor by which the noise of a channel is taken below the assumed one.
 _QUIETEST = 0.05
 
-#: The probability with which a channel's scatter lies above what excludes a larger noise.
+#: Confidence with which a channel's scatter excludes a larger noise.
 _EXCLUDES = 0.9
 
-#: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
+#: Smallest share of the readings of a channel that all patterns together may leave for its noise.
 _SHARE = 0.5
 
 #: Readings of a channel from which single ones that are off hardly move its noise.
 _SINGLE = 200
 
-#: Scatter of a channel about smooth curves over its stated noise from which that is not its noise:
-#: people state it too small by a factor of two, hardly by more.
+#: Ratio of a channel's scatter about smooth curves to its stated noise from which the stated noise
+#: is wrong: people state it too small by a factor of two, hardly by more.
 UNLIKE = 3.0
-#: Fewest degrees of freedom by which that is told.
+#: Fewest degrees of freedom of such a scatter.
 _KNOWN = 5.0
 
-#: What is said of them.
+#: Message where no noise can be estimated.
 TOO_FEW = "there are too few readings to tell a misfit from noise"
 
 
@@ -98,7 +98,7 @@ class NominalMisfit:
         misfit = (misfit.with_terms(misfit.shown_terms()) if terms is None
                   else misfit._fitted_with(terms))
         if table.noise.common and not table.lengths.any():
-            # What lasts along strips is told from noise once that is known.
+            # Errors that last along strips are separated from noise once its size is known.
             misfit = misfit.louder(misfit.tests.noise(misfit.fit.residual))
         return misfit
 
@@ -254,9 +254,9 @@ class NominalMisfit:
 
     def _channel(self, kind: str, rows: Numbers, shown: Mapping[str, Array]
                  ) -> tuple[Numbers, list[str], float]:
-        """Rows of a channel that tell its noise, its own smooth misfits, and what is stated of it.
+        """Rows of a channel that determine its noise, its smooth misfits, and its stated freedom.
 
-        No misfits where its scatter does not tell its noise.
+        There are no misfits where the scatter does not determine the noise.
         """
         table, name = self.table, f"channel {kind}"
         if name in shown:
@@ -275,7 +275,7 @@ def one_sided(causes: Iterable[Cause]) -> frozenset[str]:
 
 def with_noise_found(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause]
                      ) -> ReadingTable:
-    """A table with its noise as the nominal model's misfit tells it."""
+    """A table with the noise that the nominal model's misfit shows."""
     misfit = NominalMisfit.of(simulation, table, causes)
     tests = misfit.tests
     if not tests.freedom + tests.stated:

@@ -12,14 +12,14 @@ from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
 
-#: Shares by which what vague patterns take away counts, so that what says more is told instead.
+#: Factors on what vague patterns take away, so that more specific ones are reported instead.
 _VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "coupon_level": 0.5, "coupon_stretch": 0.9}
-#: Shares by which what the best of many columns takes away counts: it fits a little of anything.
+#: Factors on what the best of many columns takes away: it fits a little of anything.
 _BEST_OF_MANY = {"step": 0.8, "stick": 0.8}
 
-#: χ² from which a pattern is told beside another one. Set by trial.
+#: χ² from which a second pattern is reported. Set by trial.
 _CLEAR = 30.0
-#: How many times as much as any other specimen or run one takes away that is off itself.
+#: Factor by which a specimen or run that is off itself takes away more than any other.
 _ALONE = 2.0
 
 

@@ -34,9 +34,9 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
 from tympan.studies.estimation.noise import UNSTATED, Noise, Term
 
-#: Probability by noise alone below which something is wrong, or is left by a cause unexplained:
-#: noise as benches have it, of heavy tails or with slips and memory, goes below it twice as often
-#: as the normal one that tests assume.
+#: Probability by noise alone below which something is wrong, or a cause leaves something
+#: unexplained. Noise of real benches has heavy tails, slips and memory: it goes below this twice as
+#: often as the normal noise that tests assume.
 ALARM = 0.02
 #: Probability by noise alone below which a cause is out of the question where another one leaves
 #: noise.
@@ -51,8 +51,8 @@ DOUBTED = 1 / 3
 #: probable than not.
 DISCREPANCY = 0.5
 
-#: Probability beforehand below which factors on stiffness and permittivity are none of a film as it
-#: is stated, however well they fit.
+#: Prior probability of factors on stiffness and permittivity below which the film cannot be the
+#: stated one, however well they fit.
 UNUSUAL = 1e-3
 
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
@@ -76,7 +76,7 @@ SURPRISING = 3.0
 #: Specimens beside an odd one that must be as they are written, at least.
 _OTHERS = 2
 
-#: How often readings are judged again by a noise that the fits tell. A bound of the cost.
+#: How often readings are judged again with the noise that the fits show. A bound of the cost.
 _AGAIN = 2
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
@@ -142,7 +142,7 @@ class Judgement:
 
     ``misfit``: what the nominal model misses, with the noise found; ``test``: whether that is
     noise; ``sensor``: whether it may be a sensor that wanders; ``weighed``: what else it may be;
-    ``test_of_all``: the test as if the readings told nothing of their noise, where they do.
+    ``test_of_all``: the test with the noise as it was stated, where the readings show another.
     """
 
     misfit: NominalMisfit
@@ -398,7 +398,7 @@ def _weighed(misfit: NominalMisfit, exploration: Exploration, adequacy: _Adequac
 
     among = hypotheses_of(exploration.causes)
     kept = [fit for fit in ranked if fit.hypothesis not in out
-            and not _twice_told(fit, exploration, misfit.indistinguishable)]
+            and not _redundant(fit, exploration, misfit.indistinguishable)]
     odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in asked if fit in kept}
     if not kept:
         odds = {(): odds_of_more(nominal, columns)}
@@ -456,7 +456,7 @@ def _on_a_rough_bench(unexplained: Weighed, misfit: NominalMisfit, exploration: 
     robust = {scale: bench.widened(scale * exploration.widen).sure(SURE) for scale in SCALES}
     sure = tuple(cause for cause in robust[1.0]
                  if all(cause in others for others in robust.values()))
-    # The fewest causes that explain it: where they alone do, what else is likely is not told.
+    # The fewest causes that explain it: where they are enough, others are not reported.
     alone = again.fit_of(sure)
     chosen = alone if alone is not None and adequacy.enough(alone) else best
     share = bench.share(chosen.hypothesis)
@@ -472,8 +472,8 @@ def _usual(fit: Fit) -> bool:
     return len(fit.hypothesis) < 2 or min(map(fit.surprise, fit.hypothesis)) < SURPRISING
 
 
-def _twice_told(fit: Fit, exploration: Exploration, alike: Sequence[Sequence[Cause]]) -> bool:
-    """Whether it is of two causes that cannot be told apart and say no more than one of them."""
+def _redundant(fit: Fit, exploration: Exploration, alike: Sequence[Sequence[Cause]]) -> bool:
+    """Whether it is of two indistinguishable causes that explain no more than one of them."""
     causes = set(fit.hypothesis)
     if len(causes) < 2 or not any(causes <= set(group) for group in alike):
         return False
