@@ -88,7 +88,7 @@ def draw_model(figure: Figure, table: ReadingTable, judgement: Judgement) -> Non
 def draw_noise(figure: Figure, table: ReadingTable, judgement: Judgement) -> None:
     """What the fitted model misses in the order of reading, and the reading that does not count."""
     fitted = judgement.simulation.predict((), judgement.nominal.unknowns, table)
-    missed, off = 1e6 * (table.value - fitted), judgement.told.off > 0
+    missed, off = 1e6 * (table.value - fitted), judgement.table.noise.off > 0
     order = 1 + np.arange(len(missed))
     names = [specimen.name for specimen in judgement.simulation.setup.specimens]
     marks = list(zip(np.unique(table.states.mass), "o^", strict=True))
@@ -108,8 +108,8 @@ def draw_noise(figure: Figure, table: ReadingTable, judgement: Judgement) -> Non
 def draw_tried(figure: Figure, table: ReadingTable, judgement: Judgement) -> None:
     """What each effect leaves where it alone is put into the model."""
     del table
-    every = sorted(judgement.alone, key=lambda fit: fit.chi_squared)[:SHOWN]
-    count = np.count_nonzero(judgement.told.off == 0)
+    every = sorted(judgement.weighed.alone, key=lambda fit: fit.chi_squared)[:SHOWN]
+    count = np.count_nonzero(judgement.table.noise.off == 0)
     names = ["no effect", *(" and ".join(map(str, fit.hypothesis)) for fit in reversed(every))]
     left = [judgement.nominal.chi_squared, *(fit.chi_squared for fit in reversed(every))]
     axes = figure.add_subplot()

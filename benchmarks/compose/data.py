@@ -289,7 +289,7 @@ def judged(case: str, read: Read, folder: Path, mapped: bool, seed: int) -> Judg
     judgement = conclusions.judgement
     seen, apart = _identifiable(judgement, read)
     return replace(blank, verdict=judgement.verdict, named=tuple(map(str, judgement.named)),
-                   listed=tuple(map(str, judgement.suspects)), seen=seen, apart=apart,
+                   listed=tuple(map(str, judgement.weighed.suspects)), seen=seen, apart=apart,
                    seconds=time.process_time() - began)
 
 

@@ -13,6 +13,8 @@ from benchmarks.trials.synthetic_trials import Design, Truth, readings
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.studies.diagnosis.calibration import calibrated, with_effects
+from tympan.studies.diagnosis.explanations.labels import other_labels
+from tympan.studies.diagnosis.explanations.registry import explanation_of
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
@@ -25,7 +27,7 @@ from tympan.studies.diagnosis.patterns.reading_patterns import WORDS
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
-from tympan.studies.diagnosis.sentences import slip, where
+from tympan.studies.diagnosis.sentences import where
 
 #: Widths of the priors for fits to readings without noise, where only the readings are to count.
 _LOOSE = 5.0
@@ -56,7 +58,7 @@ def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
         return seen, min(fit.chi_squared - of_truth for fit in fits
                          if set(fit.hypothesis) != set(truth.hypothesis))
     starts = {} if judgement is None else {
-        single.hypothesis: single.unknowns for single in judgement.alone}
+        single.hypothesis: single.unknowns for single in judgement.weighed.alone}
     for rival in ((cause,) for cause in causes if (cause,) != truth.hypothesis):
         first = fit(simulation, rival, exact, starts.get(rival, nominal.unknowns))
         best = fit(simulation, rival, exact, first.unknowns, _LOOSE)
@@ -106,22 +108,22 @@ def concluded(record: Record, truth: Truth, ask: Callable[[], Judgement]
     # The least probable pattern, one of few columns where there is a choice.
     strongest = min([name for name in p_values if name != "ramps"] or p_values, key=p_values.get)
     record = replace(record, verdict=judgement.verdict, named=tuple(map(str, judgement.named)),
-                     listed=tuple(map(str, judgement.suspects)), p_value=judgement.test.p_value,
-                     noise=judgement.test.noise, words=strongest)
+                     listed=tuple(map(str, judgement.weighed.suspects)),
+                     p_value=judgement.test.p_value, noise=judgement.test.noise, words=strongest)
     asked = truth.hypothesis and record.population in _AS_DRAWN
     if asked:
         record = replace(record, inside=_inside(judgement, truth))
-    if judgement.posterior is None or judgement.after is None:
+    if judgement.posterior is None or judgement.weighed.after is None:
         return record, judgement
     posterior = judgement.posterior
     ranked = tuple((str(cause), float(share))
                    for cause, share in list(posterior.of_causes().items())[:5])
-    seen = set(truth.hypothesis) - set(judgement.invisible)
-    covered = any(set(candidate.hypothesis) - set(judgement.invisible) == seen
+    seen = set(truth.hypothesis) - set(judgement.misfit.invisible)
+    covered = any(set(candidate.hypothesis) - set(judgement.misfit.invisible) == seen
                   for candidate in posterior.credible()) if asked else None
     return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
                    wrong=posterior.wrong, unknown=posterior.discrepancy,
-                   after=judgement.after.p_value, covered=covered), judgement
+                   after=judgement.weighed.after.p_value, covered=covered), judgement
 
 
 def gained(record: Record, design: Design, truth: Truth, judgement: Judgement | None) -> Record:
@@ -201,14 +203,18 @@ def blamed(judgement: Judgement) -> set[str]:
     """
     if judgement.verdict == "nothing":
         return set()
-    if judgement.relabelling is not None:
-        return {judgement.relabelling.column}
-    sentence = slip(judgement)
+    explanation = explanation_of(judgement)
+    fault = None if explanation is None else explanation.finding
+    if fault is not None and fault.kind == "labels":
+        labels = other_labels(judgement)
+        assert labels is not None
+        return {labels.column}
+    sentence = "" if explanation is None else explanation.what
     if judgement.verdict == "unexplained":
-        sentence = where(judgement)
+        sentence = sentence or where(judgement)
         found = {column for pattern, column in _PATTERNS.items() if WORDS[pattern] in sentence}
     else:
-        causes = judgement.named or judgement.suspects
+        causes = judgement.named or judgement.weighed.suspects
         found = {name for cause in causes
                  if (name := cause.which or _COLUMNS.get(cause.name, ""))}
     names = [specimen.name for specimen in judgement.simulation.setup.specimens]

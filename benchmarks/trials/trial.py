@@ -44,7 +44,7 @@ from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
-from tympan.studies.estimation.noise import Noise, root_of
+from tympan.studies.estimation.noise import Noise, Shared, root_of
 
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
 _MISJUDGED = 1.5
@@ -369,8 +369,9 @@ def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     if verdict is None:
         return [finished]
     group = {Cause("drift"), Cause("sensor_zero")}
-    reported = (any(group <= set(causes) for causes in verdict.indistinguishable) if kind == 2
-                else Cause(effect) in verdict.invisible)
+    misfit = verdict.misfit
+    reported = (any(group <= set(causes) for causes in misfit.indistinguishable) if kind == 2
+                else Cause(effect) in misfit.invisible)
     return [replace(finished, reported=reported and not verdict.named)]
 
 
@@ -433,7 +434,7 @@ def _mess(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     errors, at_fault = MESSES[kind].draw(generator, len(values), float(table.sigma[0]))
     messy = table.with_values(values + errors)
     finished, verdict = judged(record, design, simulation, messy, truth)
-    told = [] if verdict is None else np.flatnonzero(verdict.told.off).tolist()
+    told = [] if verdict is None else np.flatnonzero(verdict.table.noise.off).tolist()
     hit = len({*told} & {*at_fault})
     finished = replace(finished, words=kind, rows=(hit, len(at_fault), len(told) - hit))
     if not truth.hypothesis:
@@ -456,8 +457,8 @@ def _normal(noise: Noise, mess: Mess) -> Noise:
     covariance = mess.covariance(len(noise))
     own = 0.5 * float(np.linalg.eigvalsh(covariance)[0])
     root = root_of(covariance - own * np.eye(len(noise)))
-    return noise.with_sigma(own**0.5 * noise.sigma).with_shared(
-        np.arange(len(noise)), noise.sigma[:, None] * root)
+    return noise.times(own**0.5).plus(
+        Shared.of(np.arange(len(noise)), noise.sigma[:, None] * root))
 
 
 def _stratum(name: str, lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:

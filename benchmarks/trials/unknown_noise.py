@@ -138,7 +138,7 @@ def trial(lab: Lab, number: int) -> Judged:
         Noise.of(np.full(len(table), 0.02 * float(np.sqrt(np.mean(read**2)))), SCATTER))
     judged = judge(*fitted_to(simulation, unknown), design.causes)
     return Judged(number, kind, " and ".join(map(str, truth.hypothesis)), shows, judged.verdict,
-                  " and ".join(map(str, judged.named)), judged.of_sensor)
+                  " and ".join(map(str, judged.named)), judged.sensor.possible)
 
 
 def rate(some: int, count: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -176,47 +176,76 @@ def clock_runs_back(static: Sheet) -> int | None:
 
 def findings(dataset: Dataset) -> Iterator[Finding]:
     """Faults of rows, sensor or clock, what is made of them and what to do about them."""
-    for finding in _findings(dataset):
-        yield replace(finding, check=WORDS[f"do_{finding.kind}"])
-
-
-def _findings(dataset: Dataset) -> Iterator[Finding]:
-    static = dataset.static
-    if static is None:
+    if dataset.static is None:
         return
+    for found in FINDERS:
+        for finding in found(dataset, dataset.static):
+            yield replace(finding, check=WORDS[f"do_{finding.kind}"])
+
+
+def _pasted(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
+    """Rows that are copies of others."""
     file = static.file.name
     for rows, of in _blocks(dataset.copies):
         lines = static.line[rows]
         yield Finding("copies", WORDS["copies"].format(
             file=file, lines=lines_of(lines), of=lines_of(static.line[of]),
             s="" if len(rows) > 1 else "s"), file, tuple(lines.tolist()))
-    for one in outliers(static, np.flatnonzero(np.isfinite(static.displacement) & ~dataset.unused),
-                        dataset.noise):
+
+
+def _off_their_ramps(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
+    """Readings far off the curve of their ramp."""
+    file = static.file.name
+    used = np.flatnonzero(np.isfinite(static.displacement) & ~dataset.unused)
+    for one in outliers(static, used, dataset.noise):
         how = one.how and WORDS[f"outlier_{one.how}"].format(
             way="large" if abs(one.read) > abs(one.expected) else "small")
         line = int(static.line[one.row])
         yield Finding("outlier", WORDS["outlier"].format(
             file=file, line=line, read=1e3 * one.read, expected=1e3 * one.expected, how=how),
             file, (line,))
+
+
+def _at_the_end(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
+    """Readings of a sensor at its end."""
     stuck = at_sensor_end(static)
-    if stuck.any():
-        low, high = static.displacement[stuck].min(), static.displacement[stuck].max()
-        key = "saturated" if low == high else "near_end"
-        yield Finding("sensor_end", WORDS[key].format(
-            count=int(stuck.sum()), low=1e3 * low, value=1e3 * high,
-            line=int(static.line[stuck][0])), file, tuple(static.line[stuck].tolist()))
+    if not stuck.any():
+        return
+    low, high = static.displacement[stuck].min(), static.displacement[stuck].max()
+    key = "saturated" if low == high else "near_end"
+    lines = static.line[stuck]
+    yield Finding("sensor_end", WORDS[key].format(
+        count=int(stuck.sum()), low=1e3 * low, value=1e3 * high, line=int(lines[0])),
+        static.file.name, tuple(lines.tolist()))
+
+
+def _backwards(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
+    """The reading from which a clock runs back."""
     row = clock_runs_back(static)
     if row is not None:
         line = int(static.line[row])
         yield Finding("clock", WORDS["clock_back"].format(
-            line=line, time=float(static.elapsed[row])), file, (line,))
-    if (moved := dataset.run_zeros) is not None:
-        for run, zero in moved.pairs():
-            yield Finding("run_zero", WORDS["run_zero"].format(
-                file=file, run=run or WORDS["no_run"], first=moved.runs[0] or WORDS["no_run"],
-                zero=1e6 * abs(zero), way="more" if zero > 0 else "less", moved=moved,
-                error=2e6 * moved.error, size=1e6 * moved.size), file,
-                tuple(static.line[static.run == run].tolist()))
+            line=line, time=float(static.elapsed[row])), static.file.name, (line,))
+
+
+def _moved_zeros(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
+    """Runs whose zeros differ from the first one's."""
+    moved = dataset.run_zeros
+    if moved is None:
+        return
+    file = static.file.name
+    for run, zero in moved.pairs():
+        yield Finding("run_zero", WORDS["run_zero"].format(
+            file=file, run=run or WORDS["no_run"], first=moved.runs[0] or WORDS["no_run"],
+            zero=1e6 * abs(zero), way="more" if zero > 0 else "less", moved=moved,
+            error=2e6 * moved.error, size=1e6 * moved.size), file,
+            tuple(static.line[static.run == run].tolist()))
+
+
+#: Whatever finds faults in static readings before a film is solved, in the order in which they are
+#: told. A new one is a function here, and its kind in :class:`Finding`.
+FINDERS: tuple[Callable[[Dataset, Sheet], Iterator[Finding]], ...] = (
+    _pasted, _off_their_ramps, _at_the_end, _backwards, _moved_zeros)
 
 
 def _blocks(copies: Copies) -> Iterator[tuple[Numbers, Numbers]]:

@@ -155,10 +155,13 @@ FORCE: tuple[Column, ...] = (
 #: Mark of a line in a draft that is to be corrected.
 GUESS = "CORRECT THIS:"
 
-#: The files of readings a dataset may hold, and their columns.
-FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
-         "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,
-         "force.csv": FORCE}
+#: The files of readings a dataset may hold, and their columns. Kinds of evidence may add theirs.
+FILES: dict[str, tuple[Column, ...]] = {
+    "static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
+    "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,
+    "force.csv": FORCE}
+#: Those that have a field of their own in a dataset.
+_WITH_FIELD = tuple(FILES)
 
 #: How far outside the frame places may lie that are read on the film's edge, and where the plate
 #: may sit elsewhere, as shares of the frame's larger half extent.
@@ -212,15 +215,17 @@ class Dataset:
     frequencies: Sheet | None = None
     fields: Sheet | None = None
     forces: Sheet | None = None
+    more: Mapping[str, Sheet] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
     @property
     def tables(self) -> dict[str, Sheet | Coupons]:
         """Tables of the dataset, by file name."""
-        every = zip(FILES, (self.static, self.ranges, self.transients, self.coupons,
-                            self.frequencies, self.fields, self.forces), strict=True)
-        return {name: table for name, table in every if table is not None}
+        tables = (self.static, self.ranges, self.transients, self.coupons, self.frequencies,
+                  self.fields, self.forces)
+        every = {**dict(zip(_WITH_FIELD, tables, strict=True)), **self.more}
+        return {name: table for name, table in every.items() if table is not None}
 
     @property
     def sheets(self) -> tuple[Sheet, ...]:
@@ -284,7 +289,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         sheets[name], more = _checked_sheet(file, name, dataset, planned)
         files[file.name] = sheets[name].sha256
         remarks += more
-    static, ranges, transients, coupons, frequencies, fields, forces = map(sheets.get, FILES)
+    static, ranges, transients, coupons, frequencies, fields, forces = map(
+        sheets.get, _WITH_FIELD)
     if ranges is not None:
         _check_ranges(ranges, dataset.rig)
     if transients is not None:
@@ -302,6 +308,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     return replace(dataset, static=static, ranges=ranges, transients=transients, files=files,
                    coupons=Coupons.joined(tests) if tests else None,
                    frequencies=frequencies, fields=fields, forces=forces,
+                   more={name: sheets[name] for name in sheets if name not in _WITH_FIELD},
                    remarks=tuple(remarks))
 
 

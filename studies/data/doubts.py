@@ -11,8 +11,6 @@ from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import MembraneCircle
 
-#: A number for each row, the same one for rows that belong together.
-
 #: Correlation from which numbers rise or fall with others.
 _CORRELATED = 0.5
 #: Share of the largest reading of a ramp that is nothing.

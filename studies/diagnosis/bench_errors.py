@@ -9,10 +9,11 @@ import numpy as np
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import Calibration, film_error, frequency_error
-from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings, ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.estimation.noise import Shared
 
 #: Step of voltages for slopes by them, over the largest one: deflections go with the square.
 _STEP = 1e-3
@@ -36,7 +37,8 @@ def with_bench_errors(readings: PreparedReadings, dataset: Dataset, nominal: Cal
     return replace(readings, table=table, remarks=(*readings.remarks, *remarks))
 
 
-def with_voltage_errors(table: ReadingTable, size: float, model: Model, fit: Fit) -> ReadingTable:
+def with_voltage_errors(table: ReadingTable, size: float, model: ReadingModel, fit: Fit
+                        ) -> ReadingTable:
     """Add independent errors of each state's voltage, of a standard deviation [V].
 
     Effective variance: an error of the voltage moves a reading by the slope of the nominal fit
@@ -54,7 +56,8 @@ def with_voltage_errors(table: ReadingTable, size: float, model: Model, fit: Fit
     return table
 
 
-def with_film_scatter(table: ReadingTable, share: float, model: Model, fit: Fit) -> ReadingTable:
+def with_film_scatter(table: ReadingTable, share: float, model: ReadingModel, fit: Fit
+                      ) -> ReadingTable:
     """Add independent relative errors of each film's stiffness and permittivity."""
     factors = model.prediction((), fit.unknowns, table).jacobian[:, FACTORS]
     for specimen in np.unique(table.specimen):
@@ -80,13 +83,13 @@ def with_model_error(table: ReadingTable, error: float, nominal: Calibration) ->
 def _with_common(table: ReadingTable, rows: Numbers, columns: Array) -> ReadingTable:
     """Add errors that some readings share; a single reading gets more noise instead."""
     if len(rows) > 1:
-        return table.with_noise(table.noise.with_shared(rows, columns))
+        return table.with_noise(table.noise.plus(Shared.of(rows, columns)))
     sigma = table.sigma.copy()
     sigma[rows] = np.hypot(sigma[rows], np.linalg.norm(columns))
     return table.with_sigma(sigma)
 
 
-def _slopes(table: ReadingTable, states: Mask, model: Model, fit: Fit) -> Array:
+def _slopes(table: ReadingTable, states: Mask, model: ReadingModel, fit: Fit) -> Array:
     """Change of each reading by a volt more in some states at a nominal fit; 0 where unknown."""
     step = _STEP * float(table.states.voltage.max(initial=1.0))
     sides = []

@@ -14,9 +14,12 @@ from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.checks import dataset_warnings, findings
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.findings import Finding
 from tympan.studies.data.noise import stated_noise
 from tympan.studies.diagnosis import result
-from tympan.studies.diagnosis.evidence.kind import Model, PreparedReadings
+from tympan.studies.diagnosis.evidence.kind import PreparedReadings, ReadingModel
+from tympan.studies.diagnosis.explanations.kind import Explanation, Written
+from tympan.studies.diagnosis.explanations.registry import explanation_of
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.gain import GainReport, gain_of
@@ -29,7 +32,7 @@ from tympan.studies.diagnosis.inference.families import (
     undecided,
 )
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
-from tympan.studies.diagnosis.inference.noise_told import LOUDER, probability_off
+from tympan.studies.diagnosis.inference.noise_terms import LOUDER, probability_off
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import Judgement, probability_with_noise
@@ -46,10 +49,8 @@ from tympan.studies.diagnosis.sentences import (
     headline,
     headline_of,
     next_step,
-    of_data,
     pattern_checks,
     probability_text,
-    slip,
     suspects_among,
     together,
     where,
@@ -86,8 +87,9 @@ class Conclusions:
 
     ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
     finite elements on a fine mesh [m]; ``gain`` on readings held out; ``proposals`` for the next
-    experiment and ``advice`` in a sentence; ``coupons``: the conclusions from coupons of the same
-    films, None where there are none or nothing else.
+    experiment and ``advice`` in a sentence; ``explanation`` of a misfit by the data alone;
+    ``coupons``: the conclusions from coupons of the same films, None where there are none or
+    nothing else.
     """
 
     dataset: Dataset
@@ -97,6 +99,7 @@ class Conclusions:
     gain: GainReport
     proposals: tuple[Proposal, ...]
     advice: str
+    explanation: Explanation | None = None
     coupons: Conclusions | None = None
 
     @classmethod
@@ -116,7 +119,8 @@ class Conclusions:
             assert isinstance(simulation, Simulation)
             proposals = propose(simulation, films, causes, menu, dataset.effort)
         return cls(dataset, readings, judgement, model_error,
-                   gain_of(simulation, films.table, causes, films, seed), *proposals)
+                   gain_of(simulation, films.table, causes, films, seed), *proposals,
+                   explanation_of(judgement, Written(dataset, readings)))
 
     @property
     def verdict(self) -> Verdict:
@@ -139,7 +143,7 @@ class Conclusions:
     @cached_property
     def single_effects(self) -> list[Fit]:
         """Every effect fitted alone, the one that explains most first; none if nothing is wrong."""
-        return sorted(self.judgement.alone, key=lambda fit: -self.judgement.explained(fit))
+        return sorted(self.judgement.weighed.alone, key=lambda fit: -self.judgement.explained(fit))
 
     @cached_property
     def films(self) -> Judgement:
@@ -152,7 +156,7 @@ class Conclusions:
         return self.films.chosen if self.gain.extends else None
 
     @property
-    def simulation(self) -> Model:
+    def simulation(self) -> ReadingModel:
         """The dataset's simulation, as far as effects were explored."""
         return self.films.simulation
 
@@ -160,7 +164,7 @@ class Conclusions:
     def bench(self) -> Bench:
         """Bench that makes synthetic readings like these."""
         table = self.films.table
-        noise = self.readings.table.noise.with_sigma(table.sigma)
+        noise = self.readings.table.noise.with_own(table.sigma)
         return Bench(self.simulation, self.films.nominal.unknowns, table.with_noise(noise),
                      self.readings.causes)
 
@@ -180,17 +184,16 @@ class Conclusions:
         nominal = self._known(judged.nominal)
         unit = judged.table.unit
         causes = () if posterior is None else tuple(self._causes(posterior))
-        found = of_data(judged)
-        place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
+        found = self._fault
         suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
         named = [cause for cause in causes if self.verdict == "named" and cause.named]
-        misfit = self._misfit(place)
+        misfit = self._misfit()
         cannot_tell = self._cannot_tell(misfit)
         return Diagnosis(
             dataset=self.dataset.name,
             verdict=self.verdict,
-            headline=headline(self.verdict, named, suspects, place, judged.small_errors,
-                              found is not None, cannot_tell),
+            headline=headline(self.verdict, named, suspects, misfit.where,
+                              judged.weighed.small_errors, found is not None, cannot_tell),
             cannot_tell=cannot_tell,
             causes=causes,
             # Of outliers the fits tell more (readings_off).
@@ -198,30 +201,30 @@ class Conclusions:
                       *filter(None, [found])),
             together=together(suspects),
             indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
-                                    for group in judged.indistinguishable),
+                                    for group in judged.misfit.indistinguishable),
             misfit=misfit,
             readings_off=tuple(self._readings_off()),
             predictive=self.gain.predictive,
             gain=self.gain.overall,
             next_experiment=self._next_experiment([*named, *suspects]),
-            not_visible=tuple(sorted({cause.name for cause in judged.invisible})),
+            not_visible=tuple(sorted({cause.name for cause in judged.misfit.invisible})),
             probability=result.NoEffect(1.0, 0.0) if posterior is None else result.NoEffect(
                 posterior.nothing, posterior.discrepancy),
             attempts=tuple(self._attempt(fit) for fit in self.single_effects),
             after=None if chosen is None else result.After(
                 rmse=self._rmse(self._of_films),
-                p_value=None if judged.after is None else judged.after.p_value,
+                p_value=None if judged.weighed.after is None else judged.weighed.after.p_value,
                 effects=tuple(map(str, chosen.hypothesis))),
             baseline={name: result.Factor(*np.exp(interval(nominal, number)).tolist())
                       for number, name in enumerate(("stiffness_factor", "permittivity_factor"))},
             noisier=result.Noisier(_NOISIER, probability_with_noise(
                 judged, _NOISIER) if self.verdict == "named" else None),
-            small_errors=judged.small_errors,
+            small_errors=judged.weighed.small_errors,
             robust=tuple(result.Robust(factor, tuple(sorted(map(str, causes))),
-                                       judged.unknown.get(factor))
-                         for factor, causes in sorted(judged.robust.items())),
+                                       judged.weighed.unknown.get(factor))
+                         for factor, causes in sorted(judged.weighed.robust.items())),
             model_error=unit.per_si * self.model_error,
-            knowable=tuple(detectable_effects(judged.signatures)),
+            knowable=tuple(detectable_effects(judged.misfit.signatures)),
             self_check=self_check,
             hum=tuple(hum for run in self.dataset.runs for hum in run.hum),
             late_runs=tuple(late for run in self.dataset.runs for late in run.late),
@@ -257,7 +260,7 @@ class Conclusions:
     def _root(self, errors: Array) -> float:
         """Root mean square of errors of the films' readings that count, in their unit."""
         table = self.films.table
-        counts = table.judged & (self.films.told.off == 0)
+        counts = table.judged & (table.noise.off == 0)
         return table.unit.per_si * float(np.sqrt(np.mean(errors[counts] ** 2)))
 
     def _readings_off(self) -> Iterator[result.ReadingOff]:
@@ -266,7 +269,7 @@ class Conclusions:
         table, sigma = films.table, films.table.sigma
         specimens = [specimen.name for specimen in self.simulation.setup.specimens]
         expected = (films.chosen or films.nominal).predicted(table)
-        off = films.told.off
+        off = table.noise.off
         for row in np.flatnonzero(off).tolist():
             unit = UNITS[str(table.kind[row])]
             alike = (table.kind == table.kind[row]) & (off == 0)
@@ -320,8 +323,8 @@ class Conclusions:
             "file": table.file, "line": table.line, "kind": table.kind,
             "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
-            "sigma": self.films.told.own * table.sigma,
-            "counts": (self.films.told.off == 0).astype(float),
+            "sigma": table.noise.own,
+            "counts": (table.noise.off == 0).astype(float),
             **{name: common + table.noise.apart(values)
                for name, values in {"read": table.value, **models}.items()},
             **dict(zip("xy", table.places.T, strict=True)),
@@ -333,14 +336,14 @@ class Conclusions:
     def _causes(self, posterior: Posterior) -> Iterator[result.FoundCause]:
         judged, probabilities = self.judgement, posterior.of_causes()
         in_library = posterior.in_library()
-        rivals = {fit.hypothesis[0]: fit for fit in judged.rivals}
+        rivals = {fit.hypothesis[0]: fit for fit in judged.weighed.rivals}
         for cause in dict.fromkeys([*probabilities, *rivals]):
             probability = probabilities.get(cause, 0.0)
-            if probability < _LEAST and cause not in judged.suspects:
+            if probability < _LEAST and cause not in judged.weighed.suspects:
                 continue
             fit = self._found(cause)
             widened, fit = self._widened(fit), self._known(fit)
-            alike = undecided(cause, self.readings.told, self._suspects)
+            alike = undecided(cause, self.readings.quantities, self._suspects)
             family = self._family(alike, fit, cause) if alike else None
             chance = probability_text(min(1.0, sum(
                 probabilities.get(other, 0.0) for other in alike or (cause,))))
@@ -349,7 +352,7 @@ class Conclusions:
                 headline=(f"{family.headline} ({chance})" if family else with_other_loads(
                     headline_of(fit, cause, chance), self._loads_instead(fit, cause))),
                 in_library=in_library.get(cause, 0.0), clear=has_size(fit, cause),
-                check=check_of(cause, self.readings.told, self._suspects), family=family,
+                check=check_of(cause, self.readings.quantities, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),
                 named=cause in judged.named, parameters=_parameters(fit, cause), widened=widened)
@@ -357,16 +360,15 @@ class Conclusions:
     @property
     def _suspects(self) -> tuple[Cause, ...]:
         """Causes that the readings do not decide between."""
-        return self.judgement.suspects if self.verdict == "ambiguous" else ()
+        return self.judgement.weighed.suspects if self.verdict == "ambiguous" else ()
 
     def _found(self, cause: Cause) -> Fit:
         """The fit that tells a cause's size."""
         judged, posterior = self.judgement, self.judgement.posterior
         assert posterior is not None
-        return next(fit for fit in (*(rival for rival in judged.rivals
-                                      if rival.hypothesis[0] == cause),
-                                    judged.chosen, *posterior.fits, *judged.alone)
-                    if fit and cause in fit.hypothesis)
+        rivals = (rival for rival in judged.weighed.rivals if rival.hypothesis[0] == cause)
+        fits = (*rivals, judged.chosen, *posterior.fits, *judged.weighed.alone)
+        return next(fit for fit in fits if fit and cause in fit.hypothesis)
 
     def _family(self, alike: Sequence[Cause], fit: Fit, cause: Cause) -> result.FoundFamily:
         """Family a cause at a fit stands for, where these readings do not tell it from others."""
@@ -381,7 +383,19 @@ class Conclusions:
     def _loads_instead(self, fit: Fit, cause: Cause) -> dict[float, tuple[float, float]]:
         return one_load_instead(fit, cause, self.films.table, self.simulation.setup.rig)
 
-    def _misfit(self, place: str) -> result.Misfit:
+    @property
+    def _fault(self) -> Finding | None:
+        """Fault in the dataset that explains the misfit, if one does."""
+        return None if self.explanation is None else self.explanation.finding
+
+    @property
+    def _place(self) -> str:
+        """Sentence on where the misfit is: what explains it, or its patterns."""
+        if self.verdict == "nothing":
+            return "nowhere: what is left is noise"
+        return where(self.judgement) if self.explanation is None else self.explanation.what
+
+    def _misfit(self) -> result.Misfit:
         judged, table, nominal = self.judgement, self.films.table, self.films.nominal
         names = [specimen.name for specimen in self.simulation.setup.specimens]
         predicted = nominal.predicted(table)
@@ -394,18 +408,18 @@ class Conclusions:
             noise_over_stated=judged.noise_over(self.readings.table),
             p_value=judged.test.p_value,
             p_value_of_all=None if judged.test_of_all is None else judged.test_of_all.p_value,
-            correlation=judged.told.correlation * judged.told.share,
-            counts_below=(table.unit.per_si * judged.wandering / LOUDER if judged.wandering
+            correlation=judged.table.noise.correlation,
+            counts_below=(table.unit.per_si * judged.sensor.size / LOUDER if judged.sensor.size
                           else None),
-            where=place,
+            where=self._place,
             ratios=tuple(ratios(table, predicted, names)) if table.lengths.any() else (),
             patterns=tuple(result.PatternTest(judged.test.words(name), p) for name, p in p_values
-                           if name in judged.patterns),
+                           if name in judged.misfit.patterns),
             others=tuple(self._misfits_of_other_kinds(table.value - predicted)))
 
     def _misfits_of_other_kinds(self, missed: Array) -> Iterator[result.MisfitOfKind]:
         """Misfits of readings that are not counted with the first kind, kind by kind."""
-        table, off = self.films.table, self.films.told.off
+        table, off = self.films.table, self.films.table.noise.off
         for kind, rows in table.rows_of.items():
             some = rows[~table.judged[rows] & (off[rows] == 0) & np.isfinite(missed[rows])]
             if len(some):
@@ -430,10 +444,10 @@ class Conclusions:
 
     def _cannot_tell(self, misfit: result.Misfit) -> str:
         """Sentences on why it is not known whether the simulation agrees; "" where it is."""
-        if self.judgement.of_sensor:
+        if self.judgement.sensor.possible:
             return WORDS["wanders"].format(misfit=misfit,
                                            unit=self.judgement.table.unit.name.replace("u", "µ"))
-        if self.verdict != "nothing" or not (rough := self.judgement.rough):
+        if self.verdict != "nothing" or not (rough := self.judgement.misfit.rough):
             return ""
         kind = max(rough, key=lambda name: rough[name])
         return WORDS["too_rough"].format(kind=kind, scatter=rough[kind])
@@ -444,25 +458,21 @@ class Conclusions:
         if self.verdict == "nothing":
             return result.NextExperiment(
                 what=WORDS["do_rough"], checks=(WORDS["do_rough"],), after_checks=""
-            ) if self.judgement.rough else None
+            ) if self.judgement.misfit.rough else None
         advice = self.advice if self.proposals else ""
         checks, unexplained = [cause.check for cause in concerned], self.verdict == "unexplained"
-        found = of_data(self.judgement) if unexplained else None
+        explanation, fault = self.explanation, self._fault if unexplained else None
         if unexplained:
-            worth = [fit for fit in self.single_effects
-                     if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
-            advice = WORDS["again" if found is None else "put_right"]
-            checks = [*pattern_checks(self.films), *(check_of(fit.hypothesis[0], self.readings.told)
-                                                     for fit in worth)]
-        if words := slip(self.films):
-            # Where nothing explains the misfit the headline has said what the slip is.
-            look_up = WORDS["look_up"].format(slip="" if unexplained else f": {words}")
-            checks = [found.check if found else look_up,
-                      *(pattern_checks(self.films) if unexplained else checks)]
-        if self.judgement.of_sensor:
+            advice = WORDS["again" if fault is None else "put_right"]
+            checks = self._checks_of_misfit() if explanation is None else [explanation.check]
+        if explanation is not None and fault is None:
+            # Where nothing explains the misfit the headline has said what this is.
+            what = "" if unexplained else f": {explanation.what}"
+            checks = [WORDS["look_up"].format(slip=what), *checks]
+        if self.judgement.sensor.possible:
             checks = [WORDS["do_noise"], *checks]
         step = result.NextExperiment(
-            what=next_step(self.verdict, checks, advice, found is not None),
+            what=next_step(self.verdict, checks, advice, fault is not None),
             checks=tuple(dict.fromkeys(checks)), after_checks=advice)
         if unexplained or not self.proposals:
             return step
@@ -473,6 +483,13 @@ class Conclusions:
         best = next((entry for entry in menu if entry.enough), menu[0])
         return replace(step, separates=best.separates,
                        expected_chi_squared=best.expected_chi_squared, menu=menu)
+
+    def _checks_of_misfit(self) -> list[str]:
+        """Checks where nothing explains the misfit: by its patterns, and of the largest effects."""
+        worth = [fit for fit in self.single_effects
+                 if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
+        return [*pattern_checks(self.films),
+                *(check_of(fit.hypothesis[0], self.readings.quantities) for fit in worth)]
 
     def _limitations(self) -> list[str]:
         """Limitations of the conclusions."""
@@ -491,7 +508,7 @@ class Conclusions:
         if scatter > _ROUGH and self.readings.table.noise.freedom.any():
             words.append(WORDS["scatters"].format(scatter=scatter))
         words += [WORDS["quiet"].format(kind=kind, times=1 / quiet)
-                  for kind, quiet in self.judgement.quiet.items()]
+                  for kind, quiet in self.judgement.misfit.quiet.items()]
         return words
 
 

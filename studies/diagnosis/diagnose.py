@@ -20,13 +20,11 @@ from tympan.studies.diagnosis.calibration import (
     with_masses,
 )
 from tympan.studies.diagnosis.conclusions import Conclusions
-from tympan.studies.diagnosis.confusions import confusions_of, mistaken_sizes
 from tympan.studies.diagnosis.evidence.coupon_readings import WORDS, coupon_readings
 from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
 from tympan.studies.diagnosis.evidence.held import Held
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.evidence.rest import Rest
-from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.frame_check import check_frame
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import (
@@ -42,6 +40,7 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import EFFECTS, Setup
+from tympan.studies.estimation.noise import Shared
 from tympan.studies.files import to_json
 
 #: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
@@ -140,11 +139,6 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
         raise InputError(str(failure), key="readings",
                          given=f"{len(readings.table)} readings") from None
     progress(films + 1, films + _LATER)
-    if judged.unusual:
-        stated = fit(simulation, (), readings.table, judged.nominal.unknowns)
-        judged = replace(judged, confusions=confusions_of(dataset, readings, stated))
-    elif judged.odd_specimen and judged.relabelling is None:
-        judged = replace(judged, confusions=mistaken_sizes(readings.setup, judged.of_first()))
     if judged.chosen is not None:
         assert isinstance(judged.simulation, Simulation)
         error = max(error, law_error(judged.simulation, judged.chosen, readings.table))
@@ -183,8 +177,8 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
     """
     best = coupons.chosen or coupons.nominal
     batch = tests.batch(coupons.simulation.extended(best.hypothesis, best.unknowns))
-    noise = coupons.table.noise.known(coupons.test.freedom).with_shared(
-        np.arange(len(coupons.table)), batch)
+    of_batch = Shared.of(np.arange(len(coupons.table)), batch)
+    noise = coupons.table.noise.known(coupons.test.freedom).plus(of_batch)
     # All of one state: of a plate, under some mass, that is held where the film is flat.
     mass = float(table.states.mass.max(initial=0.0))
     flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))

@@ -29,7 +29,7 @@ from tympan.studies.diagnosis.diagnose import (
     of_coupons_alone,
     with_coupons,
 )
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
@@ -169,7 +169,7 @@ def fit_film(dataset: Dataset, branches: int | None = None, seed: int = 0,
         _law_may_be_fitted(dataset)
     readings, nominal, _ = calibrated_readings(dataset)
     table = readings.table
-    simulation: Model = nominal.simulation
+    simulation: ReadingModel = nominal.simulation
     try:
         if dataset.coupons is not None:
             readings, simulation, table = with_coupons(readings, nominal.simulation,
@@ -241,7 +241,8 @@ def _with_law(result: FilmFit, dataset: Dataset, table: ReadingTable, kinds: Seq
                           for specimen in specimens})
 
 
-def _result(dataset: Dataset, simulation: Model, fit: Fit, remarks: tuple[str, ...]) -> FilmFit:
+def _result(dataset: Dataset, simulation: ReadingModel, fit: Fit, remarks: tuple[str, ...]
+            ) -> FilmFit:
     known, freedom = fit.louder(fit.misfit), len(fit.residual) - len(fit.unknowns)
     chance = float(chdtrc(max(freedom, 1), fit.chi_squared))
     factors = [Factor(*np.exp(interval(known, number)).tolist()) for number in range(FACTORS.stop)]

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.studies.diagnosis.evidence.kind import Model, Predicts, Split
+from tympan.studies.diagnosis.evidence.kind import Predicts, ReadingModel, Split
 from tympan.studies.diagnosis.fits.first_order import FirstOrder
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
@@ -122,7 +122,7 @@ class GainReport:
                         pit=tuple(np.histogram(below, 10, (0.0, 1.0))[0].tolist()))
 
 
-def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
+def gain_of(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
             judgement: Judgement, seed: int = 0) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
 
@@ -132,7 +132,7 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
     """
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
-    counts = table.judged & (judgement.told.off == 0)
+    counts = table.judged & (judgement.table.noise.off == 0)
     splits = tuple(split for split in splits if np.any(split[2] & counts))
     unexplained = judgement.verdict == "unexplained"
     doubtful = unexplained or judgement.verdict == "ambiguous"
@@ -148,7 +148,7 @@ def gain_of(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
         tested, impossible, not unexplained or _better(overall))
 
 
-def _of_other_kinds(simulation: Model, splits: Sequence[SplitGain]) -> Iterator[GainOfKind]:
+def _of_other_kinds(simulation: ReadingModel, splits: Sequence[SplitGain]) -> Iterator[GainOfKind]:
     """Errors of both models on readings held out that are no lengths, kind by kind."""
     missed: dict[str, list[Array]] = defaultdict(list)
     for split in splits:
@@ -207,7 +207,7 @@ class _Beyond:
         return expected.below(test.value, self.noise * test.noise.total)
 
 
-def splits_of(simulation: Model,
+def splits_of(simulation: ReadingModel,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
     return _told_apart(table, *simulation.evidence[0].splits(simulation.setup, table))
@@ -233,14 +233,14 @@ def _unfit(kind: str, test: Mask, table: ReadingTable, levels: Array) -> str:
     return ""
 
 
-def _tested(simulation: Model, table: ReadingTable, causes: Sequence[Cause], split: Split,
+def _tested(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause], split: Split,
             counts: Mask, judgement: Judgement, about: FirstOrder,
             beyond: _Beyond | None) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
     counted = rows & counts
     test = table[counted].compact()
-    others = table[rows & ~table.judged & (judgement.told.off == 0)].compact()
+    others = table[rows & ~table.judged & (judgement.table.noise.off == 0)].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
@@ -300,15 +300,15 @@ class _Alternatives(NamedTuple):
     exact: frozenset[Hypothesis]
 
 
-def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
-                  judgement: Judgement, about: FirstOrder) -> _Alternatives:
+def _alternatives(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
+                  nominal: Fit, judgement: Judgement, about: FirstOrder) -> _Alternatives:
     """Hypotheses weighed by a table of a part of the readings.
 
     Each cause alone, the best of them with every other that may help, and such pairs of the best
     few, to first order ``about`` the fits to all readings. Then those that matter are fitted by the
     model. Causes that are large by all readings are sought from there too.
     """
-    large = {other.hypothesis: [other.unknowns] for other in judgement.alone
+    large = {other.hypothesis: [other.unknowns] for other in judgement.weighed.alone
              if other.surprise(other.hypothesis[0]) > _LARGE}
     hypotheses = hypotheses_of(causes)
     prior = {hypothesis: np.log(share) for hypothesis, share in priors(hypotheses).items()}
@@ -335,7 +335,7 @@ def _alternatives(simulation: Model, table: ReadingTable, causes: Sequence[Cause
                 fitted(about, pair, starts)
     while True:
         best = ranked()
-        wrong = _unlike_the_best(best, judgement.indistinguishable)
+        wrong = _unlike_the_best(best, judgement.misfit.indistinguishable)
         least_log = logsumexp([log(other) for other in best] or [0.0]) + np.log(_MATTERS)
         rough = next((other for other in best if about.approximates(other.hypothesis) and (
             other is best[0] or other is wrong or log(other) > least_log)), None)

@@ -290,7 +290,7 @@ class ReadingTable:
         return replace(self, noise=noise)
 
     def with_sigma(self, sigma: Array) -> ReadingTable:
-        return replace(self, noise=self.noise.with_sigma(sigma))
+        return replace(self, noise=self.noise.with_own(sigma))
 
     def joined(self, other: ReadingTable) -> ReadingTable:
         """These rows, and others in runs of their own."""

@@ -21,7 +21,7 @@ from tympan.studies.diagnosis.evidence.kind import (
 from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
-from tympan.studies.estimation.noise import SCATTER, Noise, Source
+from tympan.studies.estimation.noise import SCATTER, Noise, Shared, Source
 
 #: Readings above which those of nearly the same state are averaged. A bound of the cost.
 MANY = 2000
@@ -46,18 +46,19 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         raise InputError(f"less than {FEWEST} can be used", key="readings",
                          given="; ".join(remarks) or sum(map(len, dataset.sheets)))
     if not parts:
-        return PreparedReadings(setup, reduce(ReadingTable.joined, noisy), PLATES,
+        return PreparedReadings(setup, reduce(ReadingTable.joined, noisy), tuple(PLATES),
                                 (*remarks, *seen))
     table = _with_noise(reduce(ReadingTable.joined, parts), dataset)
     if dataset.static is not None and (moved := dataset.run_zeros) is not None:
         read = np.flatnonzero((table.kind == "displacement") & np.isin(table.run, moved.runs)
                               & (table.file == dataset.static.file.name))
-        table = table.with_noise(table.noise.with_shared(read, moved.columns(table.run[read])))
+        zeros = Shared.of(read, moved.columns(table.run[read]))
+        table = table.with_noise(table.noise.plus(zeros))
     if step := coarse_step(dataset):
         table = _rounded(table, step)
     table, fewer = _not_too_many(table)
     table = reduce(ReadingTable.joined, noisy, table)
-    return PreparedReadings(setup, table, PLATES, (*remarks, *fewer, *seen))
+    return PreparedReadings(setup, table, tuple(PLATES), (*remarks, *fewer, *seen))
 
 
 def _read(kinds: list[PlateEvidence], dataset: Dataset, setup: Setup
@@ -114,7 +115,7 @@ def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
 
 def _of(table: ReadingTable, sigma: Array, source: Source) -> Noise:
     """Noise of so much, with what a table's readings have in common."""
-    return replace(Noise.of(sigma, source), shared=table.noise.shared)
+    return Noise.of(sigma, source).plus(*table.noise.terms)
 
 
 def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
@@ -152,7 +153,7 @@ def averaged(table: ReadingTable) -> ReadingTable:
     voltage = np.round(states.voltage / max(states.voltage.max(initial=0.0), 1e-9) * _BINS)
     elapsed = np.round(states.elapsed / max(states.elapsed.max(initial=0.0), 1e-9) * _BINS / 10)
     kind = np.unique(table.kind, return_inverse=True)[1]
-    run = np.unique(table.run, return_inverse=True)[1].ravel() * bool(table.noise.shared)
+    run = np.unique(table.run, return_inverse=True)[1].ravel() * bool(table.noise.common)
     key = np.stack([kind.ravel(), run, table.specimen, table.mass, voltage[table.state],
                     elapsed[table.state], states.way[table.state],
                     np.where(table.since < 0, -1, table.line)], axis=1)
@@ -163,7 +164,7 @@ def averaged(table: ReadingTable) -> ReadingTable:
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(group, values) / count)
 
-    noise = table.noise[first].with_sigma(np.sqrt(np.bincount(group, table.sigma**2)) / count)
+    noise = table.noise[first].with_own(np.sqrt(np.bincount(group, table.sigma**2)) / count)
     at = table.state[first]
     merged = replace(states[at], voltage=mean(states.voltage[table.state]),
                      elapsed=mean(states.elapsed[table.state]))

@@ -17,7 +17,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, parameter_at
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -57,7 +57,7 @@ class Bench:
     noise.
     """
 
-    simulation: Model
+    simulation: ReadingModel
     unknowns: Array
     table: ReadingTable
     causes: tuple[Cause, ...]
@@ -70,7 +70,7 @@ class Bench:
         size, values = self._readings(hidden, generator)
         table = self.table.with_values(values + self.table.noise.drawn(generator))
         judged = judge(self.simulation, table, self.causes, seed=number)
-        listed = judged.named or (judged.suspects if judged.verdict == "ambiguous" else ())
+        listed = judged.named or (judged.weighed.suspects if judged.verdict == "ambiguous" else ())
         return SyntheticSet(hidden, size, judged.verdict, listed)
 
     def hidden(self, number: int, generator: np.random.Generator) -> Cause | None:
@@ -145,8 +145,8 @@ def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Arra
                      for parameter, x in zip(parameters, way.tolist(), strict=True)])
 
 
-def grown_to(simulation: Model, hypothesis: Hypothesis, unknowns: Array
-             ) -> tuple[Model, Array]:
+def grown_to(simulation: ReadingModel, hypothesis: Hypothesis, unknowns: Array
+             ) -> tuple[ReadingModel, Array]:
     """The simulation with films sampled as far as these sizes, or as they bear; and the unknowns.
 
     Without a sign where that changes nothing.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -32,6 +33,23 @@ STATED = 8.0
 
 
 @dataclass(frozen=True, eq=False)
+class Off:
+    """Errors of readings that are off by themselves, as slips of the pen are.
+
+    Neither they nor the readings after them remember these errors. ``rows``: numbers of these
+    readings, (m,); ``sizes``: standard deviations of their errors [their unit], (m,).
+    """
+
+    rows: Numbers
+    sizes: Array
+
+    def among(self, readings: Numbers) -> Off:
+        """Errors of some readings by their numbers, with the places they have there."""
+        here = np.isin(readings, self.rows)
+        return Off(np.flatnonzero(here), self.sizes[np.searchsorted(self.rows, readings[here])])
+
+
+@dataclass(frozen=True, eq=False)
 class Shared:
     """Independent normal errors that some readings have in common.
 
@@ -49,10 +67,19 @@ class Shared:
         directions, sizes, _ = svd(columns, full_matrices=False, lapack_driver="gesvd")
         return cls(rows, directions, sizes)
 
+    @classmethod
+    def zero(cls, count: int, size: float) -> Shared:
+        """A zero that so many readings have in common, of that standard deviation."""
+        return cls.of(np.arange(count), np.full((count, 1), size))
+
     @property
     def columns(self) -> Array:
         """Effect of each error at its standard deviation, shape (m, k)."""
         return np.asarray(self.directions * self.sizes)
+
+    def times(self, factor: float) -> Shared:
+        """Errors a factor as large."""
+        return replace(self, sizes=factor * self.sizes)
 
     def over(self, sigma: Array) -> Shared:
         """Errors over standard deviations of these readings, (m,)."""
@@ -68,57 +95,69 @@ class Shared:
         place = np.searchsorted(self.rows, readings[here])
         return self.of(np.flatnonzero(here), self.columns[place])
 
+    def joined(self, others: Sequence[Shared]) -> Shared:
+        """These errors and others, of readings some of which are the same."""
+        every = np.unique(np.concatenate([self.rows, *(some.rows for some in others)]))
+        columns = list[Array]()
+        for some in (self, *others):
+            columns.append(np.zeros((len(every), len(some.sizes))))
+            columns[-1][np.searchsorted(every, some.rows)] = some.columns
+        return self.of(every, np.hstack(columns))
+
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """Errors of a run of which a part remembers: of two, e to the minus their clocks' difference.
+    """Errors of runs of which a part remembers those before.
 
     An Ornstein–Uhlenbeck process and white noise beside it; a first-order autoregression where all
-    remembers and readings follow evenly. ``run``: number of the run of each reading, -1 of one that
-    remembers nothing; ``clock``: its place along the run; ``share``: of the variance that
-    remembers; (readings,) each.
+    remembers and readings follow evenly. ``rows``: numbers of the readings that remember, (m,);
+    ``run``: number of the run of each; ``clock``: its place along the run; ``share``: of the
+    variance that remembers; (m,) each. ``correlation`` of what is remembered by two readings whose
+    clocks differ by 1.
     """
 
+    rows: Numbers
     run: Numbers
     clock: Array
     share: Array
+    correlation: float = float(np.exp(-1.0))
 
-    def __len__(self) -> int:
-        return len(self.run)
+    def of(self, correlation: float, share: float) -> Memory:
+        """The same readings, of which each remembers as much."""
+        return replace(self, correlation=correlation, share=np.full(len(self.rows), share))
 
-    def __getitem__(self, rows: Rows) -> Memory:
-        return Memory(self.run[rows], self.clock[rows], self.share[rows])
+    def among(self, readings: Numbers) -> Memory:
+        """Memory of some readings by their numbers, with the places they have there."""
+        here = np.isin(readings, self.rows)
+        order = np.argsort(self.rows)
+        place = order[np.searchsorted(self.rows, readings[here], sorter=order)]
+        return replace(self, rows=np.flatnonzero(here), run=self.run[place],
+                       clock=self.clock[place], share=self.share[place])
 
-    @classmethod
-    def none(cls, count: int) -> Memory:
-        """Memory of so many readings that remember nothing."""
-        return cls(np.full(count, -1), np.zeros(count), np.ones(count))
-
-    def joined(self, other: Memory) -> Memory:
-        """Memory of these readings and others, whose runs are others."""
-        apart = 1 + self.run.max(initial=-1)
-        return Memory(np.r_[self.run, np.where(other.run < 0, -1, other.run + apart)],
-                      np.r_[self.clock, other.clock], np.r_[self.share, other.share])
+    def without(self, rows: Numbers) -> Memory:
+        """Memory without that of some readings by their numbers."""
+        kept = ~np.isin(self.rows, rows)
+        return replace(self, rows=self.rows[kept], run=self.run[kept], clock=self.clock[kept],
+                       share=self.share[kept])
 
     @cached_property
-    def _steps(self) -> list[tuple[int, int, float, float, float, float]]:
-        """Kalman's filter: each reading that remembers, in order, and the one before it or -1.
+    def _steps(self) -> list[tuple[int, bool, float, float, float, float]]:
+        """Kalman's filter: each reading that remembers, in order, and whether one is before it.
 
         With the correlation between what both remember, the root of the share that does, the
         filter's gain and the standard deviation of what is new in the reading.
         """
         steps, last, variance = [], -1, 1.0
         for this in np.lexsort((self.clock, self.run)).tolist():
-            if self.run[this] < 0:
-                continue
             follows = last >= 0 and self.run[last] == self.run[this]
-            kept = float(np.exp(self.clock[last] - self.clock[this])) if follows else 0.0
+            apart = self.clock[this] - self.clock[last]
+            kept = float(self.correlation**apart) if follows else 0.0
             predicted = kept**2 * variance + 1 - kept**2
             share = float(self.share[this])
             new = share * predicted + 1 - share
             gain = share**0.5 * predicted / new
             variance = predicted * (1 - gain * share**0.5)
-            steps.append((this, last if follows else -1, kept, share**0.5, gain, new**0.5))
+            steps.append((this, bool(follows), kept, share**0.5, gain, new**0.5))
             last = this
         return steps
 
@@ -129,19 +168,21 @@ class Memory:
 
     def forgotten(self, values: Array) -> Array:
         """Errors over their standard deviations, (readings, …), as such without memory."""
-        if len(self) <= _DENSE:
-            return np.asarray(self._forgetting @ values)
-        return self._filtered(values)
+        fresh = values.astype(float)
+        some = values[self.rows]
+        dense = len(self.rows) <= _DENSE
+        fresh[self.rows] = self._forgetting @ some if dense else self._filtered(some)
+        return fresh
 
     @cached_property
     def _forgetting(self) -> Array:
-        """Matrix of :meth:`forgotten`."""
-        return self._filtered(np.eye(len(self)))
+        """Matrix of :meth:`forgotten`, of the readings that remember."""
+        return self._filtered(np.eye(len(self.rows)))
 
     def _filtered(self, values: Array) -> Array:
         fresh, state = values.astype(float), np.zeros(values.shape[1:])
-        for this, last, kept, root, gain, new in self._steps:
-            state = kept * state if last >= 0 else 0 * state
+        for this, follows, kept, root, gain, new in self._steps:
+            state = kept * state if follows else 0 * state
             missed = values[this] - root * state
             state = state + gain * missed
             fresh[this] = missed / new
@@ -149,68 +190,66 @@ class Memory:
 
     def remembered(self, fresh: Array) -> Array:
         """Errors without memory, (readings, …), as such with it."""
-        values, state = fresh.astype(float), np.zeros(fresh.shape[1:])
-        for this, last, kept, root, gain, new in self._steps:
-            state = kept * state if last >= 0 else 0 * state
-            missed = new * fresh[this]
-            values[this] = root * state + missed
+        values, some = fresh.astype(float), fresh[self.rows]
+        state = np.zeros(fresh.shape[1:])
+        for this, follows, kept, root, gain, new in self._steps:
+            state = kept * state if follows else 0 * state
+            missed = new * some[this]
+            values[self.rows[this]] = root * state + missed
             state = state + gain * missed
         return values
 
 
+#: Part of a noise beside what each reading is off by alone.
+Term = Off | Shared | Memory
+
+
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Normal errors of readings: each one's own, and such as several readings have in common.
+    """Normal errors of readings: each one's own, and ``terms`` that are added to them.
 
     The covariance is S R S + C Cᵀ: S of the own errors' standard deviations, in which rounding
-    counts; R of what an error remembers of those before it; C of all that lasts along a run, and of
-    its zero and gain. All that is missed is weighed by :meth:`whitened` alone. A reading that is
-    off by itself has a large standard deviation.
+    counts, and what readings are :class:`Off`; R of what an error remembers of those before it
+    (:class:`Memory`); C of all that lasts along a run, and of its zero and gain (:class:`Shared`).
+    All that is missed is weighed by :meth:`whitened` alone, where the terms are put together.
 
-    ``sigma``: standard deviation of each reading's own error, shape (readings,), in its unit;
-    ``memory``: how errors remember, None where they do not; ``shared``: errors in common, no two of
-    them of one reading. ``freedom``: degrees of freedom with which the noise is known of each part
-    of the readings, shape (parts,), ``part``: which part each is of. ``found``: it was estimated
-    from these readings, and is tested against as it is; otherwise their scatter has still its say.
-    ``given``: which readings came with a standard deviation of their own.
+    ``own``: standard deviation of each reading's own error, shape (readings,), in its unit.
+    ``freedom``: degrees of freedom with which the noise is known of each part of the readings,
+    shape (parts,), ``part``: which part each is of. ``found``: it was estimated from these
+    readings, and is tested against as it is; otherwise their scatter has still its say. ``given``:
+    which readings came with a standard deviation of their own.
     """
 
-    sigma: Array
-    shared: tuple[Shared, ...] = ()
+    own: Array
+    terms: tuple[Term, ...] = ()
     source: Source = "stated"
     freedom: Array = field(default_factory=lambda: np.array([STATED]))
     part: Numbers = field(default_factory=lambda: np.empty(0, np.int64))
     found: bool = False
-    memory: Memory | None = None
     given: Mask = field(default_factory=lambda: np.empty(0, bool))
 
     def __post_init__(self) -> None:
-        if len(self.given) != len(self.sigma):
-            object.__setattr__(self, "given", np.zeros(len(self.sigma), bool))
-        if len(self.part) != len(self.sigma):
-            object.__setattr__(self, "part", np.zeros(len(self.sigma), np.int64))
+        if len(self.given) != len(self.own):
+            object.__setattr__(self, "given", np.zeros(len(self.own), bool))
+        if len(self.part) != len(self.own):
+            object.__setattr__(self, "part", np.zeros(len(self.own), np.int64))
 
     def __len__(self) -> int:
-        return len(self.sigma)
+        return len(self.own)
 
     def __getitem__(self, rows: Rows) -> Noise:
         """Noise of some readings."""
         numbers = np.arange(len(self))[rows]
-        return replace(self, sigma=self.sigma[rows], part=self.part[rows], given=self.given[rows],
-                       memory=self.memory and self.memory[rows],
-                       shared=tuple(some.among(numbers) for some in self.shared
-                                    if np.isin(some.rows, numbers).any()))
+        terms = tuple(term.among(numbers) for term in self.terms
+                      if np.isin(term.rows, numbers).any())
+        return replace(self, own=self.own[rows], part=self.part[rows], given=self.given[rows],
+                       terms=terms)
 
     def joined(self, other: Noise) -> Noise:
         """Noise of these readings and others; noises that were found stay parts."""
-        after = tuple(replace(some, rows=some.rows + len(self)) for some in other.shared)
-        memory = None
-        if self.memory or other.memory:
-            memory = (self.memory or Memory.none(len(self))).joined(
-                other.memory or Memory.none(len(other)))
-        both = replace(self, sigma=np.r_[self.sigma, other.sigma], shared=self.shared + after,
-                       part=np.r_[self.part, other.part], given=np.r_[self.given, other.given],
-                       memory=memory)
+        after = tuple(replace(term, rows=term.rows + len(self)) for term in other.terms)
+        both = replace(self, own=np.r_[self.own, other.own], terms=self.terms + after,
+                       part=np.r_[self.part, other.part], given=np.r_[self.given, other.given])
         if not self.found:
             return both
         return replace(both, freedom=np.r_[self.freedom, other.freedom],
@@ -257,53 +296,89 @@ class Noise:
         beforehand = STATED if source in ("stated", "assumed") else 0.0
         return cls(sigma, source=source, freedom=np.array([beforehand]))
 
-    def with_sigma(self, sigma: Array) -> Noise:
-        """Same noise with other standard deviations of each reading by itself."""
-        return replace(self, sigma=sigma)
+    def plus(self, *terms: Term) -> Noise:
+        """The same noise and more terms."""
+        return replace(self, terms=(*self.terms, *terms))
 
-    def with_shared(self, rows: Numbers, columns: Array) -> Noise:
-        """Add errors in common of some readings, in order, by what each does, (rows, errors)."""
-        same = [some for some in self.shared if np.isin(some.rows, rows).any()]
-        others = tuple(some for some in self.shared if some not in same)
-        if not same:
-            return replace(self, shared=(*others, Shared.of(rows, columns)))
-        every = np.unique(np.concatenate([rows, *(some.rows for some in same)]))
-        one, place = np.eye(len(every)), np.searchsorted
-        return replace(self, shared=(*others, Shared.of(every, np.hstack([
-            one[:, place(every, rows)] @ columns,
-            *(one[:, place(every, some.rows)] @ some.columns for some in same)]))))
+    def times(self, factor: float | Array) -> Noise:
+        """Same noise with what each reading is off by alone a factor as large.
 
-    def with_zero(self, size: float) -> Noise:
-        """Add a zero that all these readings have in common, of that standard deviation."""
-        return self.with_shared(np.arange(len(self)), np.full((len(self), 1), size))
+        One factor for all, or one for each, (readings,).
+        """
+        every = np.broadcast_to(factor, self.own.shape)
+        terms = tuple(replace(term, sizes=every[term.rows] * term.sizes)
+                      if isinstance(term, Off) else term for term in self.terms)
+        return replace(self, own=every * self.own, terms=terms)
+
+    def with_own(self, sigma: Array) -> Noise:
+        """Same noise with other standard deviations of each reading's own error."""
+        return replace(self, own=sigma)
 
     def known(self, freedom: float) -> Noise:
         """Same noise, as found with so many degrees of freedom."""
         return replace(self, freedom=np.array([freedom]), part=0 * self.part, found=True)
 
-    def scaled(self, share: float) -> Noise:
-        """Same noise with errors in common so many times as large."""
-        return replace(self, shared=tuple(replace(some, sizes=share * some.sizes)
-                                          for some in self.shared))
+    @property
+    def correlation(self) -> float:
+        """Correlation of the errors of neighbours that remember, a step of the clock apart."""
+        return max((memory.correlation * float(memory.share.max(initial=0.0))
+                    for memory in self.memories), default=0.0)
 
-    def with_off(self, sizes: Array) -> Noise:
-        """Add to readings off by themselves as much as is usual [their unit]; 0 where not."""
-        off, memory = sizes > 0, self.memory
-        if memory is not None and off.any():
-            memory = replace(memory, run=np.where(off, -1, memory.run))
-        return replace(self, sigma=np.hypot(self.sigma, sizes), memory=memory)
+    @property
+    def ordinary(self) -> Noise:
+        """Same noise without readings that are off, of errors that remember nothing."""
+        return replace(self, terms=self.common)
+
+    @property
+    def common(self) -> tuple[Shared, ...]:
+        """Errors that several readings have in common."""
+        return tuple(term for term in self.terms if isinstance(term, Shared))
+
+    @cached_property
+    def off(self) -> Array:
+        """Size of what readings are off by themselves [their unit], (readings,); else 0."""
+        sizes = np.zeros(len(self))
+        for term in self.terms:
+            if isinstance(term, Off):
+                sizes[term.rows] = np.hypot(sizes[term.rows], term.sizes)
+        return sizes
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Standard deviation of each reading by itself, in its unit, (readings,)."""
+        return np.hypot(self.own, self.off)
+
+    @cached_property
+    def memories(self) -> tuple[Memory, ...]:
+        """Memories of the readings that are not off by themselves."""
+        memories = tuple(term for term in self.terms if isinstance(term, Memory))
+        if not self.off.any():
+            return memories
+        return tuple(memory.without(np.flatnonzero(self.off)) for memory in memories)
+
+    @cached_property
+    def _apart(self) -> tuple[Shared, ...]:
+        """Errors in common put together, so that no two of them are of one reading."""
+        apart = list[Shared]()
+        for term in self.common:
+            same = [some for some in apart if np.isin(some.rows, term.rows).any()]
+            apart = [some for some in apart if some not in same]
+            apart.append(term.joined(same) if same else term)
+        return tuple(apart)
 
     @cached_property
     def _over(self) -> tuple[Shared, ...]:
         """Common errors over the noise of each reading, as far as that is not remembered."""
-        if self.memory is None:
-            return tuple(some.over(self.sigma[some.rows]) for some in self.shared)
-        columns = [np.zeros((len(self), len(some.sizes))) for some in self.shared]
-        for some, every in zip(self.shared, columns, strict=True):
+        if not self.memories:
+            return tuple(some.over(self.sigma[some.rows]) for some in self._apart)
+        if not self._apart:
+            return ()
+        columns = [np.zeros((len(self), len(some.sizes))) for some in self._apart]
+        for some, every in zip(self._apart, columns, strict=True):
             every[some.rows] = some.columns
         # What is remembered ties readings together that have nothing else in common.
-        return tuple(Shared.of(np.arange(len(self)), self.memory.forgotten(
-            (np.hstack(part).T / self.sigma).T)) for part in [columns] if part)
+        over = (np.hstack(columns).T / self.sigma).T
+        return (Shared.of(np.arange(len(self)), self._forgotten(over)),)
 
     def whitened(self, values: Array) -> Array:
         """Errors of readings, or columns of them, shape (readings, ...), as independent ones of 1.
@@ -311,8 +386,7 @@ class Noise:
         By the symmetric root: as near to those of each reading as may be. Of an error that
         remembers, what is new in it.
         """
-        over = (values.T / self.sigma).T
-        return self._turned(self.memory.forgotten(over) if self.memory else over, -0.5)
+        return self._turned(self._forgotten((values.T / self.sigma).T), -0.5)
 
     def coloured(self, values: Array) -> Array:
         """Independent errors of size 1, shape (readings, ...), as those of readings."""
@@ -322,8 +396,15 @@ class Noise:
         """Values, shape (readings, ...), without what several readings have in common."""
         return (self._remembered(self.whitened(values)).T * self.sigma).T
 
+    def _forgotten(self, values: Array) -> Array:
+        for memory in self.memories:
+            values = memory.forgotten(values)
+        return values
+
     def _remembered(self, fresh: Array) -> Array:
-        return self.memory.remembered(fresh) if self.memory else fresh
+        for memory in self.memories:
+            fresh = memory.remembered(fresh)
+        return fresh
 
     def _turned(self, values: Array, power: float) -> Array:
         if not self._over:
@@ -359,7 +440,7 @@ class Noise:
     def total(self) -> Array:
         """Standard deviation of each reading [its unit], with what it has in common with others."""
         squares = self.sigma**2
-        for some in self.shared:
+        for some in self.common:
             squares[some.rows] += np.sum(some.columns**2, axis=1)
         return np.sqrt(squares)
 
@@ -367,7 +448,7 @@ class Noise:
     def log_volume(self) -> float:
         """Logarithm of the volume over which errors spread, over that of independent ones alone."""
         return sum((0.5 * float(np.log1p(some.sizes**2).sum()) for some in self._over),
-                   self.memory.log_volume if self.memory else 0.0)
+                   sum(memory.log_volume for memory in self.memories))
 
     def drawn(self, generator: np.random.Generator) -> Array:
         """A set of errors."""

@@ -369,7 +369,7 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True,
         squares = sum(float(residual @ residual) for residual, _ in parts)
         freedom = problem.size - determined - (len(z) - count)
         noise = Noise.left(squares, freedom, problem.noise, widen=True)
-        noise = noise.with_sigma(np.maximum(noise.sigma, FINEST))
+        noise = noise.with_own(np.maximum(noise.sigma, FINEST))
         inflation = variance_inflation(parts, count, noise.size)
         wide = noise.size * inflation**0.5
         settled, sigma = 0.9 < wide / sigma < 1.1, wide

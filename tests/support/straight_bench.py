@@ -14,10 +14,10 @@ import numpy as np
 
 from tympan.base.arrays import Array, Numbers
 from tympan.fem.rig import Rig
-from tympan.studies.diagnosis.evidence.kind import Evidence, Shown
+from tympan.studies.diagnosis.evidence.kind import Evidence, ReadingModel, Shown
 from tympan.studies.diagnosis.evidence.registry import REST
 from tympan.studies.diagnosis.fits.first_order import Tangent
-from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, parameters_of, uses_of
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, parameters_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
 from tympan.studies.shipped import actuators
@@ -66,12 +66,11 @@ DOES: dict[str, Callable[[Rows], Array]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class StraightBench:
+class StraightBench(ReadingModel):
     """The model; ``sampled``: the largest size of an effect, over its usual one."""
 
     setup: Setup = field(default_factory=lambda: Setup(actuators(), Rig()))
     evidence: tuple[Evidence, ...] = (REST,)
-    loaded: bool = True
     sampled: float = 100.0
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
@@ -90,18 +89,13 @@ class StraightBench:
         first, *others = cause.effect.parameters
         return [does / first.deviation, *(0.0 * does for _ in others)]
 
-    def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
-        return self.prediction(hypothesis, unknowns, table).values
-
     def bounds(self, hypothesis: Hypothesis) -> Array:
         ends = [np.clip([-self.sampled * item.deviation, self.sampled * item.deviation],
                         *item.limits) for item in parameters_of(hypothesis)]
         return np.array([(-3.0, 3.0), (-3.0, 3.0), *ends]).T
 
-    limits = bounds
-
-    def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-        return self.evidence[0].extended(self.setup, unknowns, uses_of(hypothesis, unknowns))
+    def limits(self, hypothesis: Hypothesis) -> Array:
+        return self.bounds(hypothesis)
 
     def of_first(self) -> StraightBench:
         return self

@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.diagnosis.evidence.kind import ASSUMED, FEWEST, PreparedReadings
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly, rows
 from tympan.studies.effects import Setup
-from tympan.studies.estimation.noise import SCATTER, Noise, root_of
+from tympan.studies.estimation.noise import SCATTER, Noise, Shared, root_of
 from tympan.studies.files import words_beside
 
 #: What is done to readings, and what is wrong with them, in words.
@@ -111,7 +111,8 @@ def _with_lasting(noise: Noise, tests: CouponTests, keys: Array, scatter: float)
     for run in range(int(runs.max()) + 1):
         mine = np.flatnonzero(runs == run)
         near = np.exp(-0.5 * ((along[mine][:, None] - along[mine]) / _LASTS) ** 2)
-        noise = noise.with_shared(mine, root_of(np.outer(size[mine], size[mine]) * near))
+        lasting = root_of(np.outer(size[mine], size[mine]) * near)
+        noise = noise.plus(Shared.of(mine, lasting))
     return noise
 
 

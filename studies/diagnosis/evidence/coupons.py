@@ -21,7 +21,7 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.diagnosis.evidence.kind import Evidence, Model, Shown, Split
+from tympan.studies.diagnosis.evidence.kind import Predicts, Shown, Split, StripEvidence
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
     Cause,
@@ -68,7 +68,7 @@ _FAR = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class CouponTests(Evidence):
+class CouponTests(StripEvidence):
     """Coupon tests of the films of a setup's specimens, as a kind of evidence.
 
     ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
@@ -87,8 +87,8 @@ class CouponTests(Evidence):
     files = ("coupon.csv",)
     kinds = ("stress",)
 
-    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
-                ) -> Shown:
+    def predict(self, model: Predicts, hypothesis: Hypothesis, unknowns: Array,
+                table: ReadingTable) -> Shown:
         return CouponPrediction(self, hypothesis, unknowns, table.coupon, model.bounds(hypothesis))
 
     def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
@@ -146,7 +146,7 @@ class CouponTests(Evidence):
                   "run": table.states.run[table.state], "stretch": extent.round(3)}
         return splits, levels
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
         warm, timed = np.ptp(self.coupons.degrees) > 0, self.coupons.in_time
         return {Quantity.STRESS, *([Quantity.TEMPERATURE] if warm else []),
                 *([Quantity.TIME] if timed else [])}

@@ -36,5 +36,5 @@ class Frequencies(PlateEvidence):
         squared = stiffness * films.swing(stiffness).real / films.moving
         return np.asarray(np.sqrt(squared) / (2 * np.pi))[films.table.state[rows]]
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
         return {Quantity.FREQUENCY} if "frequency" in table.kind else set()

@@ -45,7 +45,7 @@ class Held(PlateEvidence):
         shown = films.rig.gauged(films.force, films.stiffness, heave)
         return np.asarray(shown[films.table.state[rows]])
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
         return {Quantity.FORCE} if "force" in table.kind else set()
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,17 @@ from tympan.base.arrays import Array, Mask, Numbers
 from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
+from tympan.studies.columns import Column
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with_factors
+from tympan.studies.diagnosis.hypothesis import (
+    FACTORS,
+    Cause,
+    Hypothesis,
+    uses_of,
+    with_factors,
+)
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import ReadingTable, Unit
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.effects.effect import Quantity
 
@@ -71,44 +79,61 @@ class Predicts(Protocol):
         """The same for which they could be, as far as known."""
 
 
-class Model(Predicts, Protocol):
+class ReadingModel(ABC):
     """Whatever says what readings show under hypotheses: the films of a ``setup``, or strips.
 
-    ``loaded``: all that is read is of plates under loads. A model that is grown is the same object
+    ``evidence``: the kinds of readings that it shows. A model that is grown is the same object
     where nothing changes.
     """
 
-    @property
-    def setup(self) -> Setup: ...
-    @property
-    def evidence(self) -> tuple[Evidence, ...]: ...
-    @property
-    def loaded(self) -> bool: ...
+    setup: Setup
+    evidence: tuple[Evidence, ...]
 
-    def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """Predicted readings of rows of plates under loads."""
+    @abstractmethod
+    def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
+        """Predicted readings of the rows of a table, with derivatives."""
+
+    @abstractmethod
+    def bounds(self, hypothesis: Hypothesis) -> Array:
+        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
+
+    @abstractmethod
+    def limits(self, hypothesis: Hypothesis) -> Array:
+        """Smallest and largest unknowns for which films could be sampled, as far as known."""
+
+    @abstractmethod
+    def of_first(self) -> ReadingModel:
+        """Model of the first kind of evidence, and of those that are loaded as it is."""
+
+    @abstractmethod
+    def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> ReadingModel:
+        """Model with a larger size of an effect's parameter, on side +1 or -1."""
+
+    @abstractmethod
+    def refined(self, hypothesis: Hypothesis, unknowns: Array, workers: int = 1) -> ReadingModel:
+        """Model that is exact at the sizes of a hypothesis' unknowns."""
+
+    @abstractmethod
+    def coupled(self, hypotheses: Sequence[Hypothesis], unknowns: Sequence[Array],
+                workers: int = 1) -> ReadingModel:
+        """Model with what every two parameters add to each other."""
+
+    @abstractmethod
+    def further(self, workers: int = 1) -> ReadingModel:
+        """Model with larger deflections and voltages, where the films have them."""
+
+    @property
+    def loaded(self) -> bool:
+        """Whether all that is read is of plates under loads."""
+        return all(kind.loaded for kind in self.evidence)
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
-        """Predicted reading of each row of a table."""
+        """Predicted reading of each row of a table, nan without an equilibrium."""
+        return self.prediction(hypothesis, unknowns, table).values
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """The setup with stiffness, permittivity and effects."""
-
-    def of_first(self) -> Model:
-        """Model of the first kind of evidence, and of those that are loaded as it is."""
-
-    def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> Model:
-        """Model with a larger size of an effect's parameter, on side +1 or -1."""
-
-    def refined(self, hypothesis: Hypothesis, unknowns: Array, workers: int = 1) -> Model:
-        """Exact at the sizes of a hypothesis' unknowns."""
-
-    def coupled(self, hypotheses: Sequence[Hypothesis], unknowns: Sequence[Array],
-                workers: int = 1) -> Model:
-        """Model with what every two parameters add to each other."""
-
-    def further(self, workers: int = 1) -> Model:
-        """Model with larger deflections and voltages, where the films have them."""
+        return self.evidence[0].extended(self.setup, unknowns, uses_of(hypothesis, unknowns))
 
 
 class Evidence(Protocol):
@@ -123,10 +148,6 @@ class Evidence(Protocol):
     kinds: ClassVar[tuple[str, ...]]
     loaded: ClassVar[bool] = False
 
-    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
-                ) -> Shown:
-        """Predicted readings of a table's rows, of this kind; if ``loaded``, of all such kinds."""
-
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
         """Columns by name; a misfit of rows, all of this kind, may be a combination of them."""
@@ -136,8 +157,8 @@ class Evidence(Protocol):
         """Splits that hold out rows; and by kind of split the level of each row, shape (rows,)."""
         return [], {}
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
-        """The quantities, of those that some effects show in alone, which its rows tell."""
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
+        """Quantities that its rows read, of those that some effects show in alone."""
         return set()
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
@@ -162,6 +183,15 @@ class Evidence(Protocol):
         """Mask of the names of files, whatever their formats, that are of this kind's."""
         stems = [name.partition(".")[0] for name in files.tolist()]
         return np.isin(np.array(stems, str), [Path(name).stem for name in self.files])
+
+
+@runtime_checkable
+class StripEvidence(Evidence, Protocol):
+    """Readings of films that no plate loads: they predict themselves what they show."""
+
+    def predict(self, model: Predicts, hypothesis: Hypothesis, unknowns: Array,
+                table: ReadingTable) -> Shown:
+        """Predicted readings of a table's rows, all of this kind."""
 
 
 class Films(Protocol):
@@ -194,9 +224,13 @@ class PlateEvidence(Evidence, Protocol):
     """Readings of plates under loads.
 
     ``alone``: without others they tell a mass from a stiffness. ``noisy``: their rows come with
-    their noise, and are neither averaged nor rounded.
+    their noise, and are neither averaged nor rounded. ``columns`` of files that
+    :mod:`~tympan.studies.data.dataset` does not know, by name, and ``units`` of kinds of rows that
+    :mod:`~tympan.studies.diagnosis.reading_table` does not know.
     """
 
+    columns: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
+    units: ClassVar[Mapping[str, Unit]] = {}
     loaded: ClassVar[bool] = True
     alone: ClassVar[bool] = False
     noisy: ClassVar[bool] = False
@@ -210,10 +244,6 @@ class PlateEvidence(Evidence, Protocol):
 
     def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
         """Predicted readings of rows of one of its kinds, at these deflections of states [m]."""
-
-    def predict(self, model: Model, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
-                ) -> Shown:
-        return model.shown(hypothesis, unknowns, table)
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -251,17 +281,17 @@ class PreparedReadings:
         return self.table.noise.source == "assumed"
 
     @property
-    def told(self) -> set[Quantity]:
-        """The quantities, of those that some effects show in alone, which these readings tell."""
-        return set().union(*(kind.tells(self.table) for kind in self.evidence))
+    def quantities(self) -> set[Quantity]:
+        """Quantities that are read, of those that some effects show in alone."""
+        return set().union(*(kind.quantities(self.table) for kind in self.evidence))
 
     @property
     def causes(self) -> tuple[Cause, ...]:
         """Effects that these readings could show."""
-        others, told = () if self.coupons is None else self.coupons.causes, self.told
+        others, read = () if self.coupons is None else self.coupons.causes, self.quantities
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
-                     if cause in others or (told.issuperset(effect.shows_in) and all(
+                     if cause in others or (read.issuperset(effect.shows_in) and all(
                          kind.feels(cause, self.setup, self.table) for kind in self.evidence)
                          and _has_place(cause, self.setup)))
 

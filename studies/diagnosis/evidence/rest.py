@@ -96,12 +96,12 @@ class Rest(PlateEvidence):
                   "voltage": np.abs(table.voltage)}
         return splits, levels
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
         states = table.states
         there = {Quantity.ELAPSED: np.ptp(states.elapsed) > 0,
                  Quantity.DIRECTION: np.any(states.voltage_direction != 0),
                  Quantity.TIME: len(states.in_time)}
-        return {quantity for quantity, told in there.items() if told}
+        return {quantity for quantity, read in there.items() if read}
 
 
 def _static(readings: Sheet, setup: Setup, sigma: Array, used: Mask

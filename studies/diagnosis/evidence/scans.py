@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.reading_table import (
 )
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Quantity
-from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.noise import Noise, Shared
 
 #: Kinds of rows: the components of displacements at places, deflections last.
 COMPONENTS = ("film_x", "film_y", "film")
@@ -83,7 +83,7 @@ class Scans(PlateEvidence):
                                          film_patterns(table[rows], predicted[rows]))
                 for kind, rows in table.rows_of.items()}
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def quantities(self, table: ReadingTable) -> set[Quantity]:
         return {Quantity.SHAPE} if table.scans else set()
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
@@ -136,7 +136,8 @@ def _rows(dataset: Dataset, setup: Setup, sheet: Sheet, scan: Numbers, sigma: Ar
     read = Scan(place, len(kinds) > 1, on_plate, centred)
     state = States.of([number], sheet.mass[scan[:1]], sheet.voltage[scan[:1]])
     states = state[np.zeros(len(scan), dtype=np.int64)]
-    noise = Noise(sigma[scan], given=~np.isnan(sheet.sigma[scan])).with_zero(ZERO)
+    zero = Shared.zero(len(scan), ZERO)
+    noise = Noise(sigma[scan], (zero,), given=~np.isnan(sheet.sigma[scan]))
     parts = [rows(states, kind, 0.0, sheet[column][scan], file="field.csv", line=sheet.line[scan])
              .with_noise(noise) for kind, column in kinds]
     table = reduce(ReadingTable.joined, parts)

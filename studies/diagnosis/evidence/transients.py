@@ -17,7 +17,7 @@ from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import BlockMeans, block_means
 from tympan.studies.effects import Setup
-from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.noise import Noise, Shared
 
 #: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
 _APART_FROM_USUAL = 4.0
@@ -112,7 +112,7 @@ def _with_times_of_jumps(noise: Noise, lengths: Mask,
     shared = np.stack([every, *columns], 1)
     matters = ~(np.abs(shared) < _MATTERS * noise.sigma[lengths][:, None]).all(axis=1)
     rows = np.flatnonzero(lengths)[matters]
-    return noise.with_shared(rows, shared[matters]) if len(rows) else noise
+    return noise.plus(Shared.of(rows, shared[matters])) if len(rows) else noise
 
 
 def _rows(record: SampledRun, few: BlockMeans, specimen: int, file: str) -> list[ReadingTable]:

@@ -71,6 +71,11 @@ class Fit:
         return replace(self, residual=self.residual / factor, jacobian=self.jacobian / factor,
                        precision=self.precision - (1 - factor**-2) * jacobian.T @ jacobian)
 
+    def part(self, rows: Mask) -> Fit:
+        """The same unknowns, with some of the readings."""
+        return replace(self, residual=self.residual[rows], jacobian=self.jacobian[rows],
+                       beside=self.beside and self.beside[rows])
+
     @property
     def covariance(self) -> Array:
         """Covariance of the unknowns, shape (p, p)."""

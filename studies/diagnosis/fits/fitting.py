@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.studies.diagnosis.evidence.kind import Model, Predicts
+from tympan.studies.diagnosis.evidence.kind import Predicts, ReadingModel
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit, best_of
 from tympan.studies.diagnosis.hypothesis import (
@@ -126,7 +126,7 @@ def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
     return [first + share * moved for share in (0.5, 2.0)]
 
 
-def nominal_fit(simulation: Model, table: ReadingTable) -> Fit:
+def nominal_fit(simulation: ReadingModel, table: ReadingTable) -> Fit:
     """The nominal model fitted: to the readings of low voltages first, and from there to more.
 
     So films find their stiffness before their limits matter.
@@ -134,7 +134,7 @@ def nominal_fit(simulation: Model, table: ReadingTable) -> Fit:
     return list(nominal_fits(simulation, table))[-1]
 
 
-def nominal_fits(simulation: Model, table: ReadingTable) -> Iterator[Fit]:
+def nominal_fits(simulation: ReadingModel, table: ReadingTable) -> Iterator[Fit]:
     """The nominal model fitted to more and more readings, in the end to all."""
     order, unknowns = np.argsort(table.voltage, kind="stable"), np.zeros(FACTORS.stop)
     for share in _SHARES:

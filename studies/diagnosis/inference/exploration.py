@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit, best_of
 from tympan.studies.diagnosis.fits.fitting import fit, with_sizes
 from tympan.studies.diagnosis.hypothesis import (
@@ -85,7 +85,7 @@ class Exploration:
     ``workers`` the processes for new films.
     """
 
-    simulation: Model
+    simulation: ReadingModel
     table: ReadingTable
     nominal: Fit
     causes: Sequence[Cause]
@@ -299,8 +299,8 @@ class Exploration:
         return fit.evidence - COUNT * len(fit.hypothesis)
 
 
-def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float, simulation: Model,
-                table: ReadingTable) -> list[Array]:
+def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float,
+                simulation: ReadingModel, table: ReadingTable) -> list[Array]:
     """Starts of a fit of two effects: at either alone that the other may help enough.
 
     ``fits`` of both alone; ``least``: the cost that a fit must not be far behind. An effect that is

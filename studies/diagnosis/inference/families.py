@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tympan.fem.rig import Rig
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
@@ -17,15 +17,16 @@ from tympan.studies.effects.effect import Quantity
 from tympan.studies.effects.findings import FoundSize
 
 
-def undecided(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()
+def undecided(cause: Cause, read: set[Quantity], suspects: Collection[Cause] = ()
               ) -> tuple[Cause, ...]:
-    """Causes of one family that readings do not tell from each other; none if they tell this one.
+    """Causes of one family that readings do not tell apart; none if they single out this one.
 
-    By readings that tell these quantities. The cause is among them, the first of its family among
-    ``suspects`` is the first; without quantities that would tell them, it takes two suspects.
+    ``read``: the quantities that are read. The cause is among those returned, and the first of its
+    family among ``suspects`` is the first. Where no quantity would tell them apart, it takes two
+    suspects.
     """
     family = cause.effect.family
-    if family is None or (family.told_by and told.issuperset(family.told_by)):
+    if family is None or (family.told_by and read.issuperset(family.told_by)):
         return ()
     if family.told_by or family.never_told:
         return (cause,)
@@ -48,7 +49,7 @@ def has_size(fit: Fit, cause: Cause) -> bool:
     return any(size.clear for size in found_sizes(fit, cause).values())
 
 
-def family_size(model: Model, fits: Mapping[Cause, Fit]) -> FoundSize:
+def family_size(model: ReadingModel, fits: Mapping[Cause, Fit]) -> FoundSize:
     """The measure of a family at fits of some of it, with limits that hold it for all of them.
 
     The value is that of the first one: the mean of the specimens that it changes. The limits are
@@ -82,7 +83,7 @@ def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
     return {first: instead(first, second), second: instead(second, first)}
 
 
-def _size(model: Model, fitted: Fit, cause: Cause) -> FoundSize:
+def _size(model: ReadingModel, fitted: Fit, cause: Cause) -> FoundSize:
     family = cause.effect.family
     assert family is not None
     place = sizes_of(fitted.hypothesis, cause)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause
@@ -33,7 +33,7 @@ TYPICAL = 2.0
 _LEAST = 1e-6
 
 
-def signatures(simulation: Model, table: ReadingTable, unknowns: Array,
+def signatures(simulation: ReadingModel, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
     low, high = simulation.bounds(())
@@ -45,7 +45,7 @@ def signatures(simulation: Model, table: ReadingTable, unknowns: Array,
             for cause in causes}
 
 
-def _shown(simulation: Model, cause: Cause, index: int, unknowns: Array,
+def _shown(simulation: ReadingModel, cause: Cause, index: int, unknowns: Array,
            table: ReadingTable, typical: float = TYPICAL) -> Array:
     """Residuals of the nominal model fitted to readings with one parameter at its typical size.
 
@@ -67,7 +67,7 @@ def _shown(simulation: Model, cause: Cause, index: int, unknowns: Array,
     return np.zeros(len(table))
 
 
-def shows_when_large(simulation: Model, cause: Cause, nominal: Fit,
+def shows_when_large(simulation: ReadingModel, cause: Cause, nominal: Fit,
                      table: ReadingTable) -> bool:
     """Whether an effect that nobody sees at its typical size is seen at ten times that.
 

@@ -9,47 +9,49 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from tympan.base.arrays import Array, Numbers
-from tympan.studies.diagnosis.evidence.kind import Model, rows_of
+from tympan.base.arrays import Array, Mask, Numbers
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.identifiability import Signatures, signatures
-from tympan.studies.diagnosis.inference.noise_told import (
+from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
+from tympan.studies.diagnosis.inference.noise_terms import (
     WANDERS,
+    Jump,
     Missed,
-    Told,
+    Smooth,
     chain_of,
-    noise_told,
+    noise_terms,
+    same_terms,
 )
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.estimation.noise import STATED, Noise
+from tympan.studies.estimation.noise import STATED, Noise, Term
 
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
 
-#: The least noise of a channel, over what is assumed.
+#: Smallest factor by which the noise of a channel is taken below the assumed one.
 _QUIETEST = 0.05
 
-#: The probability with which a channel's scatter lies above what excludes a larger noise.
+#: Confidence with which a channel's scatter excludes a larger noise.
 _EXCLUDES = 0.9
 
-#: Readings of a channel that must be left to tell its noise, as a share, beside all patterns.
+#: Smallest share of the readings of a channel that all patterns together may leave for its noise.
 _SHARE = 0.5
 
 #: Readings of a channel from which single ones that are off hardly move its noise.
 _SINGLE = 200
 
-#: Scatter of a channel about smooth curves over its stated noise from which that is not its noise:
-#: people state it too small by a factor of two, hardly by more.
+#: Ratio of a channel's scatter about smooth curves to its stated noise from which the stated noise
+#: is wrong: people state it too small by a factor of two, hardly by more.
 UNLIKE = 3.0
-#: Fewest degrees of freedom by which that is told.
+#: Fewest degrees of freedom of such a scatter.
 _KNOWN = 5.0
 
-#: What is said of them.
+#: Message where no noise can be estimated.
 TOO_FEW = "there are too few readings to tell a misfit from noise"
 
 
@@ -57,25 +59,27 @@ TOO_FEW = "there are too few readings to tell a misfit from noise"
 class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
-    ``patterns``: what its misfit may be a combination of, in units of the readings, by name;
-    ``stated``: the noise before what is ``told`` of it; ``scatter``: scatter about smooth curves
-    over the stated noise of the channels, by kind, of which both are known.
+    ``causes``: effects that may be wrong; ``patterns``: what its misfit may be a combination of, in
+    units of the readings, by name; ``stated``: the noise without ``terms``, those that the readings
+    show; ``scatter``: scatter about smooth curves over the stated noise of the channels, by kind,
+    of which both are known.
     """
 
-    simulation: Model
+    simulation: ReadingModel
     table: ReadingTable
+    causes: tuple[Cause, ...]
     fit: Fit
     patterns: dict[str, Array]
     stated: Noise
-    told: Told
+    terms: tuple[Term, ...] = ()
     scatter: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, simulation: Model, table: ReadingTable, causes: Sequence[Cause],
-           workers: int = 1, told: Told | None = None) -> tuple[NominalMisfit, ResidualTests]:
-        """Fit a simulation, extended as far as the fit needs; and test what it misses.
+    def of(cls, simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
+           workers: int = 1, terms: Sequence[Term] | None = None) -> NominalMisfit:
+        """Fit a simulation, extended as far as the fit needs.
 
-        ``told`` of the noise, by default what the misfit tells.
+        ``terms`` of the noise, by default those that the misfit shows.
         Raises ArithmeticError where there is no equilibrium at the readings' states.
         """
         nominal = nominal_fit(simulation, table)
@@ -87,29 +91,52 @@ class NominalMisfit:
         if not nominal.possible:
             raise ArithmeticError("the nominal model has no equilibrium at the states that were "
                                   "read")
-        misfit = cls(simulation, table, nominal, _patterns(simulation, table, nominal),
-                     table.noise, Told.nothing(len(table)))
-        misfit = misfit._with_noise_of_channels(misfit._shown(causes))
+        misfit = cls(simulation, table, tuple(causes), nominal,
+                     _patterns(simulation, table, nominal), table.noise)
+        misfit = misfit._with_noise_of_channels()
         misfit = replace(misfit, stated=misfit.table.noise)
-        misfit = misfit.with_noise_told(causes) if told is None else misfit.with_told(told)
-        tests = misfit.tests(causes)
-        if table.noise.shared and not table.lengths.any():
-            # What lasts along strips is told from noise once that is known.
-            misfit = misfit.louder(tests.noise(misfit.fit.residual))
-            tests = misfit.tests(causes)
-        return misfit, tests
-
-    def signatures(self, causes: Sequence[Cause]) -> Signatures:
-        """Signatures of causes in the readings, computed once."""
-        key = tuple(causes)
-        if key not in self._signatures:
-            self._signatures[key] = signatures(self.simulation, self.table, self.fit.unknowns,
-                                               causes)
-        return self._signatures[key]
+        misfit = (misfit.with_terms(misfit.shown_terms()) if terms is None
+                  else misfit._fitted_with(terms))
+        if table.noise.common and not table.lengths.any():
+            # Errors that last along strips are separated from noise once its size is known.
+            misfit = misfit.louder(misfit.tests.noise(misfit.fit.residual))
+        return misfit
 
     @cached_property
-    def _signatures(self) -> dict[tuple[Cause, ...], Signatures]:
-        return {}
+    def signatures(self) -> Signatures:
+        """Signatures of the causes in the readings."""
+        return signatures(self.simulation, self.table, self.fit.unknowns, self.causes)
+
+    @property
+    def invisible(self) -> tuple[Cause, ...]:
+        """Causes that these readings cannot show."""
+        return self._classes[0]
+
+    @property
+    def indistinguishable(self) -> tuple[tuple[Cause, ...], ...]:
+        """Classes of causes that these readings cannot tell apart."""
+        return self._classes[1]
+
+    @cached_property
+    def _classes(self) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
+        return classes_of(self.signatures)
+
+    @property
+    def rough(self) -> dict[str, float]:
+        """Scatter of the channels whose stated noise is too small to be theirs."""
+        return {kind: scatter for kind, scatter in self.scatter.items() if scatter > UNLIKE}
+
+    @property
+    def quiet(self) -> dict[str, float]:
+        """Scatter of the channels whose stated noise is too large to be theirs."""
+        return {kind: scatter for kind, scatter in self.scatter.items() if scatter < 1 / UNLIKE}
+
+    def part(self, rows: Mask, simulation: ReadingModel) -> NominalMisfit:
+        """The same of some readings, which a simulation shows."""
+        patterns = {name: values[rows] for name, values in self.patterns.items()
+                    if values[rows].any()}
+        return replace(self, simulation=simulation, table=self.table[rows].compact(),
+                       fit=self.fit.part(rows), patterns=patterns, stated=self.stated[rows])
 
     @property
     def of_unknown_noise(self) -> NominalMisfit:
@@ -122,74 +149,81 @@ class NominalMisfit:
 
     def louder(self, factor: float) -> NominalMisfit:
         """All of it with a factor on the noise of each reading by itself."""
-        table = self.table.with_sigma(factor * self.table.sigma)
+        table = self.table.with_noise(self.table.noise.times(factor))
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
-    def with_noise_told(self, causes: Sequence[Cause], remembers: bool = False,
-                        most: float = WANDERS) -> NominalMisfit:
-        """Misfit with the noise that readings tell beside the model and each cause.
+    def shown_terms(self, remembers: bool = False, most: float = WANDERS) -> tuple[Term, ...]:
+        """Terms of the noise that readings show beside the model and each cause.
 
-        The same object if that is as before.
-
-        ``remembers``: errors may remember those before; ``most`` as :func:`noise_told` has it.
+        ``remembers``: errors may remember those before; ``most`` as :func:`noise_terms` has it.
         """
         nominal, colour = self.missed_by(self.fit), self.table.noise.coloured
         beside = [replace(nominal, jacobian=np.hstack([nominal.jacobian, colour(values)]))
-                  for values in self.signatures(causes).values()]
-        told = self.noise_told([nominal, *beside], remembers, most)
-        return self if told.alike(self.told) else self.with_told(told)
+                  for values in self.signatures.values()]
+        return self.terms_by([nominal, *beside], remembers, most)
 
-    def noise_told(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS) -> Told:
-        """Noise of readings by the residuals of models."""
+    def terms_by(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS
+                 ) -> tuple[Term, ...]:
+        """Terms of the noise by the residuals of models."""
         chain = chain_of(self.table) if remembers else None
-        jumps = [self.patterns[name] for name in JUMPS if name in self.patterns]
-        return noise_told(self.stated, models, self._smooth_misfits, chain, jumps, most)
+        return noise_terms(self.stated, models, self._rivals, chain, most)
 
     def as_a_sensor_that_wanders(self) -> NominalMisfit:
         """The same with noise as if all that is missed were errors that remember."""
-        return self.with_told(noise_told(self.stated, [self.missed_by(self.fit)], tuple,
-                                         chain_of(self.table)))
+        missed = [self.missed_by(self.fit)]
+        return self.with_terms(noise_terms(self.stated, missed, chain=chain_of(self.table)))
 
-    def _smooth_misfits(self) -> Iterator[Array]:
-        """Columns of smooth misfits, of patterns and of processes.
+    def _rivals(self) -> Iterator[Smooth | Jump]:
+        """Misfits that are no noise: jumps, patterns, and smooth processes.
 
-        By which each run is off in its own way, none: that is what noise does, too.
+        That each run is off in its own way is none of them: noise does that, too.
         """
+        for name in JUMPS:
+            if name in self.patterns:
+                yield Jump(self.patterns[name])
         few = [values for name, values in self.patterns.items() if name not in (*JUMPS, *EACH_RUN)]
         if few:
-            yield np.hstack(few)
-        yield from smooth_columns(self.table)
+            yield Smooth(np.hstack(few))
+        yield from map(Smooth, smooth_columns(self.table))
 
     def missed_by(self, fit: Fit) -> Missed:
         """Residuals of a fit to the table."""
         colour = self.table.noise.coloured
         return Missed(colour(fit.residual), colour(fit.free_jacobian))
 
-    def with_told(self, told: Told) -> NominalMisfit:
-        """Fitted again with what is told of the noise."""
-        table = self.table.with_noise(told.of(self.stated))
+    def with_terms(self, terms: Sequence[Term]) -> NominalMisfit:
+        """The misfit fitted again with these terms of the noise; the same object if it has them."""
+        return self if same_terms(terms, self.terms) else self._fitted_with(terms)
+
+    def _fitted_with(self, terms: Sequence[Term]) -> NominalMisfit:
+        table = self.table.with_noise(self.stated.plus(*terms))
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         patterns = _patterns(self.simulation, table, nominal)
-        return replace(self, table=table, fit=nominal, patterns=patterns, told=told)
+        return replace(self, table=table, fit=nominal, patterns=patterns, terms=tuple(terms))
 
-    def _shown(self, causes: Sequence[Cause]) -> dict[str, Array]:
+    @cached_property
+    def shown(self) -> dict[str, Array]:
         """Columns of patterns and causes over the noise, by name."""
         return over(self.patterns, self.table) | {
-            str(cause): signature for cause, signature in self.signatures(causes).items()}
+            str(cause): signature for cause, signature in self.signatures.items()}
 
-    def tests(self, causes: Sequence[Cause]) -> ResidualTests:
-        return ResidualTests.of(self.fit.free_jacobian, self._shown(causes),
-                                float(self.table.noise.freedom.sum()), one_sided(causes))
+    @cached_property
+    def tests(self) -> ResidualTests:
+        """Tests of what is missed against all that is shown."""
+        return ResidualTests.of(self.fit.free_jacobian, self.shown,
+                                float(self.table.noise.freedom.sum()), one_sided(self.causes))
 
-    def _with_noise_of_channels(self, shown: Mapping[str, Array]) -> NominalMisfit:
+    def _with_noise_of_channels(self) -> NominalMisfit:
         """Misfit with the noise of each channel by its scatter, since files state it or do not.
 
-        About all that is ``shown``, or, of a channel with too few readings for that, about its own
-        smooth misfit: what is missed by much is not noise, nor is a reading that is off by itself.
-        A noise that is given beside readings has its say, unless readings scatter by far more.
+        The scatter is that about all that is shown. A channel with too few readings for that is
+        taken about its own smooth misfit: what is missed by much is not noise, nor is a reading
+        that is off by itself. A noise that is given beside readings has its say, unless readings
+        scatter by far more.
         """
         factor, table, found = np.ones(len(self.table)), self.table, dict[str, float]()
+        shown = self.shown
         for kind, rows in table.rows_of.items():
             rows, own, stated = self._channel(kind, rows, shown)
             if not own:
@@ -214,15 +248,15 @@ class NominalMisfit:
                     factor[rows] = found[kind]
         if (factor == 1.0).all():
             return replace(self, scatter=found)
-        table = table.with_sigma(factor * table.sigma)
+        table = table.with_noise(table.noise.times(factor))
         return replace(self, table=table, scatter=found,
                        fit=fit(self.simulation, (), table, self.fit.unknowns))
 
     def _channel(self, kind: str, rows: Numbers, shown: Mapping[str, Array]
                  ) -> tuple[Numbers, list[str], float]:
-        """Rows of a channel that tell its noise, its own smooth misfits, and what is stated of it.
+        """Rows of a channel that determine its noise, its smooth misfits, and its stated freedom.
 
-        No misfits where its scatter does not tell its noise.
+        There are no misfits where the scatter does not determine the noise.
         """
         table, name = self.table, f"channel {kind}"
         if name in shown:
@@ -239,17 +273,18 @@ def one_sided(causes: Iterable[Cause]) -> frozenset[str]:
                      if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
 
 
-def with_noise_found(simulation: Model, table: ReadingTable, causes: Sequence[Cause]
+def with_noise_found(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause]
                      ) -> ReadingTable:
-    """A table with its noise as the nominal model's misfit tells it."""
-    misfit, tests = NominalMisfit.of(simulation, table, causes)
+    """A table with the noise that the nominal model's misfit shows."""
+    misfit = NominalMisfit.of(simulation, table, causes)
+    tests = misfit.tests
     if not tests.freedom + tests.stated:
         raise ArithmeticError(TOO_FEW)
-    table = misfit.table.with_sigma(misfit.table.sigma * tests.noise(misfit.fit.residual))
-    return table.with_noise(table.noise.known(tests.freedom + tests.stated))
+    noise = misfit.table.noise.times(tests.noise(misfit.fit.residual))
+    return misfit.table.with_noise(noise.known(tests.freedom + tests.stated))
 
 
-def _patterns(simulation: Model, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
+def _patterns(simulation: ReadingModel, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
     """Patterns that a misfit may be a combination of, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()

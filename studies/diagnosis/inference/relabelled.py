@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Hypothesis
@@ -95,7 +95,8 @@ class _Way:
     lost: Mask
 
 
-def relabelling_of(simulation: Model, table: ReadingTable, fitted: Fit) -> Relabelling | None:
+def relabelling_of(simulation: ReadingModel, table: ReadingTable, fitted: Fit
+                   ) -> Relabelling | None:
     """The other labels that leave least of what a fit misses; None if none leave little.
 
     ``fitted`` is of any hypothesis, and each part with other labels is fitted anew by the same.
@@ -145,7 +146,7 @@ class _Search:
     ``residual`` and ``jacobian``: of all rows with these, over the noise, at a fit of those stated.
     """
 
-    simulation: Model
+    simulation: ReadingModel
     table: ReadingTable
     fitted: Fit
     way: _Way
@@ -153,7 +154,7 @@ class _Search:
     jacobian: Array
 
     @classmethod
-    def of(cls, simulation: Model, table: ReadingTable, fitted: Fit, way: _Way) -> _Search:
+    def of(cls, simulation: ReadingModel, table: ReadingTable, fitted: Fit, way: _Way) -> _Search:
         """Residuals of the other labels, before anything is fitted anew."""
         relabelled = replace(table, states=way.states)
         shown = simulation.prediction(fitted.hypothesis, fitted.unknowns, relabelled)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tympan.base.arrays import Array
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.inference.identifiability import TYPICAL, Signatur
 from tympan.studies.diagnosis.inference.posterior import Posterior, priors
 from tympan.studies.diagnosis.inference.projection import taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.noise import Noise, Shared
 
 #: Shares of usual sizes that small errors may have, each as probable as another.
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
@@ -98,7 +98,7 @@ class RoughBench:
                 shares[cause] = shares.get(cause, 0.0) + chance
         return tuple(cause for cause, chance in shares.items() if chance >= least)
 
-    def again(self, simulation: Model, table: ReadingTable, widen: float
+    def again(self, simulation: ReadingModel, table: ReadingTable, widen: float
               ) -> tuple[Posterior, Fit]:
         """Those near fitted again, each beside small errors as is most probable; and the best.
 
@@ -139,17 +139,27 @@ def near_rivals(named: Fit, others: Sequence[Fit], signatures: Signatures, share
 
 def _beside_each(member: Fit, signatures: Signatures) -> list[Fit]:
     """Fits with small errors of each of the shares."""
-    rough = _beside(member, signatures, 1.0)
-    return [replace(rough, beside=rough.beside and rough.beside.scaled(share)) for share in SHARES]
+    errors = _errors_beside(member, signatures)
+    return [_with(member, errors, share) for share in SHARES]
 
 
 def _beside(member: Fit, signatures: Signatures, share: float) -> Fit:
     """Fit with small errors of every kind but those of its hypothesis."""
+    return _with(member, _errors_beside(member, signatures), share)
+
+
+def _errors_beside(member: Fit, signatures: Signatures) -> Shared | None:
+    """Errors of their usual size of every kind but those of its hypothesis; None without any."""
     columns = [signature for cause, signature in signatures.items()
                if cause not in member.hypothesis]
     if not columns:
+        return None
+    return Shared.of(np.arange(len(member.residual)), np.concatenate(columns, axis=1) / TYPICAL)
+
+
+def _with(member: Fit, errors: Shared | None, share: float) -> Fit:
+    """Fit beside errors a share as large."""
+    if errors is None:
         return replace(member, beside=None)
-    count = len(member.residual)
-    errors = Noise(np.ones(count)).with_shared(
-        np.arange(count), np.concatenate(columns, axis=1) / TYPICAL)
-    return replace(member, beside=errors.scaled(share))
+    whole = Noise(np.ones(len(member.residual)))
+    return replace(member, beside=whole.plus(errors.times(share)))

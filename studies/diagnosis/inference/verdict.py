@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from tympan.base.arrays import Array, Mask
-from tympan.studies.diagnosis.evidence.kind import Model, rows_of
+from tympan.base.arrays import Mask
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.families import has_size
-from tympan.studies.diagnosis.inference.identifiability import (
-    Signatures,
-    classes_of,
-    shows_when_large,
-)
-from tympan.studies.diagnosis.inference.noise_told import Told
-from tympan.studies.diagnosis.inference.nominal import TOO_FEW, UNLIKE, NominalMisfit, one_sided
+from tympan.studies.diagnosis.inference.identifiability import shows_when_large
+from tympan.studies.diagnosis.inference.noise_terms import remembers, same_terms
+from tympan.studies.diagnosis.inference.nominal import TOO_FEW, NominalMisfit, one_sided
 from tympan.studies.diagnosis.inference.posterior import DISCREPANCY as DISCREPANCY_PRIOR
 from tympan.studies.diagnosis.inference.posterior import (
     PAIR,
@@ -30,17 +27,16 @@ from tympan.studies.diagnosis.inference.posterior import (
     log_odds_to_smooth,
     odds_of_more,
 )
-from tympan.studies.diagnosis.inference.relabelled import Relabelling, relabelling_of
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, TestResult
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
-from tympan.studies.estimation.noise import UNSTATED, Noise
+from tympan.studies.estimation.noise import UNSTATED, Noise, Term
 
-#: Probability by noise alone below which something is wrong, or is left by a cause unexplained:
-#: noise as benches have it, of heavy tails or with slips and memory, goes below it twice as often
-#: as the normal one that tests assume.
+#: Probability by noise alone below which something is wrong, or a cause leaves something
+#: unexplained. Noise of real benches has heavy tails, slips and memory: it goes below this twice as
+#: often as the normal noise that tests assume.
 ALARM = 0.02
 #: Probability by noise alone below which a cause is out of the question where another one leaves
 #: noise.
@@ -55,8 +51,8 @@ DOUBTED = 1 / 3
 #: probable than not.
 DISCREPANCY = 0.5
 
-#: Probability beforehand below which factors on stiffness and permittivity are none of a film as it
-#: is stated, however well they fit.
+#: Prior probability of factors on stiffness and permittivity below which the film cannot be the
+#: stated one, however well they fit.
 UNUSUAL = 1e-3
 
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
@@ -64,16 +60,11 @@ SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
 #: χ² by which a rival must miss the readings more than what is named, whatever its size may be: a
 #: cause that is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or
-#: more, 3 at least. So must a film of its own for one specimen, for other labels to be told.
+#: more, 3 at least.
 EXCLUDED = 9.0
 
-#: χ² by which two causes of one class must explain more than one alone, to be weighed as two, and
-#: effects more than other labels, for these not to be told.
+#: χ² by which two causes of one class must explain more than one alone, to be weighed as two.
 MORE = 4.0
-
-#: How many effects are asked whether they explain the readings with other labels: a real one may
-#: be there besides.
-_BESIDE = 2
 
 #: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
 #: the odds.
@@ -85,7 +76,7 @@ SURPRISING = 3.0
 #: Specimens beside an odd one that must be as they are written, at least.
 _OTHERS = 2
 
-#: How often readings are judged again by a noise that the fits tell. A bound of the cost.
+#: How often readings are judged again with the noise that the fits show. A bound of the cost.
 _AGAIN = 2
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
@@ -93,73 +84,102 @@ _ASKED = (8, 6)
 
 
 @dataclass(frozen=True)
-class Confusion:
-    """A quantity that was written as if it were another, in words.
+class Wandering:
+    """A sensor that wanders, where nobody states its noise.
 
-    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads; ``check``:
-    the sentence on what to do about it.
+    ``size``: errors of the readings that explain the misfit, too [the readings' unit], 0 where none
+    do; ``excluded``: a cause is much more probable.
     """
 
-    of: str
-    taken: str
-    check: str = "do_quantity"
+    size: float = 0.0
+    excluded: bool = False
+
+    @property
+    def possible(self) -> bool:
+        """Whether the sensor may be all that is wrong."""
+        return self.size > 0 and not self.excluded
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Causes weighed by what they leave of a misfit.
+
+    ``simulation``: as far as it was grown; ``posterior``: None where nothing is wrong, as is
+    ``after``, the test of what the best hypothesis leaves. ``alone``: every effect fitted by itself
+    with hardly any prior; ``suspects``: causes that may be it. ``named``: causes that stand out;
+    ``robust``: those that do with usual sizes times each of some factors; ``unknown``: the
+    probability of something beside the library with each of these factors; ``rivals``: fits of
+    ``alone`` that only their size speaks against. ``small_errors``: the share of their usual sizes
+    at which all other causes are there, where that explains the rest. ``odd_specimen``: the
+    specimen without which the nominal model misses nothing, where no one cause explains it; where
+    two do that are not both surprisingly large, they stand beside it.
+    """
+
+    verdict: Verdict
+    simulation: ReadingModel
+    posterior: Posterior | None = None
+    after: TestResult | None = None
+    alone: tuple[Fit, ...] = ()
+    suspects: tuple[Cause, ...] = ()
+    named: tuple[Cause, ...] = ()
+    robust: dict[float, tuple[Cause, ...]] = field(default_factory=dict)
+    unknown: dict[float, float] = field(default_factory=dict)
+    rivals: tuple[Fit, ...] = ()
+    small_errors: float | None = None
+    odd_specimen: str = ""
+
+    @property
+    def without_a_name(self) -> Weighed:
+        """The same where the sensor may be all that is wrong: no cause is named."""
+        if self.verdict != "named":
+            return self
+        return replace(self, verdict="ambiguous", named=())
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """Judgement of readings on the nominal model.
 
-    ``simulation``: as far as it was grown; ``table`` has the noise found; ``test`` is that of the
-    nominal fit, ``after`` that of the best hypothesis, None when nothing is wrong; ``patterns`` are
-    those tested; ``told``: what readings tell of their noise, ``test_of_all``: the test as if they
-    did not, where they do. ``named`` are the causes that stand out, ``robust`` those that do with
-    usual sizes times each of some factors, ``unknown`` how probable something beside the library is
-    with these; ``indistinguishable`` classes that these readings cannot
-    tell apart, ``invisible`` causes they cannot see; ``alone`` every effect fitted by itself with
-    hardly any prior, ``rivals`` those of them that only their size speaks against.
-    ``small_errors``: the share of their usual sizes at which all other causes are there, where that
-    is what explains the rest. ``relabelling``: labels that, put right, let the nominal model or one
-    effect explain the readings as well as any effects do with those stated; ``confusions``:
-    quantities that, read as others they are often taken for, make unusual factors usual;
-    ``wandering``: how large errors of a sensor that wanders would be that explain the misfit, too
-    [the readings' unit], where no noise is stated that excludes them, else 0; ``no_sensor``:
-    whether a cause is much more probable than these, without which nothing is named; ``scatter``:
-    that of channels about smooth curves over their stated noise, by kind, where both are known.
-    ``odd_specimen``: that without which the nominal model misses nothing, where no one cause
-    explains it; where two do that are not both surprisingly large, they stand beside it.
+    ``misfit``: what the nominal model misses, with the noise found; ``test``: whether that is
+    noise; ``sensor``: whether it may be a sensor that wanders; ``weighed``: what else it may be;
+    ``test_of_all``: the test with the noise as it was stated, where the readings show another.
     """
 
-    verdict: Verdict
-    simulation: Model
-    table: ReadingTable
-    nominal: Fit
+    misfit: NominalMisfit
     test: TestResult
-    patterns: dict[str, Array]
-    signatures: Signatures
-    told: Told
+    weighed: Weighed
+    sensor: Wandering = Wandering()
     test_of_all: TestResult | None = None
-    posterior: Posterior | None = None
-    after: TestResult | None = None
-    named: tuple[Cause, ...] = ()
-    robust: dict[float, tuple[Cause, ...]] = field(default_factory=dict)
-    unknown: dict[float, float] = field(default_factory=dict)
-    rivals: tuple[Fit, ...] = ()
-    indistinguishable: tuple[tuple[Cause, ...], ...] = ()
-    invisible: tuple[Cause, ...] = ()
-    suspects: tuple[Cause, ...] = ()
-    alone: tuple[Fit, ...] = ()
-    small_errors: float | None = None
-    relabelling: Relabelling | None = None
-    confusions: tuple[Confusion, ...] = ()
-    odd_specimen: str = ""
-    wandering: float = 0.0
-    no_sensor: bool = False
-    scatter: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def of_sensor(self) -> bool:
-        """Whether it may be nothing but a sensor that wanders, as nobody states its noise."""
-        return self.wandering > 0 and not self.no_sensor
+    def verdict(self) -> Verdict:
+        """Conclusion in one word."""
+        return self.weighed.verdict
+
+    @property
+    def simulation(self) -> ReadingModel:
+        """The simulation, as far as it was grown."""
+        return self.weighed.simulation
+
+    @property
+    def table(self) -> ReadingTable:
+        """The readings with the noise found."""
+        return self.misfit.table
+
+    @property
+    def nominal(self) -> Fit:
+        """The fit of the nominal model."""
+        return self.misfit.fit
+
+    @property
+    def posterior(self) -> Posterior | None:
+        """Hypotheses by their probability; None where nothing is wrong."""
+        return self.weighed.posterior
+
+    @property
+    def named(self) -> tuple[Cause, ...]:
+        """Causes that stand out."""
+        return self.weighed.named
 
     @property
     def unusual(self) -> bool:
@@ -179,23 +199,13 @@ class Judgement:
     @property
     def fits(self) -> tuple[Fit, ...]:
         """All fits to these readings; of one hypothesis the last has sizes as they are usual."""
-        return (*self.alone, *(self.posterior.fits if self.posterior else ()))
+        return (*self.weighed.alone, *(self.posterior.fits if self.posterior else ()))
 
     def explained(self, fit: Fit) -> float:
         """Share of the nominal model's χ² beyond noise that a fit takes away."""
         excess = max(self.nominal.chi_squared - len(self.table), 1e-9)
         share = (self.nominal.chi_squared - fit.chi_squared) / excess
         return min(max(share, 0.0), 1.0)
-
-    @property
-    def rough(self) -> dict[str, float]:
-        """Scatter of the channels whose stated noise is too small to be theirs."""
-        return {kind: scatter for kind, scatter in self.scatter.items() if scatter > UNLIKE}
-
-    @property
-    def quiet(self) -> dict[str, float]:
-        """Scatter of the channels whose stated noise is too large to be theirs."""
-        return {kind: scatter for kind, scatter in self.scatter.items() if scatter < 1 / UNLIKE}
 
     def noise_over(self, stated: ReadingTable) -> float:
         """Scatter of deflections over the noise of the table they came in; else of all readings.
@@ -213,21 +223,11 @@ class Judgement:
         if first.evidence == self.simulation.evidence:
             return self
         films = rows_of(first.evidence, self.table)
-
-        def part(fit: Fit) -> Fit:
-            return replace(fit, residual=fit.residual[films], jacobian=fit.jacobian[films],
-                           beside=fit.beside and fit.beside[films])
-
         posterior = self.posterior and replace(
-            self.posterior, fits=tuple(map(part, self.posterior.fits)))
-        return replace(
-            self, simulation=first, table=self.table[films
-            ].compact(), nominal=part(self.nominal), posterior=posterior,
-            patterns={name: values[films] for name, values in self.patterns.items()
-                      if values[films].any()},
-            signatures={cause: values[films] for cause, values in self.signatures.items()},
-            told=self.told[films],
-            alone=tuple(map(part, self.alone)))
+            self.posterior, fits=tuple(fit.part(films) for fit in self.posterior.fits))
+        weighed = replace(self.weighed, simulation=first, posterior=posterior,
+                          alone=tuple(fit.part(films) for fit in self.weighed.alone))
+        return replace(self, misfit=self.misfit.part(films, first), weighed=weighed)
 
 
 def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> float | None:
@@ -238,13 +238,12 @@ def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> f
     anew.
     """
     posterior = judged.posterior
-    if posterior is None or not judged.named or judged.small_errors:
+    if posterior is None or not judged.named or judged.weighed.small_errors:
         return None
     nominal, *fits = (fit.louder(factor) for fit in (judged.nominal, *posterior.fits))
-    columns = over(judged.patterns, judged.table)
-    causes = {str(cause): signature for cause, signature in judged.signatures.items()}
-    tests = ResidualTests.of(nominal.free_jacobian, columns | causes, 0.0,
-                             one_sided(judged.signatures))
+    columns = over(judged.misfit.patterns, judged.table)
+    tests = ResidualTests.of(nominal.free_jacobian, judged.misfit.shown, 0.0,
+                             one_sided(judged.misfit.causes))
     noise = judged.table.noise.known(judged.test.freedom)
     if tests(nominal.residual, np.random.default_rng(seed), noise).p_value >= ALARM:
         return 0.0
@@ -262,144 +261,91 @@ def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> f
     return float(weight[1:-1][named].sum() / weight.sum())
 
 
-def judge(simulation: Model, table: ReadingTable, causes: Sequence[Cause],
+def judge(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
           widen: float = 1.0, seed: int = 0, workers: int = 1) -> Judgement:
     """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
 
     ``workers``: processes for the films of effects larger than those simulated so far.
     """
-    misfit, judged = _judged(simulation, table, causes, widen, seed, workers)
-    wandering, no_sensor = judged.wandering, judged.no_sensor
+    judged = _judged(simulation, table, causes, widen, seed, workers)
     for _ in range(_AGAIN):
-        told = _told_by(misfit, judged)
-        if told.alike(misfit.told):
+        terms = _noise_terms(judged)
+        if same_terms(terms, judged.misfit.terms):
             break
-        misfit, judged = _judged(judged.simulation, table, causes, widen, seed, workers, told)
-    if judged.test.p_value < ALARM:
-        judged = _with_labels(judged, misfit)
-        if wandering:
-            judged = replace(judged, wandering=wandering, no_sensor=no_sensor)
-            if judged.verdict == "named" and judged.of_sensor:
-                judged = replace(judged, verdict="ambiguous", named=())
-    if not misfit.told.anything:
+        judged = _judged(judged.simulation, table, causes, widen, seed, workers, terms,
+                         judged.sensor)
+    if not judged.misfit.terms:
         return judged
-    every, tests = NominalMisfit.of(judged.simulation, table, causes, workers,
-                                    Told.nothing(len(table)))
+    every = NominalMisfit.of(judged.simulation, table, causes, workers, ())
     found = table.noise if table.noise.found else None
-    test = tests(every.fit.residual, np.random.default_rng(seed), found)
+    test = every.tests(every.fit.residual, np.random.default_rng(seed), found)
     return replace(judged, test_of_all=test)
 
 
-def _judged(simulation: Model, table: ReadingTable, causes: Sequence[Cause], widen: float,
-            seed: int, workers: int, told: Told | None = None) -> tuple[NominalMisfit, Judgement]:
-    """Judged as :func:`judge` does, with what is ``told`` of the noise.
+def _judged(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause], widen: float,
+            seed: int, workers: int, terms: Sequence[Term] | None = None,
+            sensor: Wandering = Wandering()) -> Judgement:
+    """Judge as :func:`judge` does, with ``terms`` of the noise and a ``sensor`` that are known.
 
-    By default what the nominal model's misfit tells.
+    By default they are those that the nominal model's misfit shows.
     """
-    generator, wandering, no_sensor = np.random.default_rng(seed), 0.0, False
-    misfit, tests = NominalMisfit.of(simulation, table, causes, workers, told)
-    if not tests.able:
+    generator = np.random.default_rng(seed)
+    misfit = NominalMisfit.of(simulation, table, causes, workers, terms)
+    if not misfit.tests.able:
         raise ArithmeticError(TOO_FEW)
     found = table.noise if table.noise.found else None
-    test = tests(misfit.fit.residual, generator, found)
-    if told is None and test.p_value < ALARM and misfit.simulation.loaded:
-        remembering = misfit.with_noise_told(causes, remembers=True)
+    test = misfit.tests(misfit.fit.residual, generator, found)
+    if terms is None and test.p_value < ALARM and misfit.simulation.loaded:
+        remembering = misfit.with_terms(misfit.shown_terms(remembers=True))
         if remembering is not misfit:
             misfit = remembering
-            test = misfit.tests(causes)(misfit.fit.residual, generator, found)
+            test = misfit.tests(misfit.fit.residual, generator, found)
         if test.p_value < ALARM and misfit.stated.source in UNSTATED:
-            wandering, no_sensor = _wandering(misfit, causes, generator)
+            sensor = _wandering(misfit, generator)
     misfit = misfit.louder(test.noise)
-    simulation, table, nominal = misfit.simulation, misfit.table, misfit.fit
-    signs = misfit.signatures(causes)
-    invisible, classes = classes_of(signs)
-    base = Judgement("nothing", simulation, table, nominal, test, misfit.patterns, signs,
-                     misfit.told, indistinguishable=classes, invisible=invisible,
-                     wandering=wandering, no_sensor=no_sensor, scatter=misfit.scatter)
+    simulation, nominal = misfit.simulation, misfit.fit
     if test.p_value >= ALARM:
-        return misfit, (base if nominal.usual >= UNUSUAL
-                        else replace(base, verdict="unexplained"))
-    adequacy = _Adequacy(base, found or table.noise.known(test.freedom), generator)
-    possible = tuple(cause for cause in causes if cause not in invisible
-                     or shows_when_large(simulation, cause, nominal, table))
-    exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
+        verdict: Verdict = "nothing" if nominal.usual >= UNUSUAL else "unexplained"
+        return Judgement(misfit, test, Weighed(verdict, simulation))
+    adequacy = _Adequacy(misfit, found or misfit.table.noise.known(test.freedom), generator)
+    possible = tuple(cause for cause in causes if cause not in misfit.invisible
+                     or shows_when_large(simulation, cause, nominal, misfit.table))
+    exploration = Exploration(simulation, misfit.table, nominal, possible, adequacy.enough, widen,
+                              workers)
     exploration.run()
-    return misfit, _weighed(replace(base, simulation=exploration.simulation), exploration,
-                            adequacy)
+    weighed = _weighed(misfit, exploration, adequacy)
+    return Judgement(misfit, test, weighed.without_a_name if sensor.possible else weighed, sensor)
 
 
-def _wandering(misfit: NominalMisfit, causes: Sequence[Cause], generator: np.random.Generator
-               ) -> tuple[float, bool]:
-    """Size of errors that remember, however large, if they explain the misfit, else 0.
-
-    And whether a cause is much more probable.
-    """
+def _wandering(misfit: NominalMisfit, generator: np.random.Generator) -> Wandering:
+    """Errors that remember, however large, if they explain the misfit."""
     unknown = misfit.of_unknown_noise
     free = unknown.as_a_sensor_that_wanders()
-    if not (free.told.correlation and free.fit.possible):
-        return 0.0, False
-    test = free.tests(causes)(free.fit.residual, generator, None)
+    if not (remembers(free.terms) and free.fit.possible):
+        return Wandering()
+    test = free.tests(free.fit.residual, generator, None)
     lengths = free.table.lengths
     size = test.noise * float(np.median(free.table.sigma[lengths])) if lengths.any() else 0.0
     if test.p_value < ALARM:
-        return 0.0, False
-    beside = unknown.with_noise_told(causes, remembers=True, most=np.inf)
-    return size, not beside.told.correlation
+        return Wandering()
+    beside = unknown.shown_terms(remembers=True, most=np.inf)
+    return Wandering(size, excluded=not remembers(beside))
 
 
-def _told_by(misfit: NominalMisfit, judged: Judgement) -> Told:
-    """Noise by which all fits together were judged, as they show it."""
+def _noise_terms(judged: Judgement) -> tuple[Term, ...]:
+    """Terms of the noise as all fits together show them."""
+    misfit = judged.misfit
     if judged.posterior is None:
-        return misfit.told
-    fits = [misfit.fit, *judged.posterior.fits[: _ASKED[0]], *judged.alone[: _ASKED[1]]]
-    return misfit.noise_told([misfit.missed_by(fit) for fit in fits], judged.simulation.loaded)
-
-
-def _with_labels(base: Judgement, misfit: NominalMisfit) -> Judgement:
-    """Judgement with other labels that explain as much as any effects do, if there are such."""
-    if not misfit.simulation.loaded:
-        return base
-    every = base.fits
-    table = misfit.table
-    if misfit.told.anything:
-        # Other labels may explain what was taken for readings that are off by themselves.
-        loudness = float(np.median(table.sigma / misfit.told.of(misfit.stated).sigma))
-        table = table.with_noise(misfit.stated.with_sigma(loudness * misfit.stated.sigma))
-
-    def missed(one: Fit) -> float:
-        return float(np.sum(table.noise.whitened(misfit.missed_by(one).residual) ** 2))
-
-    most = min(min(map(missed, every), default=np.inf) + MORE, _own_film(base, table) - EXCLUDED)
-    singles = sorted((fit for fit in base.alone if fit.possible), key=lambda fit: fit.chi_squared)
-    found = list[Relabelling]()
-    for fitted in (misfit.fit, *singles[:_BESIDE]):
-        if misfit.told.anything:
-            fitted = fit(base.simulation, fitted.hypothesis, table, fitted.unknowns)
-        relabelling = relabelling_of(base.simulation, table, fitted)
-        if relabelling and relabelling.after < most:
-            found.append(relabelling)
-            if relabelling.plain:
-                break
-    best = min(found, key=lambda one: one.after + EXCLUDED * len(one.hypothesis), default=None)
-    return replace(base, relabelling=best)
-
-
-def _own_film(base: Judgement, table: ReadingTable) -> float:
-    """χ² with factors of its own for the film of the odd specimen; infinite where there is none."""
-    odd = [base.simulation.setup.specimens[number].name == base.odd_specimen
-           for number in table.specimen.tolist()]
-    if not any(odd):
-        return np.inf
-    fits = [fit(base.simulation, (), table[rows].compact(), base.nominal.unknowns)
-            for rows in (np.array(odd), ~np.array(odd))]
-    return sum(one.chi_squared for one in fits) if all(one.possible for one in fits) else np.inf
+        return misfit.terms
+    fits = [misfit.fit, *judged.posterior.fits[: _ASKED[0]], *judged.weighed.alone[: _ASKED[1]]]
+    return misfit.terms_by([misfit.missed_by(fit) for fit in fits], judged.simulation.loaded)
 
 
 @dataclass
 class _Adequacy:
     """Tests whether what a hypothesis leaves is noise, known as well as before."""
 
-    base: Judgement
+    misfit: NominalMisfit
     noise: Noise
     generator: np.random.Generator
     results: dict[Fit, TestResult] = field(default_factory=dict)
@@ -407,19 +353,20 @@ class _Adequacy:
     def of(self, fit: Fit) -> TestResult:
         """The test of a fit, done once."""
         if fit not in self.results:
-            self.results[fit] = self._test(fit, np.full(len(self.base.table), True))
+            self.results[fit] = self._test(fit, np.full(len(self.misfit.table), True))
         return self.results[fit]
 
     def _test(self, fit: Fit, rows: Mask) -> TestResult:
         """The test of a fit to some of the readings."""
-        columns = {name: fit.whitened(values[rows]) for name, values in over(
-            self.base.patterns, self.base.table).items() if values[rows].any()}
+        patterns = over(self.misfit.patterns, self.misfit.table)
+        columns = {name: fit.whitened(values[rows]) for name, values in patterns.items()
+                   if values[rows].any()}
         tests = ResidualTests.of(fit.whitened(fit.free_jacobian), columns, stated=0.0)
         return tests(fit.whitened(fit.residual), self.generator, self.noise[rows])
 
     def odd_specimen(self) -> str:
         """Specimen, of three or more, without which the nominal model leaves noise; "" if none."""
-        table, simulation = self.base.table, self.base.simulation
+        table, simulation = self.misfit.table, self.misfit.simulation
         numbers = np.unique(table.specimen)
         if not simulation.loaded or len(numbers) < _OTHERS + 1:
             return ""
@@ -428,8 +375,8 @@ class _Adequacy:
 
     def _noise_alone(self, rows: Mask) -> bool:
         """Whether the nominal model may leave noise of some of the readings."""
-        others = fit(self.base.simulation, (), self.base.table[rows].compact(),
-                     self.base.nominal.unknowns)
+        misfit = self.misfit
+        others = fit(misfit.simulation, (), misfit.table[rows].compact(), misfit.fit.unknowns)
         return others.possible and self._test(others, rows).p_value >= ALARM
 
     def enough(self, fit: Fit) -> bool:
@@ -437,9 +384,10 @@ class _Adequacy:
         return self.of(fit).p_value >= ALARM
 
 
-def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
+def _weighed(misfit: NominalMisfit, exploration: Exploration, adequacy: _Adequacy) -> Weighed:
     """The verdict when something is wrong."""
-    columns = over(base.patterns, base.table)
+    nominal = misfit.fit
+    columns = over(misfit.patterns, misfit.table)
     singles = tuple(exploration.alone(SCALES[-1]))
     ranked = exploration.ranked()
     best_fitting = sorted(ranked, key=lambda fit: fit.chi_squared)
@@ -449,72 +397,74 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     out = {fit.hypothesis for fit in asked if enough and adequacy.of(fit).p_value < HARDLY}
 
     among = hypotheses_of(exploration.causes)
-    kept = [fit for fit in ranked
-            if fit.hypothesis not in out and not _twice_told(fit, exploration, base)]
+    kept = [fit for fit in ranked if fit.hypothesis not in out
+            and not _redundant(fit, exploration, misfit.indistinguishable)]
     odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in asked if fit in kept}
     if not kept:
-        odds = {(): odds_of_more(base.nominal, columns)}
-    posterior = Posterior.of(base.nominal, kept, odds, among)
-    best = next(iter(posterior.fits), base.nominal)
-    weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
-                      suspects=_causes(posterior.credible()))
+        odds = {(): odds_of_more(nominal, columns)}
+    posterior = Posterior.of(nominal, kept, odds, among)
+    best = next(iter(posterior.fits), nominal)
+    after, suspects = adequacy.of(best), _causes(posterior.credible())
     explaining = [fit for fit in asked if fit.hypothesis in enough]
-    if all(len(fit.hypothesis) > 1 for fit in explaining):
-        weighed = replace(weighed, odd_specimen=adequacy.odd_specimen())
-    if weighed.odd_specimen and not any(map(_usual, explaining)):
-        return replace(weighed, verdict="unexplained")
+    of_two = all(len(fit.hypothesis) > 1 for fit in explaining)
+    odd = adequacy.odd_specimen() if of_two else ""
+    weighed = partial(Weighed, simulation=exploration.simulation, posterior=posterior,
+                      after=after, alone=singles)
+    unexplained = weighed("unexplained", suspects=suspects, odd_specimen=odd)
+    if odd and not any(map(_usual, explaining)):
+        return unexplained
     if not enough or posterior.discrepancy > DISCREPANCY:
-        return _on_a_rough_bench(replace(weighed, verdict="unexplained"), exploration, adequacy)
-    scaled = {scale: Posterior.of(base.nominal, [
+        return _on_a_rough_bench(unexplained, misfit, exploration, adequacy)
+    scaled = {scale: Posterior.of(nominal, [
         replace(fit, evidence=evidence(fit, scale * exploration.widen)) for fit in kept], odds,
         among) for scale in SCALES}
     robust = {scale: _sure(posterior) for scale, posterior in scaled.items()}
     sure = robust[1.0]
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
-    unknown = {scale: posterior.discrepancy for scale, posterior in scaled.items()}
     # One that may be of no size is a doubt, but no alternative.
     seen = tuple(fit for fit in rivals if has_size(fit, fit.hypothesis[0]))
-    suspects = tuple(dict.fromkeys([*weighed.suspects, *_causes(seen)]))
-    weighed = replace(weighed, robust=robust, unknown=unknown, rivals=seen, suspects=suspects)
     firm = len({frozenset(names) for names in robust.values()}) == 1
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1
-        and log_odds_to_smooth(alone, base.nominal, columns, among) < PAIRED)
+        and log_odds_to_smooth(alone, nominal, columns, among) < PAIRED)
     # Two causes that one specimen alone shows may be anything that is wrong with this one.
-    of_one = len(sure) > 1 and weighed.odd_specimen
-    if alone is None or rivals or doubted or of_one or not firm or not adequacy.enough(alone):
-        return replace(weighed, verdict="ambiguous")
-    return replace(weighed, verdict="named", named=sure, odd_specimen="")
+    of_one = len(sure) > 1 and odd
+    open_ = (alone is None or rivals or doubted or of_one or not firm
+             or not adequacy.enough(alone))
+    return weighed("ambiguous" if open_ else "named", named=() if open_ else sure, robust=robust,
+                   unknown={scale: posterior.discrepancy for scale, posterior in scaled.items()},
+                   rivals=seen, suspects=tuple(dict.fromkeys([*suspects, *_causes(seen)])),
+                   odd_specimen=odd if open_ else "")
 
 
-def _on_a_rough_bench(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
+def _on_a_rough_bench(unexplained: Weighed, misfit: NominalMisfit, exploration: Exploration,
+                      adequacy: _Adequacy) -> Weighed:
     """An unexplained misfit, where causes and small errors of every kind beside them explain it.
 
     A cause that stands out from these is named.
     """
-    posterior, among = base.posterior, hypotheses_of(exploration.causes)
+    posterior, among = unexplained.posterior, hypotheses_of(exploration.causes)
     assert posterior is not None
-    bench = RoughBench.of((base.nominal, *posterior.fits), base.signatures, among,
+    bench = RoughBench.of((misfit.fit, *posterior.fits), misfit.signatures, among,
                           exploration.widen)
     if bench.small < SURE:
-        return base
-    again, best = bench.again(base.simulation, base.table, exploration.widen)
+        return unexplained
+    again, best = bench.again(exploration.simulation, misfit.table, exploration.widen)
     if not adequacy.enough(best):
-        return base
+        return unexplained
     robust = {scale: bench.widened(scale * exploration.widen).sure(SURE) for scale in SCALES}
     sure = tuple(cause for cause in robust[1.0]
                  if all(cause in others for others in robust.values()))
-    # The fewest causes that explain it: where they alone do, what else is likely is not told.
+    # The fewest causes that explain it: where they are enough, others are not reported.
     alone = again.fit_of(sure)
     chosen = alone if alone is not None and adequacy.enough(alone) else best
     share = bench.share(chosen.hypothesis)
-    rough = replace(base, small_errors=share if share <= SMALL else None)
     if not sure or share > SMALL or not set(sure) <= set(chosen.hypothesis) or near_rivals(
-            chosen, base.alone, base.signatures, share, EXCLUDED):
-        return rough
-    return replace(rough, verdict="named", named=sure, posterior=again, robust=robust,
-                   after=adequacy.of(chosen), suspects=_causes(again.credible()), odd_specimen="")
+            chosen, unexplained.alone, misfit.signatures, share, EXCLUDED):
+        return replace(unexplained, small_errors=share if share <= SMALL else None)
+    return Weighed("named", exploration.simulation, again, adequacy.of(chosen), unexplained.alone,
+                   _causes(again.credible()), sure, robust, small_errors=share)
 
 
 def _usual(fit: Fit) -> bool:
@@ -522,10 +472,10 @@ def _usual(fit: Fit) -> bool:
     return len(fit.hypothesis) < 2 or min(map(fit.surprise, fit.hypothesis)) < SURPRISING
 
 
-def _twice_told(fit: Fit, exploration: Exploration, base: Judgement) -> bool:
-    """Whether it is of two causes that cannot be told apart and say no more than one of them."""
+def _redundant(fit: Fit, exploration: Exploration, alike: Sequence[Sequence[Cause]]) -> bool:
+    """Whether it is of two indistinguishable causes that explain no more than one of them."""
     causes = set(fit.hypothesis)
-    if len(causes) < 2 or not any(causes <= set(group) for group in base.indistinguishable):
+    if len(causes) < 2 or not any(causes <= set(group) for group in alike):
         return False
     singles = [exploration.fits[cause,].chi_squared for cause in fit.hypothesis]
     return fit.chi_squared > min(singles) - MORE

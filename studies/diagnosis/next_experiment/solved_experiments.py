@@ -28,7 +28,7 @@ from tympan.studies.diagnosis.reading_table import Scan
 from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup
-from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.noise import Noise, Shared
 
 #: Change of a factor's logarithm by which derivatives are taken: small beside what readings leave
 #: open, large beside errors of films.
@@ -138,7 +138,7 @@ def film_line(readout: Readout) -> NewReadings | None:
     setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
     specimen, ends = setup.specimens[number], voltages[[0, -1]][: len(voltages)]
     scan = _cross(specimen)
-    noise = Noise(np.full(len(scan), readout.noise)).with_zero(ZERO)
+    noise = Noise(np.full(len(scan), readout.noise), (Shared.zero(len(scan), ZERO),))
 
     def shown(extended: Setup) -> Array:
         lines = [scanned_exactly(extended.specimens[number], extended.rig, mass, voltage, scan,

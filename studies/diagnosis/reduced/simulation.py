@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from tympan.base.arrays import Array, Mask
-from tympan.studies.diagnosis.evidence.kind import Evidence, Shown, rows_of
+from tympan.studies.diagnosis.evidence.kind import (
+    Evidence,
+    ReadingModel,
+    Shown,
+    StripEvidence,
+    rows_of,
+)
 from tympan.studies.diagnosis.evidence.registry import PLATES
-from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, uses_of
+from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_of, limits_of
-from tympan.studies.effects import Setup
 
 #: Factor by which deflections and U² reach further in one step.
 _FURTHER = 1.4
@@ -61,22 +66,14 @@ class Together:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation(ReducedFilms):
+class Simulation(ReducedFilms, ReadingModel):
     """The films of a setup by their force laws, as the model for inference.
 
     Without plates under loads there are no force laws. A result is of the first kind of evidence,
     and of the kinds that agree with it in having loads.
     """
 
-    evidence: tuple[Evidence, ...] = PLATES
-
-    @property
-    def loaded(self) -> bool:
-        """Whether all readings are of plates under loads."""
-        return all(kind.loaded for kind in self.evidence)
-
-    def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
-        return self.prediction(hypothesis, unknowns, table).values
+    evidence: tuple[Evidence, ...] = field(default_factory=lambda: tuple(PLATES))
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
         # The films are evaluated once for all readings of plates under loads.
@@ -85,12 +82,16 @@ class Simulation(ReducedFilms):
         parts = [(some[0], rows) for some in kinds if (rows := rows_of(some, table)).any()]
         if len(parts) < 2:
             kind = parts[0][0] if parts else self.evidence[0]
-            return kind.predict(self, hypothesis, unknowns, table)
-        return Together([kind.predict(self, hypothesis, unknowns, table[rows])
+            return self._shown(kind, hypothesis, unknowns, table)
+        return Together([self._shown(kind, hypothesis, unknowns, table[rows])
                          for kind, rows in parts], [rows for _, rows in parts])
 
-    def shown(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Prediction:
-        return Prediction(self, hypothesis, unknowns, table)
+    def _shown(self, kind: Evidence, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable
+               ) -> Shown:
+        if kind.loaded:
+            return Prediction(self, hypothesis, unknowns, table)
+        assert isinstance(kind, StripEvidence)
+        return kind.predict(self, hypothesis, unknowns, table)
 
     def bounds(self, hypothesis: Hypothesis) -> Array:
         return bounds_of(self, hypothesis)
@@ -120,6 +121,3 @@ class Simulation(ReducedFilms):
             return regridded(self, grids, workers)
         except ArithmeticError:  # the films cannot be solved further
             return self
-
-    def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-        return self.evidence[0].extended(self.setup, unknowns, uses_of(hypothesis, unknowns))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.evidence.registry import TRANSIENTS
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
@@ -25,7 +25,7 @@ _POINTS = 41
 OTHERS = ("force", "capacitance", "tilt", "film_voltage")
 
 
-def curves(simulation: Model, judged: Judgement, chosen: Fit | None,
+def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
            kinds: Sequence[str] = LENGTHS) -> dict[str, Array | Any]:
     """Columns of curves.csv, or of channels.csv where the ``kinds`` are others than lengths.
 
@@ -113,4 +113,4 @@ def _ramp(ramp: ReadingTable, held: bool) -> ReadingTable:
     return replace(rows, states=states, state=np.arange(_POINTS),
                    since=np.full(_POINTS, 0 if ramp.since[0] >= 0 else -1),
                    value=np.full(_POINTS, np.nan),
-                   noise=rows.noise.with_sigma(np.full(_POINTS, np.median(ramp.sigma))))
+                   noise=rows.noise.with_own(np.full(_POINTS, np.median(ramp.sigma))))

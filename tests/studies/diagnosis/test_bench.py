@@ -32,7 +32,7 @@ def judged(folder: Path, name: str, noise: str = "10 um") -> Judgement:
 
 
 def lines_off(judgement: Judgement) -> list[tuple[str, int]]:
-    table, off = judgement.table, np.flatnonzero(judgement.told.off)
+    table, off = judgement.table, np.flatnonzero(judgement.table.noise.off)
     return [(str(table.file[row]), int(table.line[row])) for row in off]
 
 
@@ -41,8 +41,8 @@ def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path) -> None:
     judgement = judged(tmp_path, "slip")
     assert judgement.verdict == "nothing"
     assert lines_off(judgement) == [("static.csv", 67)]
-    assert judgement.told.off.max() == pytest.approx(0.5e-3, abs=40e-6)
-    assert judgement.told.correlation == 0
+    assert judgement.table.noise.off.max() == pytest.approx(0.5e-3, abs=40e-6)
+    assert judgement.table.noise.memories == ()
     assert judgement.test_of_all is not None
     assert judgement.test_of_all.p_value < 1e-3 < judgement.test.p_value
 
@@ -51,7 +51,8 @@ def test_one_reading_off_is_told_and_the_rest_agrees(tmp_path: Path) -> None:
 def test_errors_that_remember_are_no_misfit(tmp_path: Path) -> None:
     judgement = judged(tmp_path, "remembers", noise="")
     assert judgement.verdict == "nothing"
-    assert judgement.told.correlation == pytest.approx(0.8, abs=0.15)
+    (memory,) = judgement.table.noise.memories
+    assert memory.correlation == pytest.approx(0.8, abs=0.15)
     assert not lines_off(judgement)
 
 
@@ -62,7 +63,7 @@ def test_a_frequency_of_another_mode_is_told(tmp_path: Path) -> None:
     assert judgement.verdict == "nothing"
     assert lines_off(judgement) == [("frequency.csv", 6)]
     others = judgement.table.sigma[(judgement.table.kind == "frequency")
-                                   & (judgement.told.off == 0)]
+                                   & (judgement.table.noise.off == 0)]
     assert np.all(others < 0.1)
 
 

@@ -31,14 +31,14 @@ def sagging() -> Judgement:
 
 def concluded(judged: Judgement, dataset: Any = None) -> Conclusions:
     nothing = cast(Any, None)
-    prepared = SimpleNamespace(told=set(), assumed=False)
+    prepared = SimpleNamespace(quantities=set(), assumed=False)
     return Conclusions(dataset, cast(Any, prepared), judged, 0.0, nothing, (), "")
 
 
 def test_a_rival_is_listed_beside_what_is_more_probable(sagging: Judgement) -> None:
     rival = fit(BENCH, (DRIFT,), readings({DRIFT: 12.0}))
-    doubted = replace(sagging, verdict="ambiguous", named=(), rivals=(rival,),
-                      suspects=(SAG, DRIFT))
+    doubted = replace(sagging, weighed=replace(
+        sagging.weighed, verdict="ambiguous", named=(), rivals=(rival,), suspects=(SAG, DRIFT)))
     assert doubted.posterior is not None
     causes = list(concluded(doubted)._causes(doubted.posterior))
     assert causes[0].in_library == pytest.approx(doubted.posterior.in_library()[SAG])

@@ -17,12 +17,12 @@ from tests.support.trials import design, read
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.dataset import Dataset, read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
-from tympan.studies.diagnosis.confusions import confusions_of
+from tympan.studies.diagnosis.explanations.quantities import Confusion, confusions_of
+from tympan.studies.diagnosis.explanations.registry import explanation_of
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.verdict import UNUSUAL, Confusion, judge
+from tympan.studies.diagnosis.inference.verdict import UNUSUAL, judge
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.sentences import of_data, where
 
 #: Deflections [mm] of neo-Hookean films of 20 kPa under 17.9 g and 22.45 g at these voltages [kV].
 EXACT = {17.9: (2.1185, 2.4307, 2.8717, 4.3843), 22.45: (2.6569, 3.0484, 3.6018, 5.5194)}
@@ -135,8 +135,9 @@ def test_such_factors_are_never_nothing(three_shapes: Simulation) -> None:
     judged = judge(three_shapes, small, [Cause("sensor_zero"), Cause("unaccounted_mass")])
     assert judged.verdict == "unexplained"
     assert judged.unusual
-    found = of_data(judged)
+    found = explanation_of(judged)
     assert found is not None
-    assert found.kind == "film"
-    assert where(judged) == found.what
+    assert found.finding is not None
+    assert found.finding.kind == "film"
+    assert found.what == found.finding.what
     assert "times as stiff as stated" in found.what

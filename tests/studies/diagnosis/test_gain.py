@@ -25,6 +25,7 @@ from tympan.studies.diagnosis.inference.smooth_misfit import MOST_ROWS, Gaussian
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.estimation.noise import Off
 
 SIGMA = 10e-6
 
@@ -75,10 +76,12 @@ def test_a_part_of_which_no_reading_counts_is_not_held_out() -> None:
     causes = [Cause("sensor_zero"), Cause("drift")]
     judged = judge(bench, table, causes)
     light, heavy = (f"{1e3 * mass:.4g} g" for mass in MASSES)
-    off = np.where(table.mass == MASSES[1], 1e-3, 0.0)
-    for told, expected in ((judged.told, {light, heavy}),
-                           (replace(judged.told, off=off), {light})):
-        report = gain_of(bench, table, causes, replace(judged, told=told))
+    rows = np.flatnonzero(table.mass == MASSES[1])
+    off = Off(rows, np.full(len(rows), 1e-3))
+    for terms, expected in (((), {light, heavy}), ((off,), {light})):
+        noise = judged.table.noise.plus(*terms)
+        misfit = replace(judged.misfit, table=judged.table.with_noise(noise))
+        report = gain_of(bench, table, causes, replace(judged, misfit=misfit))
         assert {split.held_out for split in report.splits if split.kind == "mass"} == expected
         assert report.overall is not None
         assert report.overall.ratio < 1
@@ -154,7 +157,7 @@ def test_readings_that_do_not_count_do_not_count_in_the_gain(
     values[[13, 44, 74]] += [1e-3, -0.8e-3, 0.6e-3]
     spoiled, causes = table.with_values(values), few_causes(three_shapes)
     judgement = judge(three_shapes, spoiled, causes)
-    assert np.flatnonzero(judgement.told.off).tolist() == [13, 44, 74]
+    assert np.flatnonzero(judgement.table.noise.off).tolist() == [13, 44, 74]
     report = gain_of(three_shapes, spoiled, causes, judgement)
     assert not set(np.concatenate([split.rows for split in report.splits])) & {13, 44, 74}
     assert report.overall is not None

@@ -214,7 +214,7 @@ def test_two_effects_that_hide_each_other_are_found(lab: Lab) -> None:
     table = measured(design, values, np.random.default_rng(SEED), 0)
     judgement = judge(simulation, table, design.causes)
     assert judgement.verdict in ("named", "ambiguous")
-    assert set(judgement.suspects) >= set(hypothesis)
+    assert set(judgement.weighed.suspects) >= set(hypothesis)
     assert judgement.posterior is not None
     assert judgement.posterior.fits[0].hypothesis == hypothesis
 
@@ -228,7 +228,7 @@ def test_a_rival_beyond_what_is_sampled_first_is_looked_for(lab: Lab) -> None:
     table = measured(design, values, np.random.default_rng(SEED), 0)
     judgement = judge(*fitted_to(simulation, table), design.causes)
     assert judgement.named in ((), (cause,))
-    assert cause in judgement.suspects
+    assert cause in judgement.weighed.suspects
 
 
 #: Effects larger than usual, which a bench makes first of all, and by which means their readings
@@ -256,7 +256,7 @@ def test_large_effects_are_named_or_listed_and_no_other_is_named(
     assert judgement.named in ((), truth.hypothesis)
     if seen >= SEEN:  # a law of permittivity may be taken up by the one that is fitted
         assert judgement.verdict in ("named", "ambiguous")
-        assert judgement.named or truth.hypothesis[0] in judgement.suspects
+        assert judgement.named or truth.hypothesis[0] in judgement.weighed.suspects
 
 
 @pytest.mark.study(seconds=14)
@@ -320,9 +320,9 @@ def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: ReadingTable,
     design, simulation = lab.paper
     assert sag_judged.named == (Cause("voltage_sag"),)
     assert sag_judged.posterior is not None
-    assert sag_judged.unknown[1.0] == pytest.approx(sag_judged.posterior.discrepancy)
-    assert sag_judged.unknown.keys() == sag_judged.robust.keys()
-    assert len(set(sag_judged.unknown.values())) == len(sag_judged.unknown)
+    assert sag_judged.weighed.unknown[1.0] == pytest.approx(sag_judged.posterior.discrepancy)
+    assert sag_judged.weighed.unknown.keys() == sag_judged.weighed.robust.keys()
+    assert len(set(sag_judged.weighed.unknown.values())) == len(sag_judged.weighed.unknown)
     shuffled = sag[np.random.default_rng(0).permutation(len(sag))]
     again = judge(simulation, shuffled, design.causes[::-1], seed=5)
     assert (again.verdict, again.named) == (sag_judged.verdict, sag_judged.named)

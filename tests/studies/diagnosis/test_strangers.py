@@ -145,7 +145,7 @@ def test_a_film_of_another_thickness_is_no_slip_of_labels(three_shapes: Simulati
                                                             share=share)))
     table = measured(design, shown, np.random.default_rng(1), 0)
     judged = judge(three_shapes, table, causes)
-    assert judged.odd_specimen == "elliptical-large"
+    assert judged.weighed.odd_specimen == "elliptical-large"
     assert blamed(judged) == {"elliptical-large"}
 
 

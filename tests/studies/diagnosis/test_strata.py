@@ -143,8 +143,8 @@ def test_a_permittivity_that_rises_is_not_taken_for_a_film_that_hardens_less(tmp
     del files["field.csv"]
     dataset = read_dataset(write_dataset(tmp_path, plan.design, files, 10e-6))
     _, judgement, _ = judge_dataset(dataset)
-    assert Cause("permittivity_stretch") in judgement.invisible
-    assert Cause("permittivity_stretch") in judgement.suspects
+    assert Cause("permittivity_stretch") in judgement.misfit.invisible
+    assert Cause("permittivity_stretch") in judgement.weighed.suspects
     assert Cause("strain_stiffening") not in judgement.named
 
 
@@ -230,7 +230,7 @@ def test_what_readings_at_rest_leave_open_is_named_by_a_tester(tmp_path: Path) -
     dataset = dataset_of(tmp_path / "data", plan, read, 20e-6, 1, False)
     before, after = (judge_dataset(some, seed=1)[1] for some in (at_rest(dataset), dataset))
     assert before.verdict == "ambiguous"
-    assert {spring, Cause("sensor_zero")} <= set(before.suspects)
+    assert {spring, Cause("sensor_zero")} <= set(before.weighed.suspects)
     assert after.verdict == "named"
     assert after.named == (spring,)
 

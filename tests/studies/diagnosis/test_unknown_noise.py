@@ -13,7 +13,7 @@ from tympan.reports.diagnosis.page import verdict_words
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.data.noise import ramp_scatter
 from tympan.studies.diagnosis.diagnose import diagnose
-from tympan.studies.diagnosis.inference.noise_told import WANDERS, Missed, chain_of, noise_told
+from tympan.studies.diagnosis.inference.noise_terms import WANDERS, Missed, chain_of, noise_terms
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -90,8 +90,8 @@ def test_a_sensor_that_wanders_gets_no_name(three_shapes: Simulation, seed: int)
     values = plain + 5 * SIGMA * remembering(0.96, table.ramp, seed)
     judged = judge(three_shapes, unstated(table, values), few_causes(three_shapes))
     assert not judged.named
-    assert judged.verdict == "nothing" or judged.of_sensor
-    assert judged.verdict == "nothing" or judged.wandering > 3 * SIGMA
+    assert judged.verdict == "nothing" or judged.sensor.possible
+    assert judged.verdict == "nothing" or judged.sensor.size > 3 * SIGMA
 
 
 @pytest.mark.parametrize(("correlation", "told"), [(0.7, True), (0.98, False)])
@@ -103,8 +103,8 @@ def test_errors_remember_no_more_than_a_few_times_the_scatter(three_shapes: Simu
     models = [Missed(errors, np.ones((len(table), 1)))]
     noise = Noise.of(table.sigma, SCATTER)
     chain = chain_of(table)
-    bounded = noise_told(noise, models, tuple, chain, most=WANDERS)
-    free = noise_told(noise, models, tuple, chain)
+    (bounded,) = noise.plus(*noise_terms(noise, models, chain=chain, most=WANDERS)).memories
+    (free,) = noise.plus(*noise_terms(noise, models, chain=chain)).memories
     assert free.correlation == pytest.approx(correlation, abs=0.15)
     assert (bounded.correlation == free.correlation) is told
-    assert bounded.share * bounded.correlation <= 1 - WANDERS**-2
+    assert bounded.share.max() * bounded.correlation <= 1 - WANDERS**-2

@@ -190,7 +190,7 @@ def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simul
     judged = judge(three_shapes, table, others)
     assert judged.verdict != "nothing"
     judged = judge(three_shapes, table, [*others, mass])
-    best = max(judged.alone, key=judged.explained)
+    best = max(judged.weighed.alone, key=judged.explained)
     assert best.hypothesis == (mass,)
     assert best.surprise(mass) > 2.0
     assert judged.explained(best) > 0.97
@@ -269,8 +269,8 @@ def test_a_cause_that_only_its_size_speaks_against_is_suspected(three_shapes: Si
     judged = judge(three_shapes, table.with_values(exact.predict(plate, unknowns, table) + noise),
                    [*plate, Cause("prestretch_anisotropy"), Cause("sensor_zero")])
     assert judged.verdict == "ambiguous"
-    assert plate[0] in judged.suspects
-    alone = next(fit for fit in judged.alone if fit.hypothesis == plate)
+    assert plate[0] in judged.weighed.suspects
+    alone = next(fit for fit in judged.weighed.alone if fit.hypothesis == plate)
     assert alone.surprise(plate[0]) == pytest.approx(8.5, rel=0.1)
     assert judged.simulation is not three_shapes
 
@@ -280,8 +280,8 @@ def test_what_is_named_is_so_for_every_scale_of_the_priors(
         three_shapes: Simulation, overweight: tuple[ReadingTable, Judgement]) -> None:
     table, judged = overweight
     assert judged.named == (MASS,)
-    assert set(judged.robust.values()) == {(MASS,)}
-    assert min(judged.robust) <= 1 / 3
-    assert max(judged.robust) >= 10
+    assert set(judged.weighed.robust.values()) == {(MASS,)}
+    assert min(judged.weighed.robust) <= 1 / 3
+    assert max(judged.weighed.robust) >= 10
     for scale in (0.2, 5.0):
         assert judge(three_shapes, table, every_cause(three_shapes), widen=scale).named == (MASS,)

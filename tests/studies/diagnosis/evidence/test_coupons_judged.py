@@ -63,7 +63,7 @@ def judged(folder: Path) -> tuple[str, list[str]]:
     judgement = judge(simulation, readings.table, readings.causes)
     verdict = "unusual" if judgement.unusual and judgement.test.p_value >= ALARM else (
         judgement.verdict)
-    return verdict, [cause.name for cause in judgement.named or judgement.suspects]
+    return verdict, [cause.name for cause in judgement.named or judgement.weighed.suspects]
 
 
 HIDDEN = {

@@ -154,7 +154,7 @@ def test_errors_of_a_tester_are_found(prepared: tuple[PreparedReadings, Simulati
     values[rows] = shown + scatter
     judged = judge(simulation, table.with_values(values), readings.causes)
     assert [str(cause) for cause in judged.named] == ([] if others else [effect])
-    assert {effect, *others} <= {str(cause) for cause in judged.suspects}
+    assert {effect, *others} <= {str(cause) for cause in judged.weighed.suspects}
     assert judged.posterior is not None
     fitted = judged.posterior.fit_of((Cause(effect),))
     assert fitted is judged.posterior.fits[0]

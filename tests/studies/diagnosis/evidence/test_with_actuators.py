@@ -84,7 +84,7 @@ def test_noise_of_actuators_is_told_over_what_is_stated(
 def test_actuators_alone_leave_it_open() -> None:
     _, judgement, _ = judge_dataset(actuators_alone(read_dataset(CASE)))
     assert judgement.verdict == "ambiguous"
-    assert {STIFFENING, Cause("permittivity_stretch")} <= set(judgement.suspects)
+    assert {STIFFENING, Cause("permittivity_stretch")} <= set(judgement.weighed.suspects)
 
 
 def test_rows_are_what_each_simulation_predicts(together: tuple[PreparedReadings, Judgement]
@@ -95,7 +95,7 @@ def test_rows_are_what_each_simulation_predicts(together: tuple[PreparedReadings
     hypothesis, unknowns = (STIFFENING,), np.array([0.05, -0.04, -0.25])
     joint = simulation.prediction(hypothesis, unknowns, table)
     alone = judgement.of_first()
-    assert alone.simulation.evidence == PLATES
+    assert alone.simulation.evidence == tuple(PLATES)
     assert len(alone.table) == 160
     assert joint.values[:160] == pytest.approx(
         alone.simulation.predict(hypothesis, unknowns, alone.table), rel=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.trials import design, read
+from tympan.studies.diagnosis.explanations.registry import explanation_of
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -77,7 +78,8 @@ def _advice(simulation: Simulation, table: ReadingTable, more: np.ndarray) -> li
     table = read(simulation, table, (), [], seed=5)
     judged = judge(simulation, table.with_values(table.value + more), ())
     assert judged.verdict == "unexplained"
-    return pattern_checks(judged)
+    explanation = explanation_of(judged)
+    return pattern_checks(judged) if explanation is None else [explanation.check]
 
 
 def test_advice_follows_the_pattern(three_shapes: Simulation) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from tympan.studies.diagnosis.inference.families import (
     one_load_instead,
     undecided,
 )
-from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import FoundCause, FoundFamily, ShownSize
@@ -143,12 +144,16 @@ def test_what_nothing_explains_is_not_extended_and_its_bands_count_the_misfit(
     assert report.extends == (gain is not None and gain.rmse_after < gain.rmse_before)
     assert predictive is not None
     assert 0.9 <= predictive.coverage_95 <= 1.0
-    narrow = gain_of(judged.simulation, quadrants, causes, replace(judged, verdict="named"))
+
+    def otherwise(**weighed: Any) -> Judgement:
+        return replace(judged, weighed=replace(judged.weighed, **weighed))
+
+    narrow = gain_of(judged.simulation, quadrants, causes, otherwise(verdict="named"))
     assert narrow.predictive is None or narrow.predictive.coverage_95 < predictive.coverage_95
     assert judged.posterior is not None
     doubt = replace(judged.posterior, nothing=0.0, discrepancy=0.3)
     between = gain_of(judged.simulation, quadrants, causes,
-                      replace(judged, verdict="ambiguous", posterior=doubt))
+                      otherwise(verdict="ambiguous", posterior=doubt))
     for split, sure, none in zip(between.splits, narrow.splits, report.splits, strict=True):
         assert len(split.below) == len(sure.below)
         if len(split.below):
@@ -157,7 +162,7 @@ def test_what_nothing_explains_is_not_extended_and_its_bands_count_the_misfit(
              if split.kind == "shape"]
     assert np.mean(np.concatenate(films)) > 0.9
     band, thin = (curves(three_shapes, case, None) for case in (
-        judged, replace(judged, verdict="nothing", posterior=None)))
+        judged, otherwise(verdict="nothing", posterior=None)))
     assert np.nanmin((band["high"] - band["low"]) / (thin["high"] - thin["low"])) > 1
 
 

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from tympan.studies.diagnosis.evidence.kind import Model
+from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.exploration import _BEHIND, Exploration
@@ -55,7 +55,7 @@ class Fitted(Exploration):
 def grown(*fits: Fit) -> Fitted:
     """An exploration of fits, grown as far as they press."""
     nothing = cast(Any, None)
-    explored = Fitted(cast(Model, Sampled()), nothing, nothing, (), lambda fit: True)
+    explored = Fitted(cast(ReadingModel, Sampled()), nothing, nothing, (), lambda fit: True)
     explored.fits = {fit.hypothesis: fit for fit in fits}
     explored._grow(list(explored.fits), 5)
     return explored

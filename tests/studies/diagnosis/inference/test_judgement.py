@@ -9,13 +9,19 @@ import numpy as np
 import pytest
 
 from tests.support.straight_bench import StraightBench, design, readings
+from tympan.studies.diagnosis.explanations.labels import other_labels
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference import verdict
 from tympan.studies.diagnosis.inference.nominal import one_sided
 from tympan.studies.diagnosis.inference.relabelled import relabelling_of
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
-from tympan.studies.diagnosis.inference.verdict import Judgement, judge, probability_with_noise
+from tympan.studies.diagnosis.inference.verdict import (
+    Judgement,
+    Wandering,
+    judge,
+    probability_with_noise,
+)
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import SCATTER
 
@@ -57,13 +63,13 @@ def test_effects_that_do_the_same_are_told_as_one_class_and_none_is_named() -> N
     alike = Cause("hysteresis"), Cause("electrode_margin")
     found = judged({alike[0]: 4.0}, (*FEW, *alike))
     assert (found.verdict, found.named) == ("ambiguous", ())
-    assert found.indistinguishable == (alike,)
-    assert set(alike) <= set(found.suspects)
+    assert found.misfit.indistinguishable == (alike,)
+    assert set(alike) <= set(found.weighed.suspects)
 
 
 def test_what_stiffness_makes_up_for_is_not_seen() -> None:
     found = judged({Cause("sensor_gain"): 3.0}, (*FEW, Cause("sensor_gain")))
-    assert (found.verdict, found.invisible) == ("nothing", (Cause("sensor_gain"),))
+    assert (found.verdict, found.misfit.invisible) == ("nothing", (Cause("sensor_gain"),))
 
 
 @pytest.mark.parametrize(("softer", "expected"), [(1.6, "nothing"), (2.2, "unexplained")])
@@ -80,10 +86,10 @@ def test_one_odd_specimen_of_three_is_told() -> None:
     odd = table.specimen == 1
     softer = table.with_values(np.where(odd, 1.3 * table.value - 2e-4, table.value))
     found = judge(BENCH, softer, (DRIFT,))
-    assert (found.verdict, found.odd_specimen) == ("unexplained", NAMES[1])
+    assert (found.verdict, found.weighed.odd_specimen) == ("unexplained", NAMES[1])
     # Of two nobody can say which is the odd one.
     two = softer[softer.specimen < 2].compact()
-    assert judge(BENCH, two, (DRIFT,)).odd_specimen == ""
+    assert judge(BENCH, two, (DRIFT,)).weighed.odd_specimen == ""
 
 
 def test_readings_that_are_off_by_themselves_do_not_count() -> None:
@@ -92,7 +98,7 @@ def test_readings_that_are_off_by_themselves_do_not_count() -> None:
     values[[5, 20]] += 40 * table.sigma[0]
     found = judge(BENCH, table.with_values(values), FEW)
     assert found.verdict == "nothing"
-    assert np.flatnonzero(found.told.off).tolist() == [5, 20]
+    assert np.flatnonzero(found.table.noise.off).tolist() == [5, 20]
     assert found.test_of_all is not None
     assert found.test_of_all.p_value < found.test.p_value
 
@@ -108,17 +114,19 @@ def exchanged(table: ReadingTable, specimen: int) -> ReadingTable:
 def test_exchanged_labels_are_found() -> None:
     found = judge(BENCH, exchanged(readings({}), 2), FEW)
     assert found.verdict != "nothing"
-    assert found.relabelling is not None
-    assert (found.relabelling.column, found.relabelling.part.specimen) == ("mass", NAMES[2])
-    assert found.relabelling.after < 2 * len(found.table) < found.relabelling.before
-    assert judged({ZERO: 3.0}).relabelling is None
+    labels = other_labels(found)
+    assert labels is not None
+    assert (labels.column, labels.part.specimen) == ("mass", NAMES[2])
+    assert labels.after < 2 * len(found.table) < labels.before
+    assert other_labels(judged({ZERO: 3.0})) is None
 
 
 def test_exchanged_labels_are_found_beside_an_effect() -> None:
     found = judge(BENCH, exchanged(readings({SAG: 4.0}), 2), FEW)
-    assert found.relabelling is not None
-    assert found.relabelling.hypothesis == (SAG,)
-    assert found.relabelling.after < 2 * len(found.table)
+    labels = other_labels(found)
+    assert labels is not None
+    assert labels.hypothesis == (SAG,)
+    assert labels.after < 2 * len(found.table)
 
 
 @pytest.mark.parametrize(("apart", "found"), [(0.1e-3, False), (1e-3, True)])
@@ -141,7 +149,8 @@ def test_a_name_is_worth_nothing_where_the_noise_may_be_all_there_is() -> None:
     assert 0.9 < louder < 1.0
     assert far_louder == 0.0
     assert probability_with_noise(judged({}), 1.5) is None
-    assert probability_with_noise(replace(found, named=()), 1.5) is None
+    unnamed = replace(found, weighed=replace(found.weighed, named=()))
+    assert probability_with_noise(unnamed, 1.5) is None
 
 
 def test_a_slip_is_found_that_two_effects_hide() -> None:
@@ -150,7 +159,7 @@ def test_a_slip_is_found_that_two_effects_hide() -> None:
     values[8] += 60 * table.sigma[0]
     found = judge(BENCH, table.with_values(values), FEW)
     assert (found.verdict, set(found.named)) == ("named", {ZERO, SAG})
-    assert np.flatnonzero(found.told.off).tolist() == [8]
+    assert np.flatnonzero(found.table.noise.off).tolist() == [8]
 
 
 def of_unstated_noise(table: ReadingTable) -> ReadingTable:
@@ -164,17 +173,17 @@ def of_unstated_noise(table: ReadingTable) -> ReadingTable:
 def test_nothing_is_named_where_it_may_be_the_sensor(
         sizes: dict[Cause, float], no_sensor: bool, expected: str,
         monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verdict, "_wandering", lambda *given: (40e-6, no_sensor))
+    monkeypatch.setattr(verdict, "_wandering", lambda *given: Wandering(40e-6, no_sensor))
     found = judge(BENCH, of_unstated_noise(readings(sizes)), FEW)
-    assert (found.verdict, found.wandering, found.no_sensor) == (expected, 40e-6, no_sensor)
+    assert (found.verdict, found.sensor.size, found.sensor.excluded) == (expected, 40e-6, no_sensor)
     assert found.named == ((DRIFT,) if expected == "named" else ())
 
 
 def test_a_cause_that_is_much_more_probable_than_a_sensor_s_errors_is_named() -> None:
     found = judge(BENCH, of_unstated_noise(readings({DRIFT: 2.0})), FEW)
     assert (found.verdict, found.named) == ("named", (DRIFT,))
-    assert 10e-6 < found.wandering < 200e-6
-    assert found.no_sensor
+    assert 10e-6 < found.sensor.size < 200e-6
+    assert found.sensor.excluded
 
 
 def test_errors_of_a_sensor_that_wanders_are_no_cause_where_nobody_states_the_noise() -> None:
@@ -186,9 +195,9 @@ def test_errors_of_a_sensor_that_wanders_are_no_cause_where_nobody_states_the_no
     values = readings({}, table, noise=0.0).value + 60e-6 * np.array(errors[1:])
     stated = table.with_values(values)
     found = [judge(BENCH, read, FEW) for read in (stated, of_unstated_noise(stated))]
-    assert [one.of_sensor for one in found] == [False, True]
+    assert [one.sensor.possible for one in found] == [False, True]
     assert found[1].named == ()
-    assert 10e-6 < found[1].wandering < 200e-6
+    assert 10e-6 < found[1].sensor.size < 200e-6
 
 
 #: All that may be a little off on a rough bench.
@@ -206,9 +215,9 @@ def on_a_rough_bench(share: float, table: ReadingTable) -> Judgement:
 def test_small_errors_of_every_kind_leave_a_large_one_its_name() -> None:
     found = on_a_rough_bench(0.2, design(voltages=11, sigma=2e-6))
     assert (found.verdict, found.named) == ("named", (ZERO,))
-    assert found.small_errors in (0.1, 0.2, 0.3)
-    assert found.after is not None
-    assert found.after.p_value > 0.02
+    assert found.weighed.small_errors in (0.1, 0.2, 0.3)
+    assert found.weighed.after is not None
+    assert found.weighed.after.p_value > 0.02
     # What is said of a larger noise has small errors for noise already.
     assert probability_with_noise(found, 1.5) is None
 
@@ -216,7 +225,7 @@ def test_small_errors_of_every_kind_leave_a_large_one_its_name() -> None:
 def test_errors_that_may_well_be_large_are_no_explanation() -> None:
     """That they are small has a probability of 89 % here, by few voltages and a noise of 3 µm."""
     found = on_a_rough_bench(0.3, design(voltages=7, sigma=3e-6))
-    assert (found.verdict, found.named, found.small_errors) == ("unexplained", (), None)
+    assert (found.verdict, found.named, found.weighed.small_errors) == ("unexplained", (), None)
 
 
 def test_an_effect_of_one_sign_is_not_found_with_the_other() -> None:

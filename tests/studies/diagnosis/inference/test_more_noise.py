@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,9 +32,8 @@ def said_and_judged(simulation: Simulation, seed: int) -> tuple[float, float] | 
     if said is None:
         return None
     noise = first.table.noise
-    louder = table.with_noise(replace(
-        noise.with_sigma(FACTOR * noise.sigma), memory=table.noise.memory,
-    ).known(first.test.freedom))
+    louder = table.with_noise(noise.with_own(FACTOR * noise.sigma).ordinary.known(
+        first.test.freedom))
     posterior = judge(first.simulation, louder, causes).posterior
     if posterior is None:
         return said, 0.0

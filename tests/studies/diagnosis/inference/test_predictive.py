@@ -80,8 +80,8 @@ def test_curves_go_to_the_highest_voltage_and_end_with_the_equilibria(
     half = 0.5 * (columns["high"] - columns["low"])
     assert (half > 1.9 * judged.table.sigma[0]).all()
     assert (half < 3.0 * judged.table.sigma[0]).all()
-    beyond = replace(judged, table=table.joined(_at(12e3)).with_sigma(np.full(len(table) + 1,
-                                                                              SIGMA)))
+    further = table.joined(_at(12e3)).with_sigma(np.full(len(table) + 1, SIGMA))
+    beyond = replace(judged, misfit=replace(judged.misfit, table=further))
     far = curves(three_shapes, beyond, None)
     circle = (far["specimen"] == "circular") & (far["mass"] == 17.9e-3)
     voltage, there = far["voltage"][circle], np.isfinite(far["baseline"][circle])

@@ -26,7 +26,7 @@ def test_what_is_large_is_named_among_much_that_is_small(three_shapes: Simulatio
     table = read(three_shapes, design(6e-6), tuple(causes), sizes.tolist(), 2)
     judged = judge(three_shapes, table, causes)
     assert judged.named == (Cause(large),)
-    assert judged.small_errors in (0.1, 0.2, 0.3, 0.5)
+    assert judged.weighed.small_errors in (0.1, 0.2, 0.3, 0.5)
     assert judged.chosen is not None
     _, low, high = interval(judged.chosen, 2)
     assert low < size < high

@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, unknown_count
 from tympan.studies.diagnosis.inference import verdict
 from tympan.studies.diagnosis.inference.posterior import DISCREPANCY, PAIR, SINGLE, Posterior
-from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.inference.verdict import Wandering, Weighed
 
 DOCS = Path(__file__).parents[4] / "docs"
 ZERO, DRIFT, SAG = map(Cause, ("sensor_zero", "drift", "voltage_sag"))
@@ -59,12 +59,11 @@ class Case:
     #: Causes whose size may be none.
     sizeless: tuple[Cause, ...] = ()
 
-    def verdict(self) -> Judgement:
+    def verdict(self) -> Weighed:
         """The verdict on it."""
         nominal = made((), -60.0, 300.0)
-        nothing = cast(Any, None)
-        base = Judgement("nothing", nothing, TABLE, nominal, nothing, {}, {}, nothing,
-                         indistinguishable=self.alike)
+        misfit = SimpleNamespace(table=TABLE, fit=nominal, patterns={},
+                                 indistinguishable=self.alike)
         causes = list(dict.fromkeys(cause for hypothesis in self.fits for cause in hypothesis))
         explored = SimpleNamespace(
             causes=causes, widen=1.0, fits=self.fits, simulation=None,
@@ -78,10 +77,10 @@ class Case:
             patch.setattr(verdict, "odds_of_more", lambda fit, columns: self.beside)
             patch.setattr(verdict, "log_odds_to_smooth", lambda *given: self.against_smooth)
             patch.setattr(verdict, "has_size", lambda fit, cause: cause not in self.sizeless)
-            patch.setattr(verdict, "_on_a_rough_bench", lambda base, *given: base)
+            patch.setattr(verdict, "_on_a_rough_bench", lambda unexplained, *given: unexplained)
             patch.setattr(verdict, "evidence", lambda fit, widen: (
                 fit.evidence + self.by_scale.get((fit.hypothesis, widen), 0.0)))
-            return verdict._weighed(base, cast(Any, explored), cast(Any, adequacy))
+            return verdict._weighed(cast(Any, misfit), cast(Any, explored), cast(Any, adequacy))
 
 
 def clear() -> Case:
@@ -201,10 +200,13 @@ def test_a_name_takes_nine_tenths_of_the_library_whatever_is_beside_it(share: fl
 
 
 def test_a_sensor_that_may_wander_is_no_excuse_where_a_cause_is_much_more_probable() -> None:
-    judged = clear().verdict()
-    assert not judged.of_sensor
-    assert replace(judged, wandering=20e-6).of_sensor
-    assert not replace(judged, wandering=20e-6, no_sensor=True).of_sensor
+    assert not Wandering().possible
+    assert Wandering(20e-6).possible
+    assert not Wandering(20e-6, excluded=True).possible
+    weighed = clear().verdict().without_a_name
+    assert (weighed.verdict, weighed.named) == ("ambiguous", ())
+    unexplained = replace(clear(), leaves={}).verdict()
+    assert unexplained.without_a_name is unexplained
 
 
 def test_shares_of_the_library_leave_out_what_is_beside_it() -> None:

@@ -36,8 +36,8 @@ def judged_between(simulation: Simulation, table: ReadingTable, causes: list[Cau
     fits = tuple(fit(simulation, (cause,), table, nominal.unknowns) for cause in causes)
     share = np.full(len(causes), 1 / len(causes))
     whole = judge(simulation, table, ())
-    return replace(whole, table=table, nominal=nominal,
-                   posterior=Posterior(fits, share, 0.0, 0.0))
+    return replace(whole, misfit=replace(whole.misfit, table=table, fit=nominal),
+                   weighed=replace(whole.weighed, posterior=Posterior(fits, share, 0.0, 0.0)))
 
 
 def refitted(simulation: Simulation, fitted: Fit, old: ReadingTable, new: ReadingTable) -> float:

@@ -1,8 +1,8 @@
 """Numbers that are often written for others: a unit, a diameter, a stretch, a thickness.
 
-A film that must be ten times as stiff as stated to explain its readings is none; centimetres in a
-column of millimetres are. So where the fitted factors are none of a film as it is stated, readings
-and specimens are tried as if each such quantity had been taken for another.
+No film is ten times as stiff as stated; but people write centimetres into a column of millimetres.
+So where the fitted factors are far from those of the stated film, each quantity that is often
+confused is read as the other one, and the films are fitted again.
 """
 
 from __future__ import annotations
@@ -20,12 +20,16 @@ from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
+from tympan.studies.diagnosis.explanations.kind import Explanation, Written
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Confusion, Judgement
+from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Judgement
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
+from tympan.studies.diagnosis.sentences import WORDS, listed
 from tympan.studies.effects import Setup
 
 #: Probability beforehand from which factors are those of an ordinary film.
@@ -56,13 +60,26 @@ _COLUMNS: dict[str, tuple[dict[str, float], tuple[float, float]]] = {
 }
 
 
+@dataclass(frozen=True)
+class Confusion:
+    """A quantity that was written as if it were another, in words.
+
+    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads; ``check``:
+    the key of the sentence on what to do about it.
+    """
+
+    of: str
+    taken: str
+    check: str = "do_quantity"
+
+
 @dataclass(frozen=True, eq=False)
 class _Other:
     """Readings and specimens with one quantity taken for another.
 
-    ``shift``: by what the logarithms of both factors change, of small deflections; None where only
-    a fit tells. ``larger``: the logarithm of what the readings are multiplied by, of all together;
-    ``check``: the sentence on what to do about it.
+    ``shift``: change of the logarithms of both factors at small deflections, None where it takes a
+    fit; ``larger``: sum over the readings of the logarithm of the factor on them; ``check``: the
+    key of the sentence on what to do about it.
     """
 
     of: str
@@ -74,17 +91,38 @@ class _Other:
     check: str = "do_quantity"
 
     def unlikely(self, found: Fit) -> float:
-        """Minus twice the logarithm of the readings' probability, their noise as they tell it.
+        """Minus twice the logarithm of the readings' probability.
 
-        And as it is stated, which counts as few readings: that tells a unit of readings from one of
-        loads, by which films are as stiff.
+        Their scatter determines the noise, together with the stated one, which counts as a few
+        readings. So a wrong unit of readings differs from a wrong unit of loads, although both
+        change the stiffness alike.
         """
         return self.scatter(found.chi_squared) - 2 * self.larger
 
     def scatter(self, chi_squared: float) -> float:
-        """The same of χ² alone."""
+        """Part of :meth:`unlikely` that depends on χ² alone."""
         stated = float(self.table.noise.freedom.sum())
         return float((len(self.table) + stated) * np.log(stated + chi_squared))
+
+
+def mistaken_quantity(judged: Judgement, written: Written | None = None) -> Explanation | None:
+    """Quantities that, read as others they are often taken for, make a film an ordinary one."""
+    films = judged.of_first()
+    if written is None or not films.simulation.loaded:
+        return None
+    readings, confusions = written.readings, tuple[Confusion, ...]()
+    if judged.unusual:
+        stated = fit(judged.simulation, (), readings.table, judged.nominal.unknowns)
+        confusions = confusions_of(written.dataset, readings, stated)
+    elif judged.weighed.odd_specimen:
+        confusions = mistaken_sizes(readings.setup, films)
+    if not confusions:
+        return None
+    factors = np.exp((judged.chosen or judged.nominal).unknowns[FACTORS])
+    reads = listed([WORDS["reads"].format(confusion=one) for one in confusions], "or")
+    key = "confused" if judged.unusual else "mistaken"
+    return Explanation.of(Finding("quantity", WORDS[key].format(reads=reads, factors=factors),
+                                  check=WORDS[confusions[0].check]))
 
 
 def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
@@ -105,7 +143,7 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
 
 def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
     """Mistaken sizes that leave noise, with ordinary factors, of a misfit of one odd specimen."""
-    table, which = judged.table, judged.odd_specimen
+    table, which = judged.table, judged.weighed.odd_specimen
     most = len(table) + 2 * (2 * len(table)) ** 0.5
     noise = _Other("", "", setup, table).scatter(most)
     return _ordinary([*_thicknesses(setup, table, which), *_sizes(setup, table, which)], noise)

@@ -1,52 +1,53 @@
-"""Noise as readings show it: which are off by themselves, and what errors remember.
+"""Terms of the noise as readings show them: which are off by themselves, what errors remember.
 
 Beside what a model misses, a reading may be off by itself, as a slip of the pen is, and an error
 may remember the one before. Each is weighed as any cause is: by how probable it makes what several
-models miss. A misfit that is smooth in voltage, mass and specimen is one of the models, and so is
-one that jumps once, so that neither is taken for noise. Mixtures of good and bad readings: Hogg,
-Bovy, Lang, arXiv:1008.4686 (2010).
+models miss. Rivals of such noise are misfits of no cause: smooth in voltage, mass and specimen, or
+with a jump. Noise that is less probable than a rival is not taken for noise. Mixtures of good and
+bad readings: Hogg, Bovy, Lang, arXiv:1008.4686 (2010).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
-from operator import itemgetter
+from operator import attrgetter
 
 import numpy as np
 from scipy.special import expit
 
-from tympan.base.arrays import Array, Mask
+from tympan.base.arrays import Array
 from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.estimation.noise import Memory, Noise
+from tympan.studies.estimation.noise import Memory, Noise, Off, Term
 
 #: Share of readings that are off by themselves, beforehand: careful hands write one in a hundred.
 SLIPS = 0.01
 #: Logarithm of the largest such error over the least, of which all magnitudes are as probable.
 _MAGNITUDES = float(np.log(1e3))
-#: Most readings that are off, as a share: of more, the others do not tell how.
+#: Largest share of readings that may be off: with more, the others do not determine the curve.
 _MOST = 0.2
-#: Most that are tried, of those that are missed most. A bound of the cost.
+#: Most readings that are tried as off, those that are missed most. A bound of the cost.
 _CANDIDATES = 200
 #: Readings taken without gain after which no more are tried: two may hide each other.
 _PATIENT = 4
 
-#: Correlations that are tried, of what neighbouring readings' errors remember.
+#: Correlations of the errors of neighbouring readings that are tried.
 CORRELATIONS = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-#: Shares of the variance that remember, that are tried.
+#: Shares of the variance that remember which are tried.
 SHARES = (1.0, 0.5)
 
-#: Most that errors which remember may exceed what is stated: people state what the next reading
-#: differs by, which for a correlation of 0.9 is a half of all.
+#: Largest ratio of errors that remember to the stated noise: people state by how much the next
+#: reading differs, which for a correlation of 0.9 is half of the whole error.
 LOUDER = 2.0
 
-#: The same over the scatter of neighbours, where nothing is stated: a sensor whose error wanders by
-#: more between successive ramps than from reading to reading is possible, but its owner knows.
+#: Largest ratio of errors that remember to the scatter of neighbours, where no noise is stated. A
+#: sensor may wander by more between successive ramps than from reading to reading, but its owner
+#: knows.
 WANDERS = 3.0
 
-#: Fewest readings of a jump, and beside it: fewer are off by themselves, as slips of the pen are.
+#: Fewest readings before and after a jump: fewer are off by themselves, as slips of the pen are.
 _FEW = 4
 
 #: Sizes of misfits that are tried: the root of all their squares, over the noise.
@@ -71,74 +72,97 @@ class Missed:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """Noise as readings show it, beside what is stated.
+class Smooth:
+    """Misfit that is a random sum of ``columns``, (n, columns), of any size."""
 
-    ``correlation`` of what the errors of neighbours remember in ``chain``, readings in the order in
-    which they may, a step apart, None where they do not; ``share`` of the variance that does;
-    ``off``: how far readings are off by themselves, (n,) [their units], 0 where not; ``own``: what
-    their own noise is of that, (n,).
+    columns: Array
+
+    def value(self, model: Missed, noise: Noise, stated: float) -> float:
+        """Logarithm of how probable what is missed is with such a misfit, as an error in common."""
+        basis = orthonormal(noise.whitened(model.jacobian))
+        columns = without(basis, noise.whitened(self.columns))
+        rest = without(basis, noise.whitened(model.residual))
+        directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        sizes = sizes / max(sizes.max(initial=0.0), 1e-300)
+        parts, squares = (directions.T @ rest) ** 2, float(rest @ rest)
+        return _of_any_size(parts, sizes, squares, basis.shape[1], len(rest), stated)
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """Misfit that is one of some ``columns``, (n, columns), of any size, whichever it is.
+
+    Of a few readings it is none: these are off by themselves.
     """
 
-    off: Array
-    own: Array
-    correlation: float = 0.0
-    share: float = 1.0
-    chain: Memory | None = None
+    columns: Array
 
-    @classmethod
-    def nothing(cls, count: int) -> Told:
-        """Nothing beside what is stated, of so many readings."""
-        return cls(np.zeros(count), np.ones(count))
-
-    def of(self, noise: Noise) -> Noise:
-        """A noise with it."""
-        if self.chain is not None and self.correlation:
-            clock = -np.log(self.correlation) * self.chain.clock
-            share = np.full(len(noise), self.share)
-            noise = replace(noise, memory=replace(self.chain, clock=clock, share=share))
-        return noise.with_off(self.off) if self.off.any() else noise
-
-    def __getitem__(self, rows: Mask) -> Told:
-        """Part for some readings."""
-        return replace(self, off=self.off[rows], own=self.own[rows],
-                       chain=self.chain and self.chain[rows])
-
-    def alike(self, other: Told) -> bool:
-        """Whether the same readings are off, and errors remember as much."""
-        return bool((self.correlation, self.share) == (other.correlation, other.share)
-                    and np.array_equal(self.off > 0, other.off > 0))
-
-    @property
-    def anything(self) -> bool:
-        """Whether the noise is another than stated."""
-        return bool(self.correlation or self.off.any())
+    def value(self, model: Missed, noise: Noise, stated: float) -> float:
+        """Logarithm of how probable what is missed is with such a misfit."""
+        jumps = noise.whitened(self.columns)
+        rows = np.count_nonzero(jumps, axis=0)
+        jumps = jumps[:, (rows >= _FEW) & (rows <= len(jumps) - _FEW)]
+        basis = orthonormal(noise.whitened(model.jacobian))
+        columns, rest = without(basis, jumps), without(basis, noise.whitened(model.residual))
+        lengths = np.sum(columns**2, axis=0)
+        columns, lengths = columns[:, lengths > RANK], lengths[lengths > RANK]
+        if not len(lengths):
+            return -np.inf
+        part = np.max((columns.T @ rest) ** 2 / lengths, keepdims=True)
+        return _of_any_size(part, np.ones(1), float(rest @ rest), basis.shape[1], len(rest),
+                            stated) - float(np.log(len(lengths)))
 
 
-def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iterable[Array]],
-               chain: Memory | None = None, jumps: Sequence[Array] = (), most: float = np.inf
-               ) -> Told:
-    """Noise that makes the residuals of some models most probable; nothing if it is as stated.
+def same_terms(terms: Sequence[Term], others: Sequence[Term]) -> bool:
+    """Whether the same readings are off, and errors remember as much."""
+    return list(map(_meaning, terms)) == list(map(_meaning, others))
 
-    ``models``: the nominal one first; ``smooth`` answers columns of which what else it may miss is
-    a random sum, (n, columns), of one kind of misfit after the other; ``jumps``: columns of which
-    it may miss one, whichever it is. ``most``: errors that remember over those of neighbours
-    apart, at most, where no noise is known beforehand.
+
+def _meaning(term: Term) -> tuple[object, ...]:
+    if isinstance(term, Memory):
+        return (Memory, term.correlation, *term.share.tolist())
+    return (type(term), *term.rows.tolist())
+
+
+def remembers(terms: Sequence[Term]) -> bool:
+    """Whether some errors remember those before."""
+    return any(isinstance(term, Memory) for term in terms)
+
+
+def noise_terms(noise: Noise, models: Sequence[Missed],
+                rivals: Callable[[], Iterable[Smooth | Jump]] = tuple,
+                chain: Memory | None = None, most: float = np.inf) -> tuple[Term, ...]:
+    """Terms that make the residuals of some models most probable; none if ``noise`` is enough.
+
+    Parameters
+    ----------
+    models
+        The nominal one first.
+    rivals
+        Misfits of the nominal model that are no noise.
+    chain
+        Readings whose errors may remember, a step of the clock apart.
+    most
+        Largest ratio of errors that remember to those of neighbours apart, where no noise is known
+        beforehand.
     """
-    count, stated, nothing = len(noise), float(noise.freedom.sum()), Told.nothing(len(noise))
-    remembers = chain is not None and np.any(chain.run >= 0)
-    steps = [(0.0, 1.0), *(product(CORRELATIONS, SHARES) if remembers else ())]
+    stated = float(noise.freedom.sum())
+    steps = [(0.0, 1.0)]
+    if chain is not None and len(chain.rows):
+        steps += product(CORRELATIONS, SHARES)
     if not stated:
         steps = [step for step in steps if _over_neighbours(*step) <= most]
     plain = np.empty(len(models))
-    best, alone = (-np.inf, nothing), (-np.inf, nothing)
+    best, alone = _Trial(), _Trial()
     for correlation, share in steps:
-        trial = replace(nothing, correlation=correlation, share=share, chain=chain).of(noise)
+        trial = noise
+        if chain is not None and correlation:
+            trial = noise.plus(chain.of(correlation, share))
         # Errors that remember must do better than readings that are off do alone.
         volume = trial.log_volume + (_BETTER if correlation else 0.0)
         white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
                  for model in models]
-        values = np.array([_value(*_rest(*model), count, stated) for model in white]) - volume
+        values = np.array([_value(*_rest(*model), len(noise), stated) for model in white]) - volume
         if not correlation:
             plain = values
             unknowns = np.array([model.jacobian.shape[1] for model in models])
@@ -149,26 +173,28 @@ def noise_told(noise: Noise, models: Sequence[Missed], smooth: Callable[[], Iter
             off, value, size = _readings_off(residual, jacobian, trial, stated)
             if correlation and stated and size > LOUDER:
                 continue
-            reached = (value - volume, Told(off, noise.sigma / np.hypot(noise.sigma, off),
-                                            correlation, share, chain if correlation else None))
-            best = max(best, reached, key=itemgetter(0))
-            if correlation and simpler[place] and reached[0] >= plain[place]:
-                alone = max(alone, reached, key=itemgetter(0))
-    value, told = best
-    value += _BETTER if told.correlation else 0.0
+            memory = trial.terms[len(noise.terms):]
+            reached = _Trial(value - volume, (*memory, *([off] if len(off.rows) else [])))
+            best = max(best, reached, key=attrgetter("value"))
+            if correlation and simpler[place] and reached.value >= plain[place]:
+                alone = max(alone, reached, key=attrgetter("value"))
+    value = best.value + (_BETTER if remembers(best.terms) else 0.0)
     if value < plain.max() + _BETTER:
         # An effect must be as much more probable than errors that remember, beside fewer effects.
-        value, told = alone[0] + _BETTER, alone[1]
+        best, value = alone, alone.value + _BETTER
         if value < plain.max() - _BETTER:
-            return nothing
-    residual, jacobian = (noise.whitened(part)
-                          for part in (models[0].residual, models[0].jacobian))
-    if (any(_jump_value(residual, jacobian, noise.whitened(columns), stated) > value
-            for columns in jumps)
-            or any(_smooth_value(residual, jacobian, noise.whitened(columns), stated) > value
-                   for columns in smooth())):
-        return nothing
-    return told
+            return ()
+    if any(rival.value(models[0], noise, stated) > value for rival in rivals()):
+        return ()
+    return best.terms
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Terms that are tried, and the logarithm of how probable they make what is missed."""
+
+    value: float = -np.inf
+    terms: tuple[Term, ...] = ()
 
 
 def _over_neighbours(correlation: float, share: float) -> float:
@@ -183,7 +209,7 @@ def probability_off(size: Array) -> Array:
 
 
 def chain_of(table: ReadingTable) -> Memory:
-    """Readings of lengths at rest as they were made, a step from one to the next.
+    """Readings of lengths at rest as they were made, a step of the clock from one to the next.
 
     By the order that is written, else by the lines of each ramp; by the clock where that runs
     along.
@@ -199,13 +225,11 @@ def chain_of(table: ReadingTable) -> Memory:
     elapsed = table.states.elapsed[table.state[rows]]
     if len(rows) > 1 and np.all(np.diff(elapsed) > 0):
         clock = elapsed / float(np.median(np.diff(elapsed)))
-    chain = Memory.none(len(table))
-    chain.run[rows], chain.clock[rows] = run, clock
-    return chain
+    return Memory(rows, run, clock, np.ones(len(rows)))
 
 
 def _rest(residual: Array, jacobian: Array) -> tuple[float, int]:
-    """Squares that are left beside unknowns, and how many of these are told."""
+    """Squares that are left beside unknowns, and how many of these readings determine."""
     basis = orthonormal(jacobian)
     rest = without(basis, residual)
     return float(rest @ rest), basis.shape[1]
@@ -236,8 +260,8 @@ def _slip_density(size: Array) -> Array:
 
 
 def _readings_off(residual: Array, jacobian: Array, noise: Noise, stated: float
-                  ) -> tuple[Array, float, float]:
-    """Errors of single readings [their units], and how probable these make all of them.
+                  ) -> tuple[Off, float, float]:
+    """Errors of single readings, and how probable these make all readings.
 
     And the size of the others' errors over the noise.
     """
@@ -263,7 +287,8 @@ def _readings_off(residual: Array, jacobian: Array, noise: Noise, stated: float
         sizes = np.linalg.lstsq(columns[:, best], rest, rcond=None)[0]
         off[likely[best]] = np.abs(sizes) * noise.sigma[likely[best]]
     size = ((most + stated) / (count - len(best) + stated)) ** 0.5
-    return off, best_value, size
+    rows = np.flatnonzero(off)
+    return Off(rows, off[rows]), best_value, size
 
 
 def _largest(rest: Array, columns: Array) -> Iterator[tuple[int, float, float]]:
@@ -279,34 +304,6 @@ def _largest(rest: Array, columns: Array) -> Iterator[tuple[int, float, float]]:
         rest = rest - unit * (unit @ rest)
         yield best, float(rest @ rest), float(parts[best] / lengths[best])
         columns = columns - np.outer(unit, unit @ columns)
-
-
-def _smooth_value(residual: Array, jacobian: Array, smooth: Array, stated: float) -> float:
-    """Probability of what is missed with a smooth misfit of any size, as an error in common."""
-    basis = orthonormal(jacobian)
-    columns, rest = without(basis, smooth), without(basis, residual)
-    directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    sizes = sizes / max(sizes.max(initial=0.0), 1e-300)
-    parts, squares = (directions.T @ rest) ** 2, float(rest @ rest)
-    return _of_any_size(parts, sizes, squares, basis.shape[1], len(rest), stated)
-
-
-def _jump_value(residual: Array, jacobian: Array, jumps: Array, stated: float) -> float:
-    """The same with one jump of any size, each as probable as the others.
-
-    One of a few readings is none: these are off by themselves.
-    """
-    rows = np.count_nonzero(jumps, axis=0)
-    jumps = jumps[:, (rows >= _FEW) & (rows <= len(jumps) - _FEW)]
-    basis = orthonormal(jacobian)
-    columns, rest = without(basis, jumps), without(basis, residual)
-    lengths = np.sum(columns**2, axis=0)
-    columns, lengths = columns[:, lengths > RANK], lengths[lengths > RANK]
-    if not len(lengths):
-        return -np.inf
-    part = np.max((columns.T @ rest) ** 2 / lengths, keepdims=True)
-    return _of_any_size(part, np.ones(1), float(rest @ rest), basis.shape[1], len(rest),
-                        stated) - float(np.log(len(lengths)))
 
 
 def _of_any_size(parts: Array, sizes: Array, squares: float, unknowns: int, count: int,

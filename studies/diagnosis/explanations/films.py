@@ -1,0 +1,29 @@
+"""Films unlike what is written of them: none that can be, or one specimen of several."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tympan.studies.data.findings import Finding
+from tympan.studies.diagnosis.explanations.kind import Explanation, Written
+from tympan.studies.diagnosis.hypothesis import FACTORS
+from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.sentences import WORDS
+
+
+def no_such_film(judged: Judgement, written: Written | None = None) -> Explanation | None:
+    """Factors on stiffness and permittivity that hardly any film has."""
+    if not judged.unusual:
+        return None
+    factors = np.exp((judged.chosen or judged.nominal).unknowns[FACTORS])
+    return Explanation.of(Finding("film", WORDS["unusual"].format(factors=factors),
+                                  check=WORDS["do_film"]))
+
+
+def odd_specimen(judged: Judgement, written: Written | None = None) -> Explanation | None:
+    """Specimen that is the only one the simulation misses."""
+    name = judged.weighed.odd_specimen
+    if not name:
+        return None
+    return Explanation(WORDS["odd_specimen"].format(specimen=name),
+                       WORDS["look_specimen"].format(name=name))

@@ -1,0 +1,28 @@
+"""Every explanation of a misfit by the data alone: a new one stands in a file here, and below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tympan.studies.diagnosis.explanations.films import no_such_film, odd_specimen
+from tympan.studies.diagnosis.explanations.kind import Explanation, Written
+from tympan.studies.diagnosis.explanations.labels import wrong_labels
+from tympan.studies.diagnosis.explanations.quantities import mistaken_quantity
+from tympan.studies.diagnosis.explanations.runs import odd_run
+from tympan.studies.diagnosis.inference.verdict import Judgement
+
+#: Seeks an explanation of what is judged. Without files nothing is known of how numbers are
+#: written.
+Seeks = Callable[[Judgement, Written | None], Explanation | None]
+
+#: Explanations in the order in which they are sought: the first that is found is reported.
+EXPLANATIONS: tuple[Seeks, ...] = (
+    wrong_labels, mistaken_quantity, no_such_film, odd_run, odd_specimen)
+
+
+def explanation_of(judged: Judgement, written: Written | None = None) -> Explanation | None:
+    """The first explanation by the data alone; None where nothing is wrong or none is found."""
+    if judged.verdict == "nothing":
+        return None
+    found = (seek(judged, written) for seek in EXPLANATIONS)
+    return next(filter(None, found), None)
