@@ -154,7 +154,7 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     whole = limits(Case(film, mass=20e-3), Settings(), beyond=True)
     assert whole.pull_in is not None
     assert whole.pull_in.voltage_V == pytest.approx(2992, rel=1e-3)
-    assert replace(whole, pull_in=None) == beyond.limits
+    assert replace(whole, by_kind={**whole.by_kind, "pull_in": None}) == beyond.limits
     assert beyond.warnings == (beyond.limits.ended,)
     below = solve_within(Case(film, mass=20e-3, voltage=2000.0), Settings())
     assert (below.status, below.limit, below.limits) == ("equilibrium", None, beyond.limits)
