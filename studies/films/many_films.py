@@ -728,7 +728,7 @@ class Extremes:
                    tension=here.stress_2.min(1), electric=here.electric.max(1),
                    share=here.share[at], weakest_field=here.electric[at],
                    weakest_strength=here.strength[at], weakest=weakest,
-                   sound=here.sound.all(1), lawful=here.lawful.all(1))
+                   sound=np.all(here.sound, 1), lawful=np.all(here.lawful, 1))
 
     @classmethod
     def none(cls, count: int) -> Self:
