@@ -470,8 +470,9 @@ class Films:
 
         One tangent serves as long as corrections by it fall fast.
         """
-        balance = Balance(guess.copy(), np.zeros(len(guess), dtype=bool),
-                          *np.full((2, len(guess)), np.nan))
+        count = len(guess)
+        balance = Balance(q=guess.copy(), sound=np.zeros(count, dtype=bool),
+                          stiffness=np.full(count, np.nan), least=np.full(count, np.nan))
         active = np.flatnonzero(np.isfinite(self.few.volumes[films]).all(-1))
         gap = np.broadcast_to(self.gap, len(self))[films]
         for _ in range(ITERATIONS):
