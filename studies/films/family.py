@@ -595,14 +595,14 @@ def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, m
 def films_of(ground: Ground, reduction: Reduction, rows: AnyArray) -> Films:
     """The films with these parameters."""
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.every
-    return Films(ground.box.specimen, rows, ground.box.columns(rows), ground.nodes(rows),
-                 ShapesAt(whole.some(reduction.points, reduction.shares), shapes),
-                 ShapesAt(whole, shapes),
-                 ground.model.loading, ground.box.springs(rows),
-                 ground.box.pressures(rows, ground.pressure),
-                 np.array([ground.box.specimen.gap]),
-                 np.array([plate_freedoms(ground.model, shape)[TURNS]
-                           for shape in reduction.shapes]).T)
+    turns = [plate_freedoms(ground.model, shape)[TURNS] for shape in reduction.shapes]
+    few = whole.some(reduction.points, reduction.shares)
+    box = ground.box
+    return Films(specimen=box.specimen, rows=rows, columns=box.columns(rows),
+                 nodes=ground.nodes(rows), points=ShapesAt(few, shapes),
+                 whole=ShapesAt(whole, shapes), loading=ground.model.loading,
+                 spring=box.springs(rows), pressure=box.pressures(rows, ground.pressure),
+                 gap=np.array([box.specimen.gap]), turns=np.array(turns).T)
 
 
 @dataclass(frozen=True, eq=False)

@@ -481,8 +481,9 @@ class Films:
 
         One tangent serves as long as corrections by it fall fast.
         """
-        balance = Balance(guess.copy(), np.zeros(len(guess), dtype=bool),
-                          *np.full((2, len(guess)), np.nan))
+        count = len(guess)
+        balance = Balance(q=guess.copy(), sound=np.zeros(count, dtype=bool),
+                          stiffness=np.full(count, np.nan), least=np.full(count, np.nan))
         active = np.flatnonzero(np.isfinite(self.few.volumes[films]).all(-1))
         gap = np.broadcast_to(self.gap, len(self))[films]
         for _ in range(ITERATIONS):
@@ -751,7 +752,7 @@ class Extremes:
                    tension=here.stress_2.min(1), electric=here.electric.max(1),
                    share=here.share[at], weakest_field=here.electric[at],
                    weakest_strength=here.strength[at], weakest=weakest,
-                   sound=np.asarray(here.sound.all(1)), lawful=np.asarray(here.lawful.all(1)))
+                   sound=np.all(here.sound, 1), lawful=np.all(here.lawful, 1))
 
     @classmethod
     def none(cls, count: int) -> Self:

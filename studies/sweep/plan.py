@@ -479,7 +479,7 @@ def _loads(table: Table, name: str) -> tuple[float, ...]:
 
 
 def _raw(table: Table, key: str) -> Any:
-    """What stands under a key that may have several forms."""
+    """Value of a key that may have several forms, None where it is left out."""
     return table.value(key, None)
 
 
