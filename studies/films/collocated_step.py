@@ -1,11 +1,12 @@
-"""A step of a reduced film in time: in balance at all of its stages at once.
+"""A step of a reduced film in time, in balance at all of its stages at once.
 
-It is collocated at the stages of Radau's rule (:mod:`tympan.fem.transient.collocation`): film,
-branches (:mod:`tympan.fem.film.staged_memory`) and plate meet their equations at all of them, and
-Newton's method solves for all at once, by one tangent as long as that does. So a step is long, and
-the points of all of its stages share each call of NumPy, which is what such a small film costs.
-Where the loads jump the state at once after it is a stage of the step that begins there. The error
-of a step is told from the highest coefficients of the polynomial that it is.
+The stages are those of Radau's rule (:mod:`tympan.fem.transient.collocation`). Film, branches
+(:mod:`tympan.fem.film.staged_memory`), plate and circuit (:mod:`tympan.studies.films.charging`)
+meet their equations at all stages. Newton's method solves for all stages at once, with one tangent
+for as long as the corrections fall. So a step is long, and all its points share each call of NumPy,
+which is what so small a film costs. Where the loads jump, the state just after the jump is one more
+stage of the step that begins there. The highest coefficients of a step's polynomial estimate its
+error.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
@@ -22,23 +22,21 @@ from tympan.base.arrays import Array
 from tympan.fem.film.memory import Memory
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import acting
+from tympan.studies.films.charging import Charging
 from tympan.studies.films.driven_film import PHASES, DrivenFilm, ReducedMoment
 from tympan.studies.films.film import ITERATIONS, FilmLoads, NoBalance, require_stable
 from tympan.studies.films.sampling import by_voltages
 
-#: How much the last two coefficients of q in a step count as its error. Where a signal swings
-#: between stages the last may be nothing, so that the one before counts a little.
+#: Weights of the last two coefficients of a step's polynomial in its error. Where a signal swings
+#: between stages the last coefficient may vanish, so the one before it counts a little.
 _TAILS = np.diag([1.0, 0.2])
 #: Errors this many times too large after one correction are not corrected further: the step is
 #: refused in any case.
 _HOPELESS = 1.5
 
-#: What may be left after the last correction, over a step's error: little, so that errors are those
-#: of the rule. A tenth of it made times 2 % longer.
+#: Largest error that the last correction may leave, over that of the step: so little that the error
+#: of a step is that of its rule. A tenth of it made motions take 2 % longer.
 _LEFT = 0.03
-
-#: Deflection over the gap that the voltage counts as by which a pull's slope with U² is found.
-_MORE = 1e-2
 
 #: A tangent serves again where corrections fall at least so fast.
 _SLOW = 0.4
@@ -46,7 +44,7 @@ _SLOW = 0.4
 
 @dataclass(frozen=True, eq=False)
 class CollocatedStep:
-    """A step of a motion from a moment, to some ``times`` [s] of its stages."""
+    """A step of a motion from a moment through its stages, at ``times`` [s]; loads may ``jump``."""
 
     motion: DrivenFilm
     moment: ReducedMoment
@@ -56,12 +54,12 @@ class CollocatedStep:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration of the step [s]."""
         return float(self.times[-1]) - self.moment.time
 
     @cached_property
     def stages(self) -> Array:
-        """Times [s] at which it is solved for: after a ``jump`` of the loads its start, too."""
+        """Times [s] that are solved for: those of the stages, after a jump the start's too."""
         return self.times if self.jump is None else np.concatenate(([self.moment.time], self.times))
 
     @cached_property
@@ -76,24 +74,26 @@ class CollocatedStep:
     @cached_property
     def charging(self) -> Charging | None:
         """Charging of the film in the step, None without a resistance."""
-        return Charging(self) if self.motion.charges else None
+        if not self.motion.charges:
+            return None
+        return Charging(self.motion, self.moment, self.source, self.weights)
 
     @cached_property
     def weights(self) -> Array:
-        """How much rates at the stages count in each stage [s], shape (stages, stages)."""
+        """Shares of the stages' rates in each stage [s], shape (stages, stages)."""
         rule = self.motion.rule
         return self.duration * (rule.matrix if self.jump is None else rule.from_start)
 
     @cached_property
     def begin(self) -> Array:
-        """Unknowns where it begins, shape (..., unknowns)."""
-        return unknowns(self.motion, self.moment)
+        """Unknowns at the start, shape (..., unknowns)."""
+        return self.motion.unknowns(self.moment)
 
     def solved(self, guess: Array) -> StepSolution:
         """Solve for the unknowns at the stages from a guess, shape (..., stages, unknowns).
 
-        These are q and, where a resistance charges the film, its voltage as a length
-        (:func:`unknowns`). Not to the last digit where the error is far too large.
+        The unknowns are those of :meth:`DrivenFilm.unknowns`. A step whose error is far too large
+        is not solved to the last digit.
 
         Raises
         ------
@@ -136,15 +136,16 @@ class CollocatedStep:
 
     @cached_property
     def flow(self) -> StagedFlow:
-        """Flow of the branches, before anything is known of C at the stages."""
+        """Flow of the branches, before C at the stages is known."""
         moment, motion, rule = self.moment, self.motion, self.motion.rule
         return StagedFlow.of(moment.memory, motion.tabulated.strain(moment.q), self.duration,
                              rule.matrix if self.jump is None else rule.from_start)
 
     def _settled(self, size: float, before: float, fresh: bool) -> bool:
-        """Whether little is left after a correction, relative to the gap, and the one before it.
+        """Whether a correction relative to the gap, after one ``before`` it, leaves little.
 
-        Of a fresh tangent's its square, of others as large a share as they are of those before.
+        A correction by a fresh tangent leaves its square. Another one leaves as large a share of
+        itself as it is of the one before.
         """
         little = _LEFT * self.motion.closeness
         square = fresh and not self.moment.memory.flows and not self.motion.charges
@@ -258,70 +259,6 @@ class StepSolution:
                          for times in (np.append(here.moment.time, here.times), step.times))
         ahead = np.asarray(step.source**2)
         return by_voltages(before, squared, here.states(self.x), later, ahead)
-
-
-@dataclass(frozen=True, eq=False)
-class Charging:
-    """A film that charges through its circuit in a step.
-
-    Its charge C U at a stage is that at the start and what has flown since then.
-    """
-
-    step: CollocatedStep
-
-    def voltage(self, x: Array) -> Array:
-        """Voltage across the film by the unknowns of a step [V], shape (..., stages)."""
-        return np.asarray(x[..., -1] * self.step.motion.volts_per_length)
-
-    def missing(self, x: Array) -> Array:
-        """Charge that is missing at the stages, as the voltage's length [m]."""
-        step, voltage = self.step, self.voltage(x)
-        current = step.motion.circuit.current(step.source, voltage)
-        begun = np.asarray(step.moment.voltage) * self._capacity(step.moment.q, step.moment.voltage)
-        charge = self._capacity(x[..., :-1], voltage) * voltage
-        return np.asarray((charge - begun[..., None] - current @ step.weights.T) / self._unit)
-
-    def coupled(self, stiffness: Array, x: Array, pull: Array, flow: StagedFlow) -> Array:
-        """Tangent of film and circuit, shape (..., stages, unknowns, stages, unknowns).
-
-        ``stiffness`` is that of the film alone, which pulls so and flows so.
-        """
-        step, voltage, motion = self.step, self.voltage(x), self.step.motion
-        *runs, stages, count = pull.shape
-        every = np.arange(stages)
-        # The pull is nearly a line in U², and its slope −∂C/∂q/2.
-        more = (_MORE * motion.volts_per_length * motion.gap) ** 2
-        stronger, _ = motion.tabulated.staged_forces(x[..., :-1], voltage**2 + more, flow)
-        by_squared = (stronger - pull) / more
-        matrix = np.zeros((*runs, stages, count + 1, stages, count + 1))
-        matrix[..., :count, :, :count] = stiffness
-        by_voltage = 2 * voltage[..., None] * by_squared
-        matrix[..., every, :count, every, -1] = (
-            np.moveaxis(by_voltage, -2, 0) * motion.volts_per_length)
-        matrix[..., every, -1, every, :count] = -by_voltage / self._unit
-        lost = motion.circuit.conductance * step.weights
-        capacity = self._capacity(x[..., :-1], voltage)
-        own = lost + capacity[..., None] * np.eye(stages)
-        matrix[..., :, -1, :, -1] = own * motion.volts_per_length / self._unit
-        return matrix
-
-    def _capacity(self, q: Array, voltage: Any) -> Any:
-        """Capacitance of the film [F]."""
-        return self.step.motion.film.capacitance(q, np.asarray(voltage) ** 2)
-
-    @cached_property
-    def _unit(self) -> float:
-        """Charge that counts as much as a deflection of 1 m [C]."""
-        motion = self.step.motion
-        return float(motion.film.capacitance(motion.film.flat)) * motion.volts_per_length
-
-
-def unknowns(motion: DrivenFilm, moment: ReducedMoment) -> Array:
-    """Unknowns of a motion at a moment: q and, where the film charges, its voltage as a length."""
-    if not motion.charges:
-        return moment.q
-    length = np.asarray(moment.voltage) / motion.volts_per_length
-    return np.concatenate([moment.q, length[..., None]], -1)
 
 
 def factorised(stiffness: Array) -> Callable[[Array], Array]:

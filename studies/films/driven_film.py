@@ -1,4 +1,4 @@
-"""A reduced film with what drives it: a force, a signal, and what its plate has besides."""
+"""A reduced film with what drives it: a force, a signal, and all else on its plate."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from tympan.fem.transient.collocation import CollocationRule, radau
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import Signal, Supplied, Together
 
-#: Stages of a step of one run: its cost is that of calls, so that many are cheap.
+#: Stages of a step of one run. Calls are what it costs, so many stages are cheap.
 _STAGES = 5
-#: Stages of a step of several runs, which cost arithmetic, or where inertia or a damper hold the
-#: plate.
+#: Stages of a step of several runs, whose arithmetic counts, or of a plate that inertia or a damper
+#: holds.
 _FEWER = 4
 
-#: By how much more closely what swings is followed: over many swings phases add up.
+#: How many times more closely a swing is followed: over many swings errors of phase add up.
 PHASES = 2.0
 
-#: The last correction of a state over the root of a step's error: of what is left after it the
-#: square counts.
+#: The last correction of a state over the root of a step's error, as a correction leaves its
+#: square.
 _CLOSER = 0.2
 #: The largest that this correction may be, relative to the gap. Set by trial.
 _NEAR = 2e-3
 
-#: Of a step, relative to the gap between plate and frame.
+#: Error of a step, relative to the gap between plate and frame.
 ERROR = 1e-4
 #: How much the change of a film's voltage counts over the highest, beside that of its deflection
 #: over the gap, where a resistance charges it. As by finite elements.
@@ -59,7 +59,7 @@ class ReducedMoment:
 
     @property
     def memory(self) -> Memory:
-        """Memory of the branches; worked out where it is asked for."""
+        """Memory of the branches, computed on demand."""
         return self.recall()
 
     @property
@@ -93,7 +93,7 @@ class DrivenFilm:
 
     @property
     def begin(self) -> ReducedMoment:
-        """Relaxed equilibrium under force and first voltage; ``flat`` if the film says its age.
+        """Relaxed equilibrium under force and first voltage; ``flat`` where the film has an age.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class DrivenFilm:
 
     @property
     def flat(self) -> ReducedMoment:
-        """Mounted and flat, so long ago as the film says, before the loads are put on."""
+        """The flat film, as old as it says, before the loads are put on."""
         film, time = self.film, float(self.signal.breaks[0])
         runs = np.broadcast_shapes(np.shape(self.force), np.shape(self.signal.first))
         memory = Memory.mounted(film.specimen.membrane, (*runs, len(film.volumes)))
@@ -133,6 +133,16 @@ class DrivenFilm:
     def charges(self) -> bool:
         """Whether the film charges through a resistance."""
         return self.circuit.resistance > 0
+
+    def unknowns(self, moment: ReducedMoment) -> Array:
+        """Unknowns of a step at a moment: q and, where the film charges, its voltage as a length.
+
+        So the voltage's errors count beside those of q.
+        """
+        if not self.charges:
+            return moment.q
+        length = np.asarray(moment.voltage) / self.volts_per_length
+        return np.concatenate([moment.q, length[..., None]], -1)
 
     @cached_property
     def volts_per_length(self) -> float:

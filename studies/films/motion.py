@@ -19,7 +19,7 @@ from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
 from tympan.studies.films.film import FilmLoads, NoBalance
 
-#: Up to how many times as long a step begins where the one before leads to.
+#: A step at most so many times as long as the one before begins on that one's polynomial.
 _FAR = 1.5
 
 #: A step's length over the longest that its error would allow, so that few are refused; a usual
@@ -30,10 +30,10 @@ _FIRST = 3.0
 #: A step this much shorter than the first is the end: the film has pulled in.
 _SHORTEST = 1e-9
 
-#: After so many steps that failed where it begins is put in balance again.
+#: After so many failed steps the film is put in balance again where they begin.
 _TWICE = 2
 
-#: Shares of a piece of the signal at which it is looked at whether it is a line.
+#: Shares of a piece of the signal that show whether it is a line.
 _PLACES = np.array([0.1, 0.3, 0.5])
 #: How far from a line these voltages may be, over the largest: the rounding of numbers.
 _LINE = 1e-9
@@ -201,13 +201,13 @@ class _InMotion:
     def recover(self, shortest: bool) -> list[ReducedMoment]:
         motion = self.motion
         if self.jump is not None:
-            # What jumps is not part of a step where that fails.
+            # The jump fails as part of a step, so it is made by itself.
             self.moment, self.jump = motion.after_jump(self.moment, self.jump), None
             return [self.moment]
         if shortest:
             raise Stopped("pull_in", self.moment.time)
         self.failures += 1
         if self.failures == _TWICE:
-            # Where it begins a little out of balance, that is an error no short step lessens.
+            # No short step lessens the error of a start that is a little out of balance.
             self.moment = motion.after_jump(self.moment, self.moment.loads)
         return []

@@ -68,7 +68,7 @@ class Exact:
 
     @property
     def assumed(self) -> list[str]:
-        """What is taken as exact, in words."""
+        """Words for constants taken as exact."""
         weights = "equal weights" if self.equal else "the weights"
         return [f"there is no static.csv: the films' own material, {weights} and permittivity are "
                 "taken as exact"]

@@ -272,7 +272,7 @@ class StaticFit:
 
     @property
     def assumed(self) -> list[str]:
-        """What is taken as exact, in words: nothing, as readings at rest tell the constants."""
+        """Words for constants taken as exact: none, as readings at rest determine them."""
         return []
 
     @cached_property
