@@ -137,7 +137,7 @@ class TensionField:
             ) -> tuple[tuple[Any, ...], AnyArray, AnyArray]:
         """Select materials and stretches at points; a material's arrays are fields over all."""
         def chosen(value: Any) -> AnyArray:
-            return np.asarray(np.broadcast_to(value, points.shape)[points])
+            return np.broadcast_to(value, points.shape)[points]
 
         return _at_points(self.materials, points), chosen(l1), chosen(l2)
 

@@ -250,4 +250,4 @@ def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
 def _errors(readings: Mapping[str, Array]) -> Array:
     """Subtract readings from the formula, where there are readings."""
     error = readings["formula"] - readings["alpha_1"]
-    return np.asarray(error[np.isfinite(error)])
+    return error[np.isfinite(error)]

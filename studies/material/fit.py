@@ -492,7 +492,7 @@ def _terms(family: Family, values: Array, coupons: Coupons) -> Array:
     """Compute the stress of each term of a law in the readings [Pa], (readings, terms)."""
     linear, shape = np.split(values, [len(family.linear)])
     with np.errstate(all="ignore"):
-        return np.asarray(np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear))
+        return np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear)
 
 
 def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:

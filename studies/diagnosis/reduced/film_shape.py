@@ -99,7 +99,7 @@ def _rules() -> tuple[Array, Array]:
 def coefficients(values: Array) -> Array:
     """Compute coefficients of lattice values, shape (..., ALONG, AROUND)."""
     along, around = _rules()
-    return np.asarray(along @ values @ around.T)
+    return along @ values @ around.T
 
 
 #: Chebyshev polynomials by powers of their variable, a column each; and likewise the four splines
