@@ -71,7 +71,8 @@ def lattice_of(frame: Outline, plate: Plate) -> Lattice:
     inner = _crossing(plate, centre, way, 2.5 * max(plate.outline.semi_axes))
     away = float(np.abs(centre).max())
     outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + away)
-    share = (1 - np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))) / 2
+    angles = np.pi * np.arange(ALONG) / (ALONG - 1)
+    share = (1 - np.cos(angles)) / 2
     radius = inner + share[:, None] * (outer - inner)
     return Lattice(plate, centre[:, None] + way[:, None] * radius)
 
