@@ -60,7 +60,7 @@ class FilmSurface:
     @property
     def mounted(self) -> Array:
         """Places of the points in the flat film [m], shape (n, 3)."""
-        return np.asarray(self.points - self.values["displacement"])
+        return self.points - self.values["displacement"]
 
     def at(self, places: Array) -> dict[str, Array]:
         """Interpolate all fields at places of the flat film [m], (n, 2); nan where no film is.

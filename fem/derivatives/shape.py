@@ -149,7 +149,8 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
                                for name in ("frame", "plate") if name in edges}
     inner = discretisation.electrode_edge.every
     if len(inner):
-        miss = np.stack([np.linalg.norm(edge.at(edge.foot(places[inner])) - places[inner], axis=1)
+        here = places[inner]
+        miss = np.stack([np.linalg.norm(edge.at(edge.foot(here)) - here, axis=1)
                          for edge in edges.values()])
         close = miss < 1e-6 * max(specimen.frame.semi_axes)
         if (np.count_nonzero(close, axis=0) > 1).any():

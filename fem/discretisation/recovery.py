@@ -63,7 +63,7 @@ class Recovery:
     @cached_property
     def _sides(self) -> AnyArray:
         """A number for each corner of each element, the same on one side of an electrode's edge."""
-        return np.asarray(2 * self.connectivity[:, :CORNERS] + self.covered[:, None])
+        return 2 * self.connectivity[:, :CORNERS] + self.covered[:, None]
 
     def _fitted(self, side: int, node: int) -> tuple[AnyArray, AnyArray]:
         around = np.flatnonzero((self._sides == side).any(axis=1))

@@ -377,4 +377,4 @@ def _aligned(values: AnyArray, first: int, axes: int) -> AnyArray:
 
 def cube_root(value: AnyArray) -> AnyArray:
     """Compute the cube root of any numbers, complex ones too."""
-    return np.asarray(value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value))
+    return value ** (1 / 3) if np.iscomplexobj(value) else np.cbrt(value)

@@ -119,7 +119,8 @@ class TensionField:
         plain = total(self.materials, l1, l2)
         _, _, w2, w11, w12, w22 = plain
         with np.errstate(all="ignore"):
-            soft = ~(w11 - w12 * w12 / (w22 - self.residual) > 0) | ~(w22 > self.residual)
+            across = w22 - self.residual
+            soft = ~(w11 - w12 * w12 / across > 0) | ~(w22 > self.residual)
         margin = np.where(soft, w2 / l2, np.inf)
         loose = self._loose(plain, l2)
         if loose.any():
@@ -137,7 +138,7 @@ class TensionField:
             ) -> tuple[tuple[Any, ...], AnyArray, AnyArray]:
         """Select materials and stretches at points; a material's arrays are fields over all."""
         def chosen(value: Any) -> AnyArray:
-            return np.asarray(np.broadcast_to(value, points.shape)[points])
+            return np.broadcast_to(value, points.shape)[points]
 
         return _at_points(self.materials, points), chosen(l1), chosen(l2)
 
@@ -180,8 +181,10 @@ class TensionField:
             w, w1, _, w11, w12, w22 = total(materials, *natural)
             slack = np.real(natural[0]) > np.real(a)
             k = self.residual
-            along = np.where(slack, w11 - k - np.abs(w12), w11 - w12 * w12 / (w22 - k))
-            sound = (np.real(along) > -_SOFT * np.real(k)) & (np.real(w22) > np.real(k))
+            wrinkled = w11 - w12 * w12 / (w22 - k)
+            along = np.where(slack, w11 - k - np.abs(w12), wrinkled)
+            least = np.real(k)
+            sound = (np.real(along) > -_SOFT * least) & (np.real(w22) > least)
         return _Wrinkled((a, b), natural, sound, slack, w, w1, along)
 
 

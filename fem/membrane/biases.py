@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from math import factorial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
@@ -454,8 +455,9 @@ class ForceTable:
     @property
     def softening(self) -> tuple[Interval, ...]:
         places, forces = np.real(self.displacement).tolist(), np.real(self.force).tolist()
-        return tuple((places[number], places[number + 1]) for number in range(len(places) - 1)
-                     if forces[number + 1] < forces[number])
+        points = zip(places, forces, strict=True)
+        return tuple((low, high) for (low, before), (high, after) in pairwise(points)
+                     if after < before)
 
     @property
     def kinks(self) -> tuple[float, ...]:

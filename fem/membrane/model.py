@@ -122,7 +122,7 @@ class Model:
     def arms(self) -> AnyArray:
         """Plate nodes relative to the plate's centre [m]."""
         mesh = self.discretisation
-        return np.asarray(mesh.reference[mesh.plate_nodes] - self.centre)
+        return mesh.reference[mesh.plate_nodes] - self.centre
 
     @cached_property
     def plate_freedoms(self) -> tuple[int, ...]:
@@ -360,7 +360,7 @@ class Model:
         bend = self._on_plate(state)[2] / mesh.mirrored
         if any(freedom >= 3 for freedom in allowed):  # if the plate may turn
             bend = bend + state.plate.curvature(self.arms, forces[mesh.plate_nodes])
-        return np.asarray(bend[np.ix_(allowed, allowed)])
+        return bend[np.ix_(allowed, allowed)]
 
     def on_freedoms(self, forces: AnyArray, plate: PlateMotion) -> Parts:
         """Collect nodal forces [N] on free components, and on the plate's freedoms [N, N m]."""

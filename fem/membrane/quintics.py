@@ -45,9 +45,9 @@ def cubic_miss(first: Known, middle: Known, last: Known) -> float:
 
 def powers_of(first: Known, middle: Known, last: Known) -> AnyArray:
     """Fit powers of the share of the way from the first to the last place, (6,)."""
-    three, span = (first, middle, last), last[0] - first[0]
-    return np.asarray(_QUINTIC @ [*(force for _, force, _ in three),
-                                  *(span * stiffness for *_, stiffness in three)])
+    span = last[0] - first[0]
+    _, forces, stiffnesses = zip(first, middle, last, strict=True)
+    return _QUINTIC @ [*forces, *(span * stiffness for stiffness in stiffnesses)]
 
 
 def values(powers: Any, share: Any, span: Any) -> tuple[Any, Any, Any]:

@@ -91,7 +91,7 @@ def _turn(vector: Array) -> Array:
     x, y, z = vector.tolist()
     angle = sqrt(x * x + y * y + z * z)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
-    return np.asarray(_UNIT + sin(angle) * cross + 2 * sin(angle / 2) ** 2 * (cross @ cross))
+    return _UNIT + sin(angle) * cross + 2 * sin(angle / 2) ** 2 * (cross @ cross)
 
 
 def turned(plate: PlateMotion, origin: PlateMotion) -> Array:
@@ -102,7 +102,7 @@ def turned(plate: PlateMotion, origin: PlateMotion) -> Array:
     across = (turn - turn.T)[(2, 0, 1), (1, 2, 0)] / 2
     sine = float(np.linalg.norm(across))
     angle = atan2(sine, (turn.trace() - 1) / 2)
-    return np.asarray(across * (angle / sine if sine else 1.0))
+    return across * (angle / sine if sine else 1.0)
 
 
 @dataclass(frozen=True, eq=False)

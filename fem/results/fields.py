@@ -222,7 +222,8 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
     cells = np.flatnonzero(near.any(axis=0))
     gradients, stretched = isoparametric(mesh.mesh.order, points,
                                          mesh.reference[mesh.connectivity[cells], :2])
-    areas = stretched * (mesh.weights[cells].sum(axis=1) / stretched.sum(axis=1))[:, None]
+    whole_area = mesh.weights[cells].sum(axis=1)
+    areas = stretched * (whole_area / stretched.sum(axis=1))[:, None]
     result = []
     for tension in _tension(model, states, gradients, points, cells):
         wrinkled, slack = (float(areas[tension == kind].sum())
@@ -250,7 +251,8 @@ def film_integrals(model: Model, states: Sequence[State]) -> tuple[AnyArray, Any
     edge[mesh.plate_nodes] = 1.0
     lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
                      edge[mesh.connectivity][:, None, :, None])[..., 0]
-    work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], stress[..., [[0, 2], [2, 1]]], lift)
+    matrices = stress[..., [[0, 2], [2, 1]]]
+    work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], matrices, lift)
     loads = np.array([_load_on_edge(model, state) for state in states])
     return (work - loads) * mesh.mirrored, -2 * energy.imag / STEP, energy.real
 
@@ -312,7 +314,8 @@ def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyA
     positions = np.stack([state.positions[nodes] for state in states])
     current = np.matmul(shapes.T, positions).reshape(-1, 3)
     f = deformation(gradients, positions).reshape(-1, 3, 2)
-    covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
+    in_one_state = np.repeat(mesh.covered[cells, 0], points.shape[1])
+    covered = np.tile(in_one_state, len(states))
     covered = covered * model.specimen.electrode.coverage(*reference[:, :2].T)
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 

@@ -39,13 +39,13 @@ def firmness(model: Model, state: State) -> AnyArray:
     """
     elliptic, thinning, _ = _margins(model, state)
     edge = edge_firmness(model, state)
-    return np.asarray(np.minimum(np.minimum(elliptic, thinning), edge).ravel())
+    return np.minimum(np.minimum(elliptic, thinning), edge).ravel()
 
 
 def rough_firmness(model: Model, state: State) -> AnyArray:
     """Compute the firmness by each element's own strain; jumps show the discretisation error."""
     least = np.minimum(*_by_element(model, state))
-    return np.asarray(np.minimum(least, edge_firmness(model, state, rough=True)).ravel())
+    return np.minimum(least, edge_firmness(model, state, rough=True)).ravel()
 
 
 @dataclass(frozen=True)

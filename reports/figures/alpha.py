@@ -28,7 +28,8 @@ def _compose_outlines(table: OutlineTable) -> Figure:
     for number, row in enumerate(table.rows):
         line, column = divmod(number, _COLUMNS)
         points = [1e3 * table.frames[axis][table.frames["shape"] == row.shape] for axis in "xy"]
-        _frame(style.place_axes(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row, *points)
+        axes = style.place_axes(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46)
+        _frame(axes, row, *points)
     return figure
 
 

@@ -249,8 +249,8 @@ def _legend(axes: Axes, below: bool) -> None:
             columns = max(1, (letters + _GAP) // (max(map(len, names)) + _GAP))
             letters = (letters + _GAP) // columns - _GAP
         entries = [(handle, label.partition(": ")[0]) for handle, label in entries]
-    handles, labels = zip(*((handle, "\n".join(wrap(label, max(_SHORTEST, letters))))
-                            for handle, label in entries), strict=True)
+    handles = [handle for handle, _ in entries]
+    labels = ["\n".join(wrap(label, max(_SHORTEST, letters))) for _, label in entries]
     down = ScaledTranslation(0.0, -style.AXIS * style.MM, axes.figure.dpi_scale_trans)
     place: dict[str, Any] = {"loc": "upper left"}
     if below:

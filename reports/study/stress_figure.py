@@ -98,9 +98,8 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
 
 def compose_stress(run: StudyView, design: Layout, pictures: Sequence[style.Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
-    extents = [extent for _, extent in pictures]
-    heights = [max(extents[index][3] - extents[index][2] for index in row) * design.paper
-               for row in design.rows]
+    sizes = [upper - lower for _, (_, _, lower, upper) in pictures]
+    heights = [max(sizes[index] for index in row) * design.paper for row in design.rows]
     figure = style.new_figure(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR
                               + (len(heights) - 1) * _SPACE)
     top = 0.0
@@ -140,8 +139,8 @@ def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, floa
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
     if specimen.alike or texts[0] == texts[1]:
-        return [(f"{scale.text((short + long) / 2, more=1)} on both axes", (short + long) / 2,
-                 "black")]
+        mean = (short + long) / 2
+        return [(f"{scale.text(mean, more=1)} on both axes", mean, "black")]
     ends = zip(texts, specimen.axes, (short, long), (style.SHORT_TEXT, style.LONG_TEXT),
                strict=True)
     return [(f"{text} on the {axis} axis", value, colour) for text, axis, value, colour in ends]
@@ -208,7 +207,8 @@ def _panel(axes: Axes, specimen: SpecimenView, design: Layout, reach: float) -> 
     axes.set(xlim=(-0.02 * reach, reach), ylim=(limits.low, limits.high))
     axes.set_yticks(limits.ticks, [limits.text(tick) for tick in limits.ticks])
     values = end_values(specimen, limits)
-    places = _spread([value for _, value, _ in values], (limits.high - limits.low) * 3.4 / _PANEL)
+    least = (limits.high - limits.low) * 3.4 / _PANEL
+    places = _spread([value for _, value, _ in values], least)
     for (text, _, colour), place in zip(values, places, strict=True):
         axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center",
                       color=colour,

@@ -133,8 +133,8 @@ def fit_law(law: Material, prestretch: tuple[float, float], kinds: Sequence[str]
     for _ in range(_STEPS):
         jacobian, drift = _slopes(constants, values, units, free, best, fitted)
         away = (values - constants.values)[free] / units[free] / BEFOREHAND
-        step = np.linalg.lstsq(np.vstack([jacobian, np.eye(len(free)) / BEFOREHAND]),
-                               -np.concatenate([best.residual, away]))[0]
+        rows = np.vstack([jacobian, np.eye(len(free)) / BEFOREHAND])
+        step = np.linalg.lstsq(rows, -np.concatenate([best.residual, away]))[0]
         step *= min(1.0, _STRIDE / max(float(np.abs(step).max()), 1e-12))
         found = _shorter(constants, values, units, free, step, best, fitted)
         if found is None:
@@ -144,7 +144,8 @@ def fit_law(law: Material, prestretch: tuple[float, float], kinds: Sequence[str]
         if fall < _SETTLED:
             break
     jacobian, drift = _slopes(constants, values, units, free, best, fitted)
-    precision = jacobian.T @ jacobian / best.misfit**2 + np.eye(len(free)) / BEFOREHAND**2
+    beforehand = np.eye(len(free)) / BEFOREHAND**2
+    precision = jacobian.T @ jacobian / best.misfit**2 + beforehand
     covariance = np.asarray(np.linalg.inv(precision), float)
     return _result(constants, values, units, free, drift, covariance, best)
 
@@ -188,7 +189,8 @@ def _shorter(constants: LawConstants, values: Array, units: Array, free: Array, 
 def _result(constants: LawConstants, values: Array, units: Array, free: Array, drift: Array,
             covariance: Array, best: Fit) -> FittedLaw:
     """Multiply constants by the factor, with the deviations of their product."""
-    factor, alone = float(np.exp(best.unknowns[0])), best.louder(best.misfit).deviations[0]
+    factor = float(np.exp(best.unknowns[0]))
+    alone = best.louder(best.misfit).deviations[0]
     scale = np.where(constants.stress, factor, 1.0)
     slopes = np.zeros((len(values), len(free)))
     slopes[free, np.arange(len(free))] = units[free]

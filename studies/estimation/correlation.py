@@ -86,7 +86,7 @@ class Spread:
     def halves(self, rows: Array) -> Array:
         """Compute half the 95 % bands of values that depend on the unknowns by ``rows``, (m, p)."""
         spread = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
-        return np.asarray(np.sqrt(_along(rows, spread)) * self._quantiles(rows))
+        return np.sqrt(_along(rows, spread)) * self._quantiles(rows)
 
     def _quantiles(self, rows: Array) -> Array:
         freedoms = self.scatter.freedoms(rows)
@@ -158,7 +158,7 @@ class _Scatter:
             variance = (g * squares + 2 * g * grown * (cross - a * squares)
                         + grown**2 * (products - 2 * a * cross + a * a * squares))
             freedoms = np.nan_to_num(self.moments.plain**2 / variance, nan=np.inf, posinf=np.inf)
-            return np.asarray(np.maximum(freedoms, 1.0))
+            return np.maximum(freedoms, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,12 +102,12 @@ class LeastSquares:
     def slope(self, unknowns: Array, point: Evaluation) -> Array:
         """Differentiate the cost, shape (p,)."""
         rows, slopes = self.prior(unknowns)
-        return np.asarray(point.jacobian.T @ point.residual + rows * slopes)
+        return point.jacobian.T @ point.residual + rows * slopes
 
     def curvature(self, unknowns: Array, point: Evaluation) -> Array:
         """Compute the second derivative of the cost for linearised residuals, shape (p, p)."""
-        return np.asarray(point.jacobian.T @ point.jacobian
-                          + np.diag(self.prior(unknowns)[1] ** 2))
+        _, slopes = self.prior(unknowns)
+        return point.jacobian.T @ point.jacobian + np.diag(slopes**2)
 
     def with_rows(self, rows: Array, centre: Array) -> LeastSquares:
         """Add residuals ``rows`` (z − ``centre``), such as priors or combinations to hold."""

@@ -327,8 +327,8 @@ class _Assembly:
         carriers: dict[int, Any] = {}
         if self.has_plate:
             rim = self.sheet.plate
-            carriers = dict(zip(rim.tolist(), zip(*self.plate.faces(np.arange(len(rim))),
-                                                  strict=True), strict=True))
+            below, above = self.plate.faces(np.arange(len(rim)))
+            carriers = dict(zip(rim.tolist(), zip(below, above, strict=True), strict=True))
         for point in (*self.sheet.frame.tolist(), *self.sheet.plate.tolist()):
             pairs: list[tuple[int, ...]] = [self.skin.faces(point)]
             if point in self.skin.corners:

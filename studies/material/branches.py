@@ -350,7 +350,8 @@ class TimedTests:
         """Scan choices of times on a grid; yield the unknowns of the ``best`` ones."""
         linear = len(self.family.linear)
         fast, slow = self.stress.bounds
-        grid = np.linspace(fast, slow, max(int(_COARSE * (slow - fast)), count) + 2)[1:-1]
+        inner = max(int(_COARSE * (slow - fast)), count)
+        grid = np.linspace(fast, slow, inner + 2)[1:-1]
         columns = np.hstack([self.family.columns(*self._stretches, shape),
                              self.stress.columns(grid)[self.rows]])
         scale = np.linalg.norm(columns, axis=0)

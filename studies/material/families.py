@@ -62,7 +62,7 @@ class Family:
     def stress(self, l1: Array, l2: Array, values: Array) -> Array:
         """Compute nominal stress [Pa]."""
         linear, shape = np.split(values, [len(self.linear)])
-        return np.asarray(self.columns(l1, l2, shape) @ linear)
+        return self.columns(l1, l2, shape) @ linear
 
     def ordered(self, values: Array) -> Array:
         """Order the terms of the law."""

@@ -492,7 +492,7 @@ def _terms(family: Family, values: Array, coupons: Coupons) -> Array:
     """Compute the stress of each term of a law in the readings [Pa], (readings, terms)."""
     linear, shape = np.split(values, [len(family.linear)])
     with np.errstate(all="ignore"):
-        return np.asarray(np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear))
+        return np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear)
 
 
 def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:
@@ -588,7 +588,8 @@ def _open_modes(fit: LawFit, coupons: Coupons) -> Iterator[str]:
         if mode in coupons.modes or fit.material is None:
             continue
         # A law may not reach, in another mode, the stretch it was tested to in this one.
-        if np.isposinf(np.real(fit.material.derivatives(stretch, stretch ** MODES[mode])[0])).any():
+        energy, *_ = fit.material.derivatives(stretch, stretch ** MODES[mode])
+        if np.isposinf(np.real(energy)).any():
             continue
         stress, half = fit.predict(mode, stretch)
         if half[0] > 0.1 * abs(stress[0]):

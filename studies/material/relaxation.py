@@ -114,7 +114,8 @@ def integrate_branches(coupons: Coupons, times: AnyArray) -> tuple[AnyArray, flo
     coarse = _marched(coupons, runs, times, 1)
     for halving in range(1, _HALVINGS + 1):
         fine = _marched(coupons, runs, times, 2**halving)
-        error = float(np.abs(fine - coarse).max() / max(np.abs(fine).max(), 1e-300)) / 3
+        largest = max(np.abs(fine).max(), 1e-300)
+        error = float(np.abs(fine - coarse).max() / largest) / 3
         result, coarse = fine + (fine - coarse) / 3, fine
         if error < _EXACT:
             break
@@ -184,7 +185,8 @@ def _shares(change: float, slowness: float, fineness: int) -> AnyArray:
     halvings = int(np.ceil(np.log2(max(slowness, 1.0))))
     ends = np.append(0.0, 2.0 ** -np.arange(halvings, -1, -1))
     parts = fineness * max(1, int(np.ceil(abs(change) / _LARGEST)))
-    within = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(parts) / parts
+    lengths = np.diff(ends)[:, None]
+    within = ends[:-1, None] + lengths * np.arange(parts) / parts
     return np.append(within, 1.0)
 
 

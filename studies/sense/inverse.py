@@ -74,7 +74,7 @@ class Inverse:
         """
         u, v = self.root(capacitance, voltage), np.square(np.asarray(voltage) / self.highest_V)
         known = u <= np.interp(v, *self.ends, left=np.nan, right=np.nan)
-        return np.asarray(np.where(known, self.continued(capacitance, voltage), np.nan))
+        return np.where(known, self.continued(capacitance, voltage), np.nan)
 
     def continued(self, capacitance: Any, voltage: Any) -> Array:
         """Evaluate the polynomial alone, also beyond the curves."""

@@ -237,7 +237,7 @@ class Readings:
     @property
     def residual(self) -> Array:
         """Measured minus simulated [m]."""
-        return np.asarray(self.measured - self.simulated)
+        return self.measured - self.simulated
 
     @property
     def rms(self) -> float:

@@ -144,8 +144,9 @@ class RememberingFilm:
             axes.append((max(mounted, _TIMES[0] * self.shortest), -inf))
         total = np.zeros((4, len(self.asked)))
         for corner, weight in _corners(tuple(axes), _NODES[len(extra)]):
-            places = tuple(zip(corner[:2 * len(extra):2], corner[1::2], strict=False))
-            total += weight * self._node(places, corner[2 * len(extra):])
+            pairs, age = corner[:2 * len(extra)], corner[2 * len(extra):]
+            places = tuple(zip(pairs[::2], pairs[1::2], strict=True))
+            total += weight * self._node(places, age)
         # The effect of a branch is proportional to its modulus.
         return prod(ratios) * total
 
@@ -217,7 +218,8 @@ class RememberingFilm:
         # The axes are time, variant and run.
         heave = np.array([moment.heave for moment in moments]).reshape(len(time), 3, -1)
         lines = np.array([numbers.index(run) for run in self.asked[asked].tolist()])
-        times = np.clip(self.passages.times[asked] + histories[0].begins, time[0], time[-1])
+        times = self.passages.times[asked] + histories[0].begins
+        times = times.clip(time[0], time[-1])
         path = Trace(time).at(heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
         values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
         force = motion.force.reshape(3, -1)[:, lines].T

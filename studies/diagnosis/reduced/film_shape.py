@@ -71,7 +71,8 @@ def lattice_of(frame: Outline, plate: Plate) -> Lattice:
     inner = _crossing(plate, centre, way, 2.5 * max(plate.outline.semi_axes))
     away = float(np.abs(centre).max())
     outer = _crossing(frame, centre, way, 2.5 * max(frame.semi_axes) + away)
-    share = (1 - np.cos(np.pi * np.arange(ALONG) / (ALONG - 1))) / 2
+    angles = np.pi * np.arange(ALONG) / (ALONG - 1)
+    share = (1 - np.cos(angles)) / 2
     radius = inner + share[:, None] * (outer - inner)
     return Lattice(plate, centre[:, None] + way[:, None] * radius)
 
@@ -99,7 +100,7 @@ def _rules() -> tuple[Array, Array]:
 def coefficients(values: Array) -> Array:
     """Compute coefficients of lattice values, shape (..., ALONG, AROUND)."""
     along, around = _rules()
-    return np.asarray(along @ values @ around.T)
+    return along @ values @ around.T
 
 
 #: Chebyshev polynomials by powers of their variable, a column each; and likewise the four splines

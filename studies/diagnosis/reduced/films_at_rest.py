@@ -128,7 +128,7 @@ class FilmsAtRest:
     @property
     def capacitance(self) -> Array:
         """Approximate capacitance of the film of each state [F]: that of the flat film."""
-        return np.asarray(self.permittivity * self.films.capacitance[self.states.specimen])
+        return self.permittivity * self.films.capacitance[self.states.specimen]
 
     @cached_property
     def surfaces(self) -> list[tuple[Numbers, ForceSurface]]:
@@ -153,7 +153,7 @@ class FilmsAtRest:
         powers = np.empty((len(self.low), self.films.laws[0].grid.heaves))
         for rows, surface in self.surfaces:
             powers[rows] = continued(surface, voltage_squared[rows])
-        return np.asarray((powers @ in_powers(powers.shape[1])).T)
+        return (powers @ in_powers(powers.shape[1])).T
 
     @cached_property
     def powers_by_voltage(self) -> Array:

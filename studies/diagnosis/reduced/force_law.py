@@ -103,7 +103,7 @@ class Grid:
                          for points in self.points)
         full = np.zeros((*values.shape[:-2], self.heaves, self.voltages))
         full[..., : len(rows), : len(columns)] = rows @ values @ columns.T
-        return np.asarray(full)
+        return full
 
     def of_heave(self, heave: Array) -> tuple[Array, Array]:
         """Evaluate Chebyshev polynomials of deflections [m] and derivatives, each (n, count)."""
@@ -117,8 +117,8 @@ class Grid:
     def values(self, coefficients: Array, other: Grid) -> Array:
         """Evaluate polynomials at the nodes of another grid."""
         heaves, voltages_squared = other.nodes
-        return np.asarray(self.of_heave(heaves)[0] @ coefficients
-                          @ self.of_voltage(voltages_squared).T)
+        in_heave, _ = self.of_heave(heaves)
+        return in_heave @ coefficients @ self.of_voltage(voltages_squared).T
 
     def of_voltage(self, voltage_squared: Array) -> Array:
         """Evaluate Chebyshev polynomials of U² [V²], shape (n, count)."""
@@ -266,7 +266,7 @@ class Term:
         """Interpolate the coefficients, shape (3, heaves, voltages)."""
         at = np.asarray(coordinates)
         weights = self._along(float(at[0])) if len(self.group) == 1 else self._among(at)
-        return np.asarray(np.tensordot(weights, self.added, 1))
+        return np.tensordot(weights, self.added, 1)
 
     @cached_property
     def _rule(self) -> tuple[Array, Array]:

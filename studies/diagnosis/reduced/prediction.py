@@ -181,7 +181,7 @@ class Prediction:
         if not mass.any():
             return np.zeros(len(self.table.states))
         weight = self.rig.gravity * mass[self.table.states.specimen]
-        return np.asarray(weight / self.rest.tension)
+        return weight / self.rest.tension
 
     @cached_property
     def _scanned_films(self) -> dict[int, tuple[ForceSurface, Lattice, Sag | None]]:
