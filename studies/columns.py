@@ -40,6 +40,21 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
     write_csv(file, [column.title for column in columns], rows())
 
 
+def as_written(columns: Sequence[Column], values: Mapping[str, Any]) -> dict[str, Array]:
+    """SI values by column name, with the digits that :func:`write_sheet` gives them.
+
+    So a result in memory is the one that is read back, and its pictures are the same.
+    """
+    table = {}
+    for column in columns:
+        array = np.asarray(values[column.name])
+        if column.choices is None:
+            factor = column.factor(column.title)
+            array = np.array([float(f"{value / factor:.12g}") * factor for value in array.tolist()])
+        table[column.name] = array
+    return table
+
+
 def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, Array]:
     """SI values by column name of a file that :func:`write_sheet` wrote; it may have no rows."""
     if not read_text(file, _OWN).endswith("\n"):

@@ -26,7 +26,7 @@ from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.force.force import ForceCase, force
@@ -364,7 +364,8 @@ def _lines(model: Model, state: State) -> Columns:
         distance, fields = line_profile(model, state, line)
         parts.append({**vars(fields), "line": np.full(len(distance), line), "distance": distance,
                       "deflection": fields.displacement[:, 2], "field": fields.electric_field})
-    return {column.name: np.concatenate([part[column.name] for part in parts]) for column in LINES}
+    return as_written(LINES, {column.name: np.concatenate([part[column.name] for part in parts])
+                              for column in LINES})
 
 
 def _loads(table: Table, key: str) -> LoadGrid | None:

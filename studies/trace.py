@@ -40,11 +40,13 @@ _MOST = 1_000_000
 #: How long before a jump at once the rest is sampled, over the interval of samples.
 _EARLY = 1e-3
 
-_COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
-            Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"),
-            Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
-            Column("current", "uA", required=False))
-_LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
+#: Columns of transient.csv.
+COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"), Column("t", "s"),
+           Column("voltage", "kV"), Column("displacement", "mm"),
+           Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
+           Column("current", "uA", required=False))
+#: Columns of hysteresis.csv.
+LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,11 +244,11 @@ class Response:
         content = read_json(file)
         if not isinstance(content, dict) or not content.get("responses"):
             raise InputError(f"is not of {cls.writer}: run it again", file=file)
-        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", _COLUMNS)).dropna(
+        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", COLUMNS)).dropna(
             axis="columns", how="all")
         loops: dict[Any, pd.DataFrame] = {}
         if (folder / "hysteresis.csv").exists():
-            periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS))
+            periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", LOOP_COLUMNS))
             loops = dict(iter(periods.groupby("specimen")))
         listed = from_json(tuple[Any, ...], content["responses"], file, "responses")
         numbers = (from_json(cls, item, file, f"responses[{place}]")
@@ -295,11 +297,11 @@ class Responses:
         remove(folder, first.file, "hysteresis.csv")
         samples = pd.concat([response.samples for response in self.responses])
         write_sheet(folder / "transient.csv",
-                    [column for column in _COLUMNS if column.name in samples], samples)
+                    [column for column in COLUMNS if column.name in samples], samples)
         loops = [response.loop.assign(specimen=response.specimen) for response in self.responses
                  if response.loop is not None]
         if loops:
-            write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
+            write_sheet(folder / "hysteresis.csv", LOOP_COLUMNS, pd.concat(loops))
         if self.specimens:
             with suppress(InputError):  # a dataset that is there already stays as it is
                 write_text(folder / "dataset.toml", toml({

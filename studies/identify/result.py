@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tympan.base.errors import InputError
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.estimation.identifiability import Estimate, Identifiability
 from tympan.studies.estimation.profile import Profile
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
@@ -59,9 +59,10 @@ class IdentifyResult:
            dynamic: DynamicFit | None) -> IdentifyResult:
         fits = {}
         if static is not None:
-            fits["static"] = Fitted(_at_rest(static), static.judgement)
+            fits["static"] = Fitted(_written("static", _at_rest(static)), static.judgement)
         if dynamic is not None:
-            fits["dynamic"] = Fitted(_responses(dynamic), dynamic.judgement, dynamic.fast)
+            fits["dynamic"] = Fitted(_written("dynamic", _responses(dynamic)), dynamic.judgement,
+                                     dynamic.fast)
         return cls(numbers, fits)
 
     def json(self) -> dict[str, Any]:
@@ -101,6 +102,11 @@ class IdentifyResult:
             sheet = read_own_sheet(folder / _SHEETS[name], _COLUMNS[name])
             fits[name] = Fitted(pd.DataFrame(sheet), determined, content["radian_s"])
         return cls(numbers, fits)
+
+
+def _written(name: str, readings: pd.DataFrame) -> pd.DataFrame:
+    """Readings of a fit with the digits of its sheet."""
+    return pd.DataFrame(as_written(_COLUMNS[name], readings))
 
 
 def _at_rest(fit: StaticFit) -> pd.DataFrame:

@@ -30,7 +30,7 @@ from tympan.studies.case import (
     summaries,
     voltage_ramp,
 )
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 
 #: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
@@ -127,9 +127,10 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
             progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
             cells.append(_row(True, result, ascent))
     heaviest = Case.greatest(specimen, masses, voltages, rig)
-    table = {column.name: np.array([row[number] for row in cells],
-                                   float if column.choices is None else str)
-             for number, column in enumerate(CURVES)}
+    table = as_written(CURVES, {
+        column.name: np.array([row[number] for row in cells],
+                              float if column.choices is None else str)
+        for number, column in enumerate(CURVES)})
     return CurveResult(specimen=specimen.name, curves=tuple(curves), dofs=dofs,
                        wall_s=time.perf_counter() - began, warnings=heaviest.remarks, table=table)
 

@@ -20,7 +20,7 @@ from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.circles import STILL_PLATE, Samples, equilibria, gas_area
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.circles import ConeCircle
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.films.reduction import IN_TIME, reduced_film
 from tympan.studies.limits.loads import usual_masses, usual_voltages
@@ -373,8 +373,9 @@ class BuildResult:
                    "fitted_masses_kg": list(chosen.fit.masses),
                    "fitted_voltages_V": list(chosen.fit.voltages),
                    "built": [built.json() for built in models]}
+        statics = pd.concat([built.statics for built in models], ignore_index=True)
         return cls(numbers, tuple(built.model for built in models),
-                   pd.concat([built.statics for built in models], ignore_index=True))
+                   pd.DataFrame(as_written(_COLUMNS, statics)))
 
     def json(self) -> dict[str, Any]:
         return self.numbers

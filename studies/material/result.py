@@ -12,7 +12,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.studies.case import Case, Settings
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.material.branches import BranchFit, branch_lines, compare_in_time
@@ -162,7 +162,7 @@ def _fitted_in_time(coupons: Coupons, fits: Sequence[BranchFit]) -> MaterialFitR
     timed = np.isfinite(coupons.time)
     histories = coupons[timed].columns | {"fitted_stress": best.stress[timed],
                                           "half_band": best.half[timed]}
-    return replace(result, histories=histories)
+    return replace(result, histories=as_written(HISTORIES, histories))
 
 
 def _fitted(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> MaterialFitResult:
@@ -196,4 +196,4 @@ def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, Array]:
             columns = (*(np.full(_POINTS, label) for label in labels), stretch, stress, half)
             for name, column in zip(parts, columns, strict=True):
                 parts[name].append(column)
-    return {name: np.concatenate(columns) for name, columns in parts.items()}
+    return as_written(CURVES, {name: np.concatenate(columns) for name, columns in parts.items()})
