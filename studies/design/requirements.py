@@ -26,14 +26,13 @@ from tympan.studies.wanted import (
     QUANTITIES,
     TENSION,
     Bound,
+    Quantity,
     by_key,
     table_bounds,
 )
 
 #: Words for the one quantity that shall be as good as can be.
 _BEST = {True: "largest", False: "least"}
-#: Quantities that a search can keep or make best.
-SOUGHT = {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
 #: Loads that may vary; without them there is nothing to be designed.
 LOADS: dict[str, Rule] = {
     "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
@@ -67,13 +66,18 @@ _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0
 _LAYERS: Rule = (lambda x: x == int(x) and 1 <= x <= 100, "must be whole numbers from 1 to 100")
 
 
+def sought() -> dict[str, Quantity]:
+    """Quantities that a design can be asked for, by name."""
+    return {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
+
+
 @checks_types
 @dataclass(frozen=True)
 class Requirements:
     """Bounds that 95 % of the films keep, and one quantity that shall be as good as can be.
 
     ``specimens``: one for each kind that is tried; what does not vary is theirs. ``bounds`` by
-    their keys; ``best``: one of :data:`SOUGHT`, "" for the film that keeps all bounds by the
+    their keys; ``best``: one of :func:`sought`, "" for the film that keeps all bounds by the
     largest common share. ``mass`` [kg] and the supply's
     ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
     ``front``: two quantities between whose best films others are sought.
@@ -293,7 +297,7 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, Bo
         rest = dict(inner.data)
         for key, given in inner.data.items():
             if key not in QUANTITIES:
-                raise inner.error(key, one_of(key, SOUGHT), given)
+                raise inner.error(key, one_of(key, sought()), given)
             quantity = QUANTITIES[key]
             if not quantity.sought:
                 raise inner.error(key, f"is not searched for: write {TENSION} and {BREAKDOWN}, the "
@@ -327,7 +331,7 @@ def _wanted(table: Table, specimens: tuple[Specimen, ...]) -> tuple[dict[str, Bo
                               inner.data[twice])
         bounds |= found
     if not bounds and not best:
-        raise table.error("want", f"must name at least one of {', '.join(SOUGHT)}")
+        raise table.error("want", f"must name at least one of {', '.join(sought())}")
     return bounds, best
 
 
@@ -337,7 +341,7 @@ def _front(table: Table) -> tuple[str, str] | None:
         return None
     pair = table.texts("front")
     for key in pair:
-        known = {name: each for name, each in SOUGHT.items()
+        known = {name: each for name, each in sought().items()
                  if name != TENSION and each.gain is not None}
         if key not in known:
             raise table.error("front", one_of(key, known), key)

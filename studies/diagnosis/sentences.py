@@ -18,7 +18,7 @@ from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, 
 from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.diagnosis.slips import load_columns, run_columns
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.effects.findings import finding, limits_told
 from tympan.studies.files import words_beside
 
@@ -78,7 +78,7 @@ def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) 
     return WORDS["one_load_instead"].format(headline=headline, loads=listed(each, "or"))
 
 
-def check_of(cause: Cause, told: set[Quantity], suspects: Collection[Cause] = ()) -> str:
+def check_of(cause: Cause, told: set[Observable], suspects: Collection[Cause] = ()) -> str:
     """Advice on what to look at on the bench, by what the readings tell already."""
     family = cause.effect.family if undecided(cause, told, suspects) else None
     return (family or cause.effect).check.format(which=cause.which)

@@ -19,8 +19,8 @@ from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.effects.prior import HeavyTail
 
 
-class Quantity(Enum):
-    """Quantity that some effects show in alone, by the column of a file that tells it.
+class Observable(Enum):
+    """What readings may show, by the column of the file that has it; some effects need one of them.
 
     ``TIME``: how readings go on, by a transient's times or by how long states were held.
     """
@@ -163,7 +163,7 @@ class Family:
     measure: EffectParameter
     of: Callable[[Specimen, Rig], float]
     alike: tuple[float, float]
-    told_by: tuple[Quantity, ...] = ()
+    told_by: tuple[Observable, ...] = ()
     never_told: bool = False
 
     @property
@@ -181,7 +181,7 @@ class Effect:
     which=name)``, rather than to all or to the rig. ``explanation`` is one sentence for someone in
     the laboratory; ``finding`` what is said where it is found, as
     :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
-    to see it directly, both of them with the specimen as ``{which}``. It shows in the quantities
+    to see it directly, both of them with the specimen as ``{which}``. It shows in the observables
     ``shows_in`` alone, and, if there are none, wherever it changes something. ``family``: what it
     is one of, if others do the same. ``twice``: it may be there beside itself, at other sizes.
     """
@@ -193,7 +193,7 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     edit: Callable[..., Setup]
     on_one: bool = False
-    shows_in: tuple[Quantity, ...] = ()
+    shows_in: tuple[Observable, ...] = ()
     family: Family | None = None
     twice: bool = False
 
@@ -234,7 +234,7 @@ Use = tuple[str, tuple[float, ...], str | None]
 EFFECTS: Registry[Effect] = Registry("name")
 
 
-def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quantity, ...] = (),
+def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Observable, ...] = (),
            family: Family | None = None, twice: bool = False
            ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.

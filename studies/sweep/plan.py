@@ -24,7 +24,7 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
-from tympan.studies.sweep.asked import QUANTITIES, Ask
+from tympan.studies.sweep.asked import QUESTIONS, Ask
 from tympan.studies.sweep.reduced import in_families
 from tympan.studies.sweep.task import SweepTask, solver
 from tympan.studies.tolerance.given import Tolerances
@@ -208,11 +208,12 @@ def _ask(table: Table) -> Ask:
     """Questions on every specimen, and the circles that stand for it."""
     names = table.value("ask", [])
     if not isinstance(names, list) or len(set(map(repr, names))) < len(names):
-        raise table.error("ask", f"must be a list of different ones of {', '.join(QUANTITIES)}, "
-                                 'such as ["limits"]', names)
+        able = ", ".join(QUESTIONS.known)
+        raise table.error("ask", f'must be a list of different ones of {able}, such as ["limits"]',
+                          names)
     for name in names:
-        if not isinstance(name, str) or name not in QUANTITIES:
-            raise table.error("ask", one_of(name, QUANTITIES), name)
+        if not isinstance(name, str) or name not in QUESTIONS.known:
+            raise table.error("ask", one_of(name, QUESTIONS.known), name)
     default = AlphaSettings()
     circles = int(table.number("circles", default=default.circles, rule=WHOLE))
     radii = table.text("radii", default.radii)

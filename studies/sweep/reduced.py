@@ -24,7 +24,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, breakdown_warning, remarks_on
 from tympan.studies.films.box import Box, kind_of
 from tympan.studies.films.family import FamilyStates, FilmFamily, require_reducible
-from tympan.studies.sweep.asked import QUANTITIES, Record
+from tympan.studies.sweep.asked import QUESTIONS, Record
 from tympan.studies.sweep.family_rows import FamilyRows
 from tympan.studies.sweep.task import (
     BY_REDUCED,
@@ -67,7 +67,7 @@ class Kin:
         box = Box.of([task.specimen for task in tasks])
         forces = [force for task in tasks for force in forces_of(task)]
         voltages = [abs(voltage) for task in tasks for voltage in film_voltages_of(task)]
-        if any(QUANTITIES[name].change for name in tasks[0].ask.names):
+        if any(QUESTIONS[name].change for name in tasks[0].ask.names):
             voltages.append(0.0)
         named = zip(box.names, box.low.tolist(), box.high.tolist(), strict=True)
         return cls(replace(box.specimen, name="family"), tuple(named), (min(forces), max(forces)),
@@ -116,7 +116,7 @@ def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
 
 def _cost(task: SweepTask) -> int:
     """Equilibria that cost as much as what a family may answer of a task."""
-    answers = [QUANTITIES[name].equilibria for name in task.ask.names]
+    answers = [QUESTIONS[name].equilibria for name in task.ask.names]
     return _MESH + len(task.ids) * (1 + sum(answers))
 
 
@@ -128,7 +128,7 @@ def kin_id(kin: Kin) -> str:
 def _reducible(task: SweepTask) -> bool:
     """Whether a reduced film has all that is asked of a task."""
     specimen = task.specimen
-    asked = [QUANTITIES[name] for name in task.ask.names]
+    asked = [QUESTIONS[name] for name in task.ask.names]
     if task.fields or task.figures or any(
             quantity.of_states and quantity.by_family is None for quantity in asked):
         return False
@@ -164,7 +164,7 @@ class Batch:
                 self.tasks[0].rig, *(np.array([loads(task) for task in self.tasks])
                                      for loads in (forces_of, film_voltages_of)))
             answers = {name: answer(rows) for name in self.tasks[0].ask.names
-                       if (answer := QUANTITIES[name].by_family) is not None}
+                       if (answer := QUESTIONS[name].by_family) is not None}
             made = _rows(self.tasks, family, rows.states)
             sure = rows.sure
             for films in answers.values():

@@ -13,17 +13,11 @@ from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
 from tympan.studies.films.first_limits import KINDS, label_of
 from tympan.studies.films.loaded import FamilyFilms
-from tympan.studies.wanted import Bound
+from tympan.studies.wanted import LIMIT, QUANTITIES, Bound
 
-#: What is told of the films, by key: words, unit of the bench, and what an SI number is of it.
-QUANTITIES = {
-    "deflection_m": ("deflection", "mm", 1e3),
-    "stroke_m": ("stroke", "mm", 1e3),
-    "blocked_force_N": ("blocked force", "mN", 1e3),
-    "capacitance_F": ("capacitance", "pF", 1e12),
-    "frequency_Hz": ("frequency", "Hz", 1.0),
-    "limit_V": ("first limit", "kV", 1e-3),
-}
+#: Quantities whose distributions are printed, by their columns.
+SPREAD = {QUANTITIES[name].column: QUANTITIES[name] for name in (
+    "deflection", "stroke", "blocked_force", "capacitance", "frequency", LIMIT)}
 
 
 @dataclass(frozen=True, kw_only=True)

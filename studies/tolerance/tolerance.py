@@ -23,7 +23,7 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Copies, Scattered
 from tympan.studies.tolerance.given import Cause, Tolerances, causes
 from tympan.studies.tolerance.result import (
-    QUANTITIES,
+    SPREAD,
     Chance,
     FilmFailure,
     FilmLimits,
@@ -34,7 +34,7 @@ from tympan.studies.tolerance.result import (
     WantedBound,
 )
 from tympan.studies.tolerance.shares import Design
-from tympan.studies.wanted import BREAKDOWN, LIMIT, SCATTERING, TENSION, Bound
+from tympan.studies.wanted import BREAKDOWN, LIMIT, TENSION, Bound, scattering
 
 _FILMS: Rule = (lambda x: 100 <= x <= 1_000_000,
                 "must be a whole number from 100 to 1000000")
@@ -95,9 +95,10 @@ class ToleranceCase:
         causes(self.specimen, self.tolerances)
         for bound in self.wanted:
             if not bound.quantity.scatters:
-                raise InputError("must be of what differs between films, one of "
-                                 f"{', '.join(SCATTERING)}: {bound.name} is judged by its nominal "
-                                 "value, in tympan design", key="want", given=bound.text)
+                able = ", ".join(scattering())
+                raise InputError(f"must be of what differs between films, one of {able}: "
+                                 f"{bound.name} is judged by its nominal value, in tympan design",
+                                 key="want", given=bound.text)
             if bound.quantity.of_plate:
                 self.specimen.needed_plate()
             if bound.name == BREAKDOWN and self.specimen.membrane.strength is None:
@@ -211,7 +212,7 @@ class Drawn:
         """Quantities of all films by key; nan of those that do not reach the voltage."""
         parts = list(map(self._solved, self.copies.parts()))
         return {key: np.concatenate([part[key] for part in parts])
-                for key in QUANTITIES if key in parts[0]}
+                for key in SPREAD if key in parts[0]}
 
     def _solved(self, copies: Copies) -> dict[str, AnyArray]:
         forces = copies.forces(self.mass)

@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.hypothesis import FACTORS, Cause, Hypothesis, with
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 #: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
 #: source.
@@ -136,7 +136,7 @@ class Evidence(Protocol):
         """Splits that hold out rows; and by kind of split the level of each row, shape (rows,)."""
         return [], {}
 
-    def tells(self, table: ReadingTable) -> set[Quantity]:
+    def tells(self, table: ReadingTable) -> set[Observable]:
         """The quantities, of those that some effects show in alone, which its rows tell."""
         return set()
 
@@ -251,7 +251,7 @@ class PreparedReadings:
         return self.table.noise.source == "assumed"
 
     @property
-    def told(self) -> set[Quantity]:
+    def told(self) -> set[Observable]:
         """The quantities, of those that some effects show in alone, which these readings tell."""
         return set().union(*(kind.tells(self.table) for kind in self.evidence))
 
