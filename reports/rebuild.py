@@ -73,10 +73,13 @@ _BY_RESULT = {f"tympan.studies.{kind.result}": kind for kind in KINDS.values()}
 
 
 def draw_result(result: Any, folder: Path) -> list[Path]:
-    """Draw a result into the folder it was saved in; answers what to look at, if anything."""
+    """Draw a result into the folder it was saved in; answers what to look at, if anything.
+
+    Its numbers have the digits of its files, so that :func:`rebuild` draws the same pictures.
+    """
     for cls in type(result).__mro__:
         if (kind := _BY_RESULT.get(f"{cls.__module__}:{cls.__qualname__}")) is not None:
-            return kind.draw(result, folder)
+            return kind.draw(getattr(result, "as_stored", lambda: result)(), folder)
     return []
 
 

@@ -41,10 +41,7 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
 
 
 def as_written(columns: Sequence[Column], values: Mapping[str, Any]) -> dict[str, Array]:
-    """SI values by column name, with the digits that :func:`write_sheet` gives them.
-
-    So a result in memory is the one that is read back, and its pictures are the same.
-    """
+    """SI values by column name, as :func:`read_own_sheet` reads what :func:`write_sheet` writes."""
     table = {}
     for column in columns:
         array = np.asarray(values[column.name])

@@ -146,6 +146,10 @@ class SpecimenResult:
         if self.force is not None:
             self.force.save(folder / "forces")
 
+    def as_stored(self) -> SpecimenResult:
+        """The result with the digits of its files."""
+        return replace(self, lines=as_written(LINES, self.lines), curves=self.curves.as_stored())
+
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
         """Result with what :meth:`save` wrote; ``key`` is its own in study.json."""
         name = self.name
@@ -205,6 +209,10 @@ class StudyResult:
             specimen.save(folder)
         write_json(folder / "alpha.json", [result.record() for result in self.alphas])
         write_json(folder / "study.json", self.json())
+
+    def as_stored(self) -> StudyResult:
+        """The result with the digits of its files."""
+        return replace(self, specimens=tuple(item.as_stored() for item in self.specimens))
 
     @classmethod
     def load(cls, folder: Path) -> StudyResult:
@@ -364,8 +372,7 @@ def _lines(model: Model, state: State) -> Columns:
         distance, fields = line_profile(model, state, line)
         parts.append({**vars(fields), "line": np.full(len(distance), line), "distance": distance,
                       "deflection": fields.displacement[:, 2], "field": fields.electric_field})
-    return as_written(LINES, {column.name: np.concatenate([part[column.name] for part in parts])
-                              for column in LINES})
+    return {column.name: np.concatenate([part[column.name] for part in parts]) for column in LINES}
 
 
 def _loads(table: Table, key: str) -> LoadGrid | None:

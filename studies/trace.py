@@ -20,7 +20,7 @@ from tympan.fem.toml_writer import specimen_content, toml
 from tympan.fem.transient.dense_output import spline
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Warnings
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.film_surface import FilmSurface, save_series
 from tympan.studies.signals import Signal, nominal
@@ -40,13 +40,11 @@ _MOST = 1_000_000
 #: How long before a jump at once the rest is sampled, over the interval of samples.
 _EARLY = 1e-3
 
-#: Columns of transient.csv.
-COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"), Column("t", "s"),
-           Column("voltage", "kV"), Column("displacement", "mm"),
-           Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
-           Column("current", "uA", required=False))
-#: Columns of hysteresis.csv.
-LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
+_COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
+            Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"),
+            Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
+            Column("current", "uA", required=False))
+_LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,11 +242,11 @@ class Response:
         content = read_json(file)
         if not isinstance(content, dict) or not content.get("responses"):
             raise InputError(f"is not of {cls.writer}: run it again", file=file)
-        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", COLUMNS)).dropna(
+        samples = pd.DataFrame(read_own_sheet(folder / "transient.csv", _COLUMNS)).dropna(
             axis="columns", how="all")
         loops: dict[Any, pd.DataFrame] = {}
         if (folder / "hysteresis.csv").exists():
-            periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", LOOP_COLUMNS))
+            periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS))
             loops = dict(iter(periods.groupby("specimen")))
         listed = from_json(tuple[Any, ...], content["responses"], file, "responses")
         numbers = (from_json(cls, item, file, f"responses[{place}]")
@@ -297,14 +295,27 @@ class Responses:
         remove(folder, first.file, "hysteresis.csv")
         samples = pd.concat([response.samples for response in self.responses])
         write_sheet(folder / "transient.csv",
-                    [column for column in COLUMNS if column.name in samples], samples)
+                    [column for column in _COLUMNS if column.name in samples], samples)
         loops = [response.loop.assign(specimen=response.specimen) for response in self.responses
                  if response.loop is not None]
         if loops:
-            write_sheet(folder / "hysteresis.csv", LOOP_COLUMNS, pd.concat(loops))
+            write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
         if self.specimens:
             with suppress(InputError):  # a dataset that is there already stays as it is
                 write_text(folder / "dataset.toml", toml({
                     "name": "simulated", "source": first.writer, "rig": write(self.rig),
                     "specimen": [specimen_content(specimen) for specimen in self.specimens]}))
         write_json(folder / first.file, self.json())
+
+    def as_stored(self) -> Responses:
+        """The result with the digits of its files."""
+        return replace(self, responses=tuple(
+            replace(response, samples=_as_written(response.samples, _COLUMNS),
+                    loop=None if response.loop is None
+                    else _as_written(response.loop, _LOOP_COLUMNS))
+            for response in self.responses))
+
+
+def _as_written(table: pd.DataFrame, columns: Sequence[Column]) -> pd.DataFrame:
+    there = [column for column in columns if column.name in table]
+    return pd.DataFrame(as_written(there, table))

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.columns import as_written
-from tympan.studies.trace import COLUMNS, LOOP_COLUMNS, Response, Responses
+from tympan.studies.trace import Response, Responses
 
 #: Height of the axis of the voltage [mm].
 _VOLTAGE = 22.0
@@ -21,11 +20,6 @@ _RESPONSE = 60.0
 _POINTS = 20_000
 #: Loops beside each other, and columns of a legend.
 _COLUMNS = 3
-
-#: Columns of the samples that are drawn.
-_SHOWN = [column for column in COLUMNS if column.name in ("t", "voltage", "displacement")]
-#: Columns of a loop that are drawn.
-_LOOP = [column for column in LOOP_COLUMNS if column.name in ("voltage", "deflection")]
 
 _BEFORE = 0.03  # of the time shown: how much is seen before a signal
 _ARROWS = (0.125, 0.625)  # where along a loop its direction is shown
@@ -46,7 +40,8 @@ def _responses(responses: Sequence[Response]) -> Figure:
     for number, item in enumerate(responses):
         count = len(item.samples)
         thin = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
-        time, voltage, reading = as_written(_SHOWN, item.samples.iloc[thin]).values()
+        samples = item.samples[["t", "voltage", "displacement"]]
+        time, voltage, reading = samples.to_numpy()[thin].T
         below.plot(time, 1e3 * reading, color=style.colour_of(number), linewidth=0.8,
                    label=_label(item))
         if number == 0:
@@ -67,13 +62,13 @@ def _loops(responses: Sequence[Response]) -> Figure:
     loops = [(item, item.loop) for item in responses if item.loop is not None]
     columns = min(len(loops), _COLUMNS)
     figure, panels = style.panels(len(loops), columns, _RESPONSE)
-    for number, (axes, (item, samples)) in enumerate(zip(panels, loops, strict=True)):
-        loop = as_written(_LOOP, samples)
+    for number, (axes, (item, loop)) in enumerate(zip(panels, loops, strict=True)):
         axes.plot(1e-3 * loop["voltage"], 1e3 * loop["deflection"],
                   color=style.colour_of(number), linewidth=0.8)
         for share in _ARROWS:
-            at = int(share * (len(samples) - 2))
-            (u, v), (y, z) = (loop[name][at:at + 2] for name in ("voltage", "deflection"))
+            at = int(share * (len(loop) - 2))
+            (u, v), (y, z) = (loop[name].to_numpy()[at:at + 2]
+                              for name in ("voltage", "deflection"))
             axes.annotate("", (1e-3 * v, 1e3 * z), (1e-3 * u, 1e3 * y),
                           arrowprops={"arrowstyle": "-|>", "color": style.colour_of(number)})
         style.describe(axes, "voltage (kV)", "" if number % columns else "displacement (mm)",

@@ -12,7 +12,6 @@ from tympan.base.arrays import Array, Columns
 from tympan.base.errors import InputError
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.specimen import Specimen
-from tympan.studies.columns import as_written
 from tympan.studies.data.checks import dataset_warnings, findings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import stated_noise
@@ -231,8 +230,7 @@ class Conclusions:
             loaded_films=tuple(loaded_films(self.films, self.extended)) if films else (),
             coupon_reading=None if self.simulation.loaded else self.dataset.coupon_reading,
             unit=unit.name,
-            tables={name: as_written(result.TABLES[name], table)
-                    for name, table in self._tables()},
+            tables=dict(self._tables()),
             extended=self._extended_files(),
             coupons=None if self.coupons is None else self.coupons.diagnosis())
 

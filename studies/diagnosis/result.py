@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from tympan.base.arrays import Columns
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.data.checked_runs import Hum, LateRun
 from tympan.studies.data.coupon import MODES
 from tympan.studies.data.findings import Finding
@@ -457,6 +457,13 @@ class Diagnosis:
         for name, text in self.extended.items():
             write_text(folder / _EXTENDED / name, text)
         write_json(folder / "diagnosis.json", self.json())
+
+    def as_stored(self) -> Diagnosis:
+        """The result with the digits of its files."""
+        return replace(
+            self, tables={name: as_written(TABLES[name], table)
+                          for name, table in self.tables.items()},
+            coupons=None if self.coupons is None else self.coupons.as_stored())
 
     @classmethod
     def load(cls, folder: Path) -> Diagnosis:

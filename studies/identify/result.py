@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -59,10 +59,9 @@ class IdentifyResult:
            dynamic: DynamicFit | None) -> IdentifyResult:
         fits = {}
         if static is not None:
-            fits["static"] = Fitted(_written("static", _at_rest(static)), static.judgement)
+            fits["static"] = Fitted(_at_rest(static), static.judgement)
         if dynamic is not None:
-            fits["dynamic"] = Fitted(_written("dynamic", _responses(dynamic)), dynamic.judgement,
-                                     dynamic.fast)
+            fits["dynamic"] = Fitted(_responses(dynamic), dynamic.judgement, dynamic.fast)
         return cls(numbers, fits)
 
     def json(self) -> dict[str, Any]:
@@ -81,6 +80,12 @@ class IdentifyResult:
                    "profiles": to_json(fit.determined.profiles)}
             for name, fit in self.fits.items()})
         write_json(folder / "identify.json", self.json())
+
+    def as_stored(self) -> IdentifyResult:
+        """The result with the digits of its files."""
+        return IdentifyResult(self.numbers, {
+            name: replace(fit, readings=pd.DataFrame(as_written(_COLUMNS[name], fit.readings)))
+            for name, fit in self.fits.items()})
 
     @classmethod
     def load(cls, folder: Path) -> IdentifyResult:
@@ -102,11 +107,6 @@ class IdentifyResult:
             sheet = read_own_sheet(folder / _SHEETS[name], _COLUMNS[name])
             fits[name] = Fitted(pd.DataFrame(sheet), determined, content["radian_s"])
         return cls(numbers, fits)
-
-
-def _written(name: str, readings: pd.DataFrame) -> pd.DataFrame:
-    """Readings of a fit with the digits of its sheet."""
-    return pd.DataFrame(as_written(_COLUMNS[name], readings))
 
 
 def _at_rest(fit: StaticFit) -> pd.DataFrame:

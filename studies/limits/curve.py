@@ -92,6 +92,10 @@ class CurveResult(SpecimenRecord):
         super().save(folder)
         write_sheet(folder / f"{self.specimen}-curve.csv", CURVES, self.table)
 
+    def as_stored(self) -> Self:
+        """The result with the digits of its file."""
+        return replace(self, table=as_written(CURVES, self.table))
+
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:
         result = super().load(folder, name)
@@ -127,10 +131,9 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
             progress(f"{specimen.name}: {mass * 1e3:g} g, {result.voltage_V / 1e3:g} kV")
             cells.append(_row(True, result, ascent))
     heaviest = Case.greatest(specimen, masses, voltages, rig)
-    table = as_written(CURVES, {
-        column.name: np.array([row[number] for row in cells],
-                              float if column.choices is None else str)
-        for number, column in enumerate(CURVES)})
+    table = {column.name: np.array([row[number] for row in cells],
+                                   float if column.choices is None else str)
+             for number, column in enumerate(CURVES)}
     return CurveResult(specimen=specimen.name, curves=tuple(curves), dofs=dofs,
                        wall_s=time.perf_counter() - began, warnings=heaviest.remarks, table=table)
 

@@ -373,9 +373,8 @@ class BuildResult:
                    "fitted_masses_kg": list(chosen.fit.masses),
                    "fitted_voltages_V": list(chosen.fit.voltages),
                    "built": [built.json() for built in models]}
-        statics = pd.concat([built.statics for built in models], ignore_index=True)
         return cls(numbers, tuple(built.model for built in models),
-                   pd.DataFrame(as_written(_COLUMNS, statics)))
+                   pd.concat([built.statics for built in models], ignore_index=True))
 
     def json(self) -> dict[str, Any]:
         return self.numbers
@@ -390,6 +389,10 @@ class BuildResult:
         for model in self.models:
             write_model(folder / f"{model.specimen.name}.lumped.toml", model)
         write_json(folder / "build.json", self.numbers)
+
+    def as_stored(self) -> BuildResult:
+        """The result with the digits of its file."""
+        return replace(self, statics=pd.DataFrame(as_written(_COLUMNS, self.statics)))
 
     @classmethod
     def load(cls, folder: Path) -> BuildResult:

@@ -83,6 +83,11 @@ class MaterialFitResult:
             write_text(folder / "material.toml", self.numbers["material_toml"])
         write_json(folder / "fit.json", self.numbers)
 
+    def as_stored(self) -> MaterialFitResult:
+        """The result with the digits of its files."""
+        histories = None if self.histories is None else as_written(HISTORIES, self.histories)
+        return replace(self, curves=as_written(CURVES, self.curves), histories=histories)
+
     @classmethod
     def load(cls, folder: Path) -> MaterialFitResult:
         """Load a saved fit."""
@@ -162,7 +167,7 @@ def _fitted_in_time(coupons: Coupons, fits: Sequence[BranchFit]) -> MaterialFitR
     timed = np.isfinite(coupons.time)
     histories = coupons[timed].columns | {"fitted_stress": best.stress[timed],
                                           "half_band": best.half[timed]}
-    return replace(result, histories=as_written(HISTORIES, histories))
+    return replace(result, histories=histories)
 
 
 def _fitted(coupons: Coupons, fits: Sequence[LawFit], at_rest: bool = False) -> MaterialFitResult:
@@ -196,4 +201,4 @@ def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, Array]:
             columns = (*(np.full(_POINTS, label) for label in labels), stretch, stress, half)
             for name, column in zip(parts, columns, strict=True):
                 parts[name].append(column)
-    return as_written(CURVES, {name: np.concatenate(columns) for name, columns in parts.items()})
+    return {name: np.concatenate(columns) for name, columns in parts.items()}

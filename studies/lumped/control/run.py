@@ -16,7 +16,6 @@ from tympan.base.fields import Key, asks
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.fem.rig import Rig
 from tympan.studies.case import Settings
-from tympan.studies.columns import as_written
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method
@@ -29,7 +28,6 @@ from tympan.studies.lumped.control.plants import (
     creeping_circles,
 )
 from tympan.studies.lumped.control.result import (
-    COLUMNS,
     ControlledFilm,
     ControlResult,
     ControlStep,
@@ -258,10 +256,10 @@ def _controlled(chosen: ChosenActuators, actuator: Actuator, model: LumpedModel 
         sensed=sensed, disturbance=_disturbed(controller, actuator, begin, settings, sensed),
         warnings=(*chosen.remarks, *([] if model else origin(actuator)), *actuator.rig.in_motion,
                   *actuator.case(settings.supply).remarks),
-        samples=pd.DataFrame(as_written(COLUMNS, {
-            "specimen": np.full(len(time), actuator.specimen.name), "t": time, "wanted": wanted,
+        samples=pd.DataFrame({
+            "specimen": actuator.specimen.name, "t": time, "wanted": wanted,
             "displacement": run.deflection, "voltage": run.voltage,
-            "open_displacement": free.deflection, "open_voltage": free.voltage})))
+            "open_displacement": free.deflection, "open_voltage": free.voltage}))
 
 
 def _sensed(actuator: Actuator, controller: Controller) -> Inverse:
