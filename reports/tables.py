@@ -26,8 +26,6 @@ from tympan.studies.lumped.build import BuildResult
 from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.lumped.linear import LinearResult
 from tympan.studies.material.result import MaterialFitResult
-from tympan.studies.modes import ModesResult
-from tympan.studies.path import PathResult
 from tympan.studies.response import ResponseResult
 from tympan.studies.sense import SenseResult
 from tympan.studies.sensitivity import SensitivityResult
@@ -133,38 +131,16 @@ def _shown(result: object) -> tuple[pd.DataFrame, int | None]:
 
 @singledispatch
 def table(result: object) -> pd.DataFrame:
-    """The table of one kind of result; each kind registers its own."""
-    raise TypeError(f"there is no table of {type(result).__name__}")
+    """The table of a result: its ``rows``, unless its kind registers another."""
+    rows: Mapping[str, Array] | None = getattr(result, "rows", None)
+    if rows is None:
+        raise TypeError(f"there is no table of {type(result).__name__}")
+    return pd.DataFrame(rows)
 
 
 @table.register
 def _(result: CaseResult) -> Any:
     return pd.DataFrame([result.json() | {"warnings": " | ".join(result.warnings)}])
-
-
-@table.register
-def _(result: LimitsResult) -> Any:
-    return pd.DataFrame([{"specimen": result.specimen, "mass_kg": result.mass_kg,
-                          **asdict(limit)} for limit in result.limits.told])
-
-
-@table.register
-def _(result: ResponseResult) -> Any:
-    return pd.DataFrame({name: getattr(result, name) for name in (
-        "frequency_Hz", "amplitude_m_per_V", "phase_deg", "film_voltage_V_per_V")})
-
-
-@table.register
-def _(result: PathResult) -> Any:
-    return pd.DataFrame([asdict(station) for station in result.stations])
-
-
-@table.register
-def _(result: ModesResult) -> Any:
-    return pd.DataFrame([{"name": mode.name, "frequency_Hz": mode.frequency_Hz,
-                    "growth_per_s": mode.growth_per_s, "film_share": mode.film_share}
-                   | {f"plate_share_{axis}": share for axis, share in mode.plate_share.items()}
-                   for mode in result.modes])
 
 
 @table.register
@@ -176,11 +152,9 @@ def _(result: Responses) -> Any:
 
 @table.register
 def _(result: SensitivityResult) -> Any:
-    return pd.DataFrame([{"quantity": quantity, "parameter": parameter, "unit": answer.unit,
-                    "value": answer.value, "derivative": answer.derivative,
-                    "elasticity": answer.elasticity}
-                   for quantity, answers in result.quantities.items()
-                   for parameter, answer in answers.by.items()])
+    return pd.DataFrame([{"quantity": quantity, "parameter": parameter, "unit": answer.unit}
+                         | asdict(answer) for quantity, answers in result.quantities.items()
+                         for parameter, answer in answers.by.items()])
 
 
 @table.register
@@ -205,23 +179,6 @@ def _(result: StudyResult) -> Any:
 @table.register
 def _(result: CurveResult) -> Any:
     return pd.DataFrame(dict(result.table))
-
-
-@table.register
-def _(result: ForceResult) -> Any:
-    units = {"voltage": "V", "displacement": "m", "force": "N", "stiffness": "N_per_m",
-             "capacitance": "F", "max_true_stress": "Pa"}
-    return pd.DataFrame(result.table).rename(
-        columns={name: f"{name}_{unit}" for name, unit in units.items()})
-
-
-@table.register
-def _(result: SenseResult) -> Any:
-    units = {"voltage": "V", "capacitance": "F", "displacement": "m", "force": "N",
-             "by_polynomial": "m", "per_capacitance": "m_per_F", "per_percent_prestretch": "m",
-             "per_percent_permittivity": "m"}
-    return pd.DataFrame(result.table).rename(
-        columns={name: f"{name}_{unit}" for name, unit in units.items()})
 
 
 @table.register

@@ -48,6 +48,7 @@ from tympan.studies.case import (
     failure_reason,
     mounted_place,
 )
+from tympan.studies.columns import rows_of
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
 
@@ -181,6 +182,11 @@ class PathResult(CaseRecord):
     warnings: Warnings
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
     films: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each station."""
+        return rows_of(self.stations)
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``.

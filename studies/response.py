@@ -27,6 +27,7 @@ from tympan.studies.case import (
     equilibrate,
     failure_reason,
 )
+from tympan.studies.columns import lists_of
 from tympan.studies.modes import carried
 
 #: How many frequencies are asked where none are given.
@@ -71,6 +72,11 @@ class ResponseResult(CaseRecord):
     dofs: Unknowns
     wall_s: WallTime
     warnings: Warnings
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each frequency."""
+        return lists_of(self)
 
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),

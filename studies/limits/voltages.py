@@ -43,6 +43,7 @@ from tympan.studies.case import (
     mounted_place,
     solve,
 )
+from tympan.studies.columns import rows_of
 from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 
@@ -131,6 +132,11 @@ class LimitsResult(SpecimenRecord):
         """Result as a JSON object: the limits stand beside specimen and mass."""
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, **to_json(self.limits),
                 "stroke_m": self.stroke_m, "warnings": list(self.warnings)}
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each limit."""
+        return rows_of(self.limits.told, specimen=self.specimen, mass_kg=self.mass_kg)
 
     @classmethod
     def of(cls, case: Case, settings: Settings, beyond: bool = False) -> LimitsResult:
