@@ -174,6 +174,8 @@ class SpecimenRecord:
     #: Of files an earlier run may have left, and of the pictures among them.
     kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")
     drawn: ClassVar[tuple[str, ...]] = ()
+    #: Columns of its rows that are dimensions where xarray has them: what was varied.
+    indexed: ClassVar[tuple[str, ...]] = ()
 
     specimen: Annotated[str, Key("name of the specimen")]
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
@@ -182,6 +184,15 @@ class SpecimenRecord:
         """Record as a JSON object, without films."""
         record: dict[str, Any] = to_json(self)
         return record
+
+    @property
+    def rows(self) -> Any:
+        """Rows of its tables, as pandas reads them: one with all that is printed, unless it lists.
+
+        Names of columns end in SI units.
+        """
+        record = self.json()
+        return [record | {key: " | ".join(record[key]) for key in ("warnings",) if key in record}]
 
     @property
     def pictures(self) -> tuple[str, ...]:

@@ -48,13 +48,18 @@ def _cells(cls: Any) -> tuple[tuple[str, bool], ...]:
     return tuple(found)
 
 
+def cells_of(record: Any) -> dict[str, Any]:
+    """The fields of a record that hold one number or text, by their names."""
+    return {name: getattr(record, name) for name, several in _cells(type(record)) if not several}
+
+
 def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
     """A row for each record: its fields that hold one number or text, by their names.
 
     Names of numbers end in their SI units. None is nan. What is the ``same`` in all rows comes
     first.
     """
-    return _rows(records, same, [_single(record) for record in records])
+    return _rows(records, same, [cells_of(record) for record in records])
 
 
 def lists_of(record: Any) -> dict[str, Array]:
@@ -71,13 +76,9 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
     rows: list[dict[str, Any]] = []
     for record in records:
         lists = {name: getattr(record, name) for name, several in _cells(type(record)) if several}
-        rows += [_single(record) | dict(zip(lists, entry, strict=True))
+        rows += [cells_of(record) | dict(zip(lists, entry, strict=True))
                  for entry in zip(*lists.values(), strict=True)]
     return _rows(records, same, rows, lists=True)
-
-
-def _single(record: Any) -> dict[str, Any]:
-    return {name: getattr(record, name) for name, several in _cells(type(record)) if not several}
 
 
 def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],

@@ -54,6 +54,7 @@ class ResponseResult(CaseRecord):
 
     ending = "-response"
     writer = "tympan response -o"
+    indexed = ("frequency_Hz",)
     kinds = ("json",)
     drawn = ("png", "svg")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from math import isfinite
 from typing import Annotated, Any
 
@@ -72,11 +72,19 @@ class SensitivityResult(CaseRecord):
 
     ending = "-sensitivity"
     writer = "tympan sensitivity"
+    indexed = ("quantity", "parameter")
 
     status: Existence
     quantities: Annotated[dict[str, Answers], Key("quantities by "
                                                   "their names")] = field(default_factory=dict)
     warnings: Warnings = ()
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each quantity and parameter."""
+        return [{"quantity": quantity, "parameter": parameter, "unit": answer.unit}
+                | asdict(answer) for quantity, answers in self.quantities.items()
+                for parameter, answer in answers.by.items()]
 
 
 def sensitivity(case: Case, settings: Settings,

@@ -194,6 +194,16 @@ class StudyResult:
     specimens: tuple[SpecimenResult, ...]
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The rows of all curves, with the names of their specimens."""
+        tables = [specimen.curves.table for specimen in self.specimens]
+        names = [np.full(len(table["mass"]), specimen.name, dtype=object)
+                 for specimen, table in zip(self.specimens, tables, strict=True)]
+        return {"specimen": np.concatenate(names)} | {
+            column.name: np.concatenate([table[column.name] for table in tables])
+            for column in CURVES}
+
     def json(self) -> dict[str, Any]:
         """Study as a JSON object, without α."""
         record: dict[str, Any] = to_json(self)

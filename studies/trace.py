@@ -268,6 +268,13 @@ class Responses:
     rig: Rig = Rig()
 
     @property
+    def rows(self) -> pd.DataFrame:
+        """The samples of all responses."""
+        samples = pd.concat([response.samples for response in self.responses], ignore_index=True)
+        return samples.rename(columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
+                                       "displacement": "displacement_m"})
+
+    @property
     def films(self) -> tuple[Mapping[float, FilmSurface], ...]:
         """Surfaces of each film by time [s]."""
         return tuple(response.films for response in self.responses)

@@ -9,10 +9,10 @@ diagnosis has, with no other effect beside them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from scipy.special import chdtrc
@@ -108,6 +108,8 @@ class FittedForm:
 class FilmFit:
     """Result of ``material fit`` on a dataset; ``files`` are specimens by name."""
 
+    indexed: ClassVar[tuple[str, ...]] = ("constant",)
+
     dataset: Annotated[str, Key("name of the dataset")]
     readings: Annotated[int, Key("how many were fitted: means of blocks of samples and others")]
     stiffness_factor: Annotated[Factor, Key("on the law of every film")]
@@ -122,6 +124,12 @@ class FilmFit:
     not_told: Annotated[tuple[str, ...], Key("what these readings do not tell, in sentences")]
     warnings: Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
     files: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each constant."""
+        return [{"constant": name, "unit": unit, **asdict(size)}
+                for name, unit, size in self.constants]
 
     @property
     def constants(self) -> list[tuple[str, str, Factor | FittedConstant]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -430,6 +430,13 @@ class Diagnosis:
     tables: Mapping[str, Columns] = field(default_factory=dict, repr=False, compare=False)
     extended: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
     coupons: Diagnosis | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each parameter of each cause."""
+        return [{"effect": cause.effect, "which": cause.which, "probability": cause.probability,
+                 "parameter": name, **asdict(size)}
+                for cause in self.causes for name, size in cause.parameters.items()]
 
     @property
     def said(self) -> str:

@@ -163,6 +163,7 @@ class ForceResult(SpecimenRecord):
 
     ending = "-force"
     writer = "tympan force"
+    indexed = ("voltage_V", "displacement_m")
     kinds = ("csv", "json")
     drawn = ("png", "svg")
 

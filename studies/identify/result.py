@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,12 @@ class IdentifyResult:
 
     numbers: dict[str, Any]
     fits: dict[str, Fitted]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each constant of each fit."""
+        return [{"fit": kind, **asdict(constant)} for kind, fit in self.fits.items()
+                for constant in fit.determined.constants]
 
     @classmethod
     def of(cls, numbers: dict[str, Any], static: StaticFit | None,

@@ -78,6 +78,7 @@ class CurveResult(SpecimenRecord):
 
     ending = "-curve"
     writer = "tympan curve"
+    indexed = ("specimen", "mass", "voltage")
     kinds = ("csv", "json")
     drawn = ("png", "svg")
 
@@ -86,6 +87,11 @@ class CurveResult(SpecimenRecord):
     wall_s: WallTime
     warnings: Warnings = ()
     table: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def rows(self) -> Mapping[str, Array]:
+        """The table: a row for each voltage of each mass."""
+        return self.table
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-curve.csv`` and ``.json``."""

@@ -121,6 +121,7 @@ class LimitsResult(SpecimenRecord):
 
     ending = "-limits"
     writer = "tympan limits"
+    indexed = ("kind",)
     kinds = ("json",)
 
     mass_kg: float

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -355,9 +355,17 @@ class BuildResult:
     loads in SI.
     """
 
+    indexed: ClassVar[tuple[str, ...]] = ("specimen", "mass_kg", "voltage_V")
+
     numbers: dict[str, Any]
     models: tuple[LumpedModel, ...]
     statics: pd.DataFrame
+
+    @property
+    def rows(self) -> pd.DataFrame:
+        """A row for each load."""
+        return self.statics.drop(columns="fitted").rename(
+            columns={"mass": "mass_kg", "voltage": "voltage_V"})
 
     @classmethod
     def built(cls, specimens: Sequence[Specimen], settings: Settings, chosen: BuildSettings,

@@ -65,6 +65,12 @@ class MaterialFitResult:
     curves: Mapping[str, Array]
     histories: Mapping[str, Array] | None = None
 
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The laws' curves."""
+        units = {"nominal_stress": "nominal_stress_Pa", "half_band": "half_band_Pa"}
+        return {units.get(name, name): values for name, values in self.curves.items()}
+
     def json(self) -> dict[str, Any]:
         """Result as a JSON object."""
         return self.numbers

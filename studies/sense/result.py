@@ -55,6 +55,7 @@ class SenseResult(SpecimenRecord):
 
     ending = "-sense"
     writer = "tympan sense"
+    indexed = ("voltage_V", "displacement_m")
     kinds = ("csv", "json", "c")
     drawn = ("png", "svg")
 

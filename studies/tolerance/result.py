@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from tympan.base.arrays import Mask
 from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
+from tympan.studies.columns import cells_of
 from tympan.studies.films.first_limits import KINDS, label_of
 from tympan.studies.films.loaded import FamilyFilms
 from tympan.studies.wanted import LIMIT, QUANTITIES, Bound
@@ -199,6 +200,7 @@ class ToleranceResult(CaseRecord):
 
     ending = "-tolerance"
     writer = "tympan tolerance"
+    indexed = ("quantity",)
     kinds = ("json",)
     drawn = ("png", "svg")
 
@@ -224,3 +226,15 @@ class ToleranceResult(CaseRecord):
     made_s: Annotated[float, Key("time that making the family of films took, of wall_s")]
     wall_s: WallTime
     warnings: Warnings = ()
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each quantity, with the shares that tolerances have in its variance."""
+        rows = []
+        for name, spread in self.quantities.items():
+            cells = cells_of(spread)
+            shares = {f"share_{share.label.replace(', ', '_')}": share.alone
+                      for share in spread.shares}
+            last = {"interactions": cells.pop("interactions")}
+            rows.append({"quantity": name, **cells, **shares, **last})
+        return rows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -151,6 +151,12 @@ class ControlResult:
 
     films: tuple[ControlledFilm, ...]
     fmu: bool = False
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each step of each actuator."""
+        return [{"specimen": film.specimen, **asdict(step)}
+                for film in self.films for step in film.steps]
 
     def json(self) -> dict[str, Any]:
         """Closed loops as a JSON object, without samples."""
