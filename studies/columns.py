@@ -32,9 +32,14 @@ _OWN = 4 * STORED
 _NUMBERS = frozenset((float, int, bool))
 
 
-@cache
-def _cells(cls: Any) -> tuple[tuple[str, bool], ...]:
+def _kinds(record: Any) -> tuple[tuple[str, bool], ...]:
     """Fields of a record that hold a number or a text, or a list of numbers, and which it is."""
+    cls: Any = type(record)
+    return _kinds_of(cls)
+
+
+@cache
+def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
     found = []
     for item in fields_of(cls):
         origin, kinds = get_origin(item.item), {item.item}
@@ -50,7 +55,7 @@ def _cells(cls: Any) -> tuple[tuple[str, bool], ...]:
 
 def cells_of(record: Any) -> dict[str, Any]:
     """The fields of a record that hold one number or text, by their names."""
-    return {name: getattr(record, name) for name, several in _cells(type(record)) if not several}
+    return {name: getattr(record, name) for name, several in _kinds(record) if not several}
 
 
 def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
@@ -65,7 +70,7 @@ def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
 def lists_of(record: Any) -> dict[str, Array]:
     """The lists of numbers of a record by the names of their fields; None is nan."""
     return {name: _column(list(getattr(record, name)))
-            for name, several in _cells(type(record)) if several}
+            for name, several in _kinds(record) if several}
 
 
 def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
@@ -75,7 +80,7 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
     """
     rows: list[dict[str, Any]] = []
     for record in records:
-        lists = {name: getattr(record, name) for name, several in _cells(type(record)) if several}
+        lists = {name: getattr(record, name) for name, several in _kinds(record) if several}
         rows += [cells_of(record) | dict(zip(lists, entry, strict=True))
                  for entry in zip(*lists.values(), strict=True)]
     return _rows(records, same, rows, lists=True)
@@ -84,7 +89,7 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
 def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],
           lists: bool = False) -> dict[str, Array]:
     """Columns of rows; those of one kind of record are the same where there are no rows."""
-    names = [name for record in records[:1] for name, several in _cells(type(record))
+    names = [name for record in records[:1] for name, several in _kinds(record)
              if lists or not several]
     columns = {name: [value] * len(rows) for name, value in same.items()}
     columns |= {name: [row[name] for row in rows] for name in names}

@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key, fields_of
+from tympan.base.fields import Printed, fields_of
 from tympan.base.process.folder import (
     is_own,
     put,
@@ -159,10 +159,13 @@ def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, bool], ...]:
 
     Fields that take no part in comparisons stand in files of their own and are left out.
     """
-    keys = {field.name: field.says for field in fields_of(cls)}
-    plain = Key("")
-    return tuple((item.name, keys.get(item.name, plain).spelled(item.name, unit),
-                  keys.get(item.name, plain).may_miss) for item in fields(cls) if item.compare)
+    declared = {field.name: field.printed for field in fields_of(cls)}
+    found = []
+    for item in fields(cls):
+        if item.compare:
+            printed = declared.get(item.name, Printed())
+            found.append((item.name, printed.spelled(item.name, unit), printed.may_miss))
+    return tuple(found)
 
 
 def to_json(value: Any, unit: str = "") -> Any:

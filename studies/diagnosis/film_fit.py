@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
+from tympan.base.fields import MAY_MISS, Key
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.specimen import Material
 from tympan.studies.data.dataset import Dataset
@@ -117,7 +117,7 @@ class FilmFit:
     branches: Annotated[tuple[FittedBranch, ...], Key("beside the law, the fastest first")]
     law: Annotated[FittedForm | None, Key(
         "the law's constants, where they were asked for; factors, misfit and p_value beside it are "
-        "those of the law as stated", may_miss=True)] = None
+        "those of the law as stated"), MAY_MISS] = None
     misfit: Annotated[float, Key("root of χ² per degree of freedom, at least 1: limits are widened "
                                  "by it")]
     p_value: Annotated[float, Key("probability by noise alone of what the fit leaves, or more")]
