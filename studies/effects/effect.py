@@ -20,7 +20,7 @@ from tympan.studies.effects.prior import HeavyTail
 
 
 class Observable(Enum):
-    """What readings may show, by the column of the file that has it; some effects need one of them.
+    """Kinds of readings by the column of the file that has them: some effects show in one alone.
 
     ``TIME``: how readings go on, by a transient's times or by how long states were held.
     """
