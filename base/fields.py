@@ -67,25 +67,24 @@ Special = Mapping[tuple[type, str], Callable[[Table, str], Any]]
 
 @dataclass(frozen=True, eq=False)
 class Key:
-    """Content of a key of an input file, or of a result; of a result the meaning alone.
+    """Content of a key of an input file; of a result's field its meaning alone.
 
-    ``dimension`` is one of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers; ``rule``
-    the limits of a text or of every number, from a file or at a door of Python; ``made`` those
-    without which there is no such thing, also on the way of a fit: a thickness is positive;
-    ``name`` the key where it is not the
-    field's name; ``kinds`` what a table, or each of a list of tables, may be.
-    ``inline``: the kind's keys stand beside this one's.
-    ``needs`` names another key, without which (or where that is 0) this one has no place. A
-    ``discrete`` field has no derivatives. ``default`` says what a missing key means, where the
-    dataclass finds that out itself, in ``completed``. ``also``: what people write instead of the
-    key. ``doubled``: a word for twice each of its numbers, as a width is of a half extent; all of
-    them may stand in place of the key. ``repeats``: one number stands for all of a list. Of
-    results: ``choices`` are the names that a text may be; of a mapping that is ``inline`` they are
-    keys beside this one's, each with a ``meaning``. ``printed`` is the key where it is not the
-    field's name; ``in_unit``: it ends in the
-    unit that the whole result has, such as ``noise_um``; ``may_miss``: there is no key where a
-    result of its kind has no such thing, None;
-    nan is null, where there happens to be none.
+    * ``dimension``: one of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers.
+    * ``rule``: limits of a text or of every number, from a file or at a door of Python.
+    * ``made``: limits without which there is no such thing, also on the way of a fit: a thickness
+      is positive.
+    * ``name``: the key, where it is not the field's name.
+    * ``kinds``: what a table, or each of a list of tables, may be.
+    * ``inline``: the kind's keys stand beside this one's.
+    * ``needs``: another key. Without it, or where it is 0, this one has no place.
+    * ``discrete``: the field has no derivatives.
+    * ``least``: fewest numbers or points of a list.
+    * ``default``: what a missing key means, where the dataclass finds that out itself, in
+      ``completed``.
+    * ``also``: what people write instead of the key.
+    * ``doubled``: a word for twice each of its numbers, as a width is of a half extent. All of
+      these words may stand in place of the key.
+    * ``repeats``: one number stands for all of a list.
     """
 
     meaning: str
@@ -101,26 +100,51 @@ class Key:
     also: tuple[str, ...] = ()
     doubled: tuple[str, ...] = ()
     repeats: bool = False
-    printed: str = ""
+    made: Rule | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Printed:
+    """Key of a field in the JSON of its result, where that is not always the field's name.
+
+    ``key``: its name there. ``in_unit``: the unit that the whole result has ends it, such as
+    ``noise_um``. ``may_miss``: a result without such a thing, None, has no such key; then nan,
+    where there happens to be no number, is null. ``choices``: names that a text may be, each with a
+    ``meaning``; a mapping that is ``inline`` has them as keys beside its own.
+    """
+
+    key: str = ""
     in_unit: bool = False
     may_miss: bool = False
     choices: Mapping[str, Any] | None = None
-    made: Rule | None = None
+    inline: bool = False
 
     def spelled(self, name: str, unit: str = "") -> str:
-        """The key of a field of a ``name`` in a result whose unit is that."""
-        return (self.printed or name) + f"_{unit}" * self.in_unit
+        """The key of a field of this name in a result that has this unit."""
+        return (self.key or name) + f"_{unit}" * self.in_unit
+
+
+#: A number in the unit that the whole result has.
+IN_UNIT = Printed(in_unit=True)
+#: What a result need not have.
+MAY_MISS = Printed(may_miss=True)
+#: The field's name, always.
+_AS_NAMED = Printed()
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A declared field: ``name`` in the dataclass, ``key`` in files, ``kind`` its type but None."""
+    """A declared field: ``name`` in the dataclass, ``key`` in files, ``kind`` its type but None.
+
+    ``printed``: its key in the JSON of results.
+    """
 
     name: str
     key: str
     kind: Any
     says: Key
     default: Any
+    printed: Printed = _AS_NAMED
 
     @property
     def required(self) -> bool:
@@ -185,7 +209,8 @@ def _fields_of(cls: Any) -> tuple[Field, ...]:
         if get_origin(kind) in (Union, UnionType):
             kind, = (part for part in get_args(kind) if part is not NoneType)
         default = item.default if item.default_factory is MISSING else item.default_factory()
-        declared += [Field(item.name, says.name or item.name, kind, says, default)
+        printed = next((note for note in notes if isinstance(note, Printed)), _AS_NAMED)
+        declared += [Field(item.name, says.name or item.name, kind, says, default, printed)
                      for says in notes if isinstance(says, Key)]
     return tuple(declared)
 

@@ -19,12 +19,13 @@ class Dimension:
     """Dimension of a quantity, with its units.
 
     ``si`` is the unit the code uses inside, ``example`` one for messages, ``usual`` the units
-    that people write, the preferred one first.
+    people write, the preferred one first; ``tabled`` that of tables, where it is not ``si``.
     """
 
     si: str
     example: str
     usual: tuple[str, ...] = ()
+    tabled: str = ""
 
     @property
     def symbol(self) -> str:
@@ -36,6 +37,11 @@ class Dimension:
         """The SI unit as the end of a name: "_kg_per_m3"."""
         return suffix_of(self.si)
 
+    @property
+    def table_unit(self) -> str:
+        """The unit of its numbers in tables: "mm"."""
+        return self.tabled or self.si
+
 
 def suffix_of(si: str) -> str:
     """Write an SI unit as the end of a name: "_kg_per_m3"."""
@@ -43,30 +49,30 @@ def suffix_of(si: str) -> str:
 
 
 DIMENSIONS: dict[str, Dimension] = {
-    "length": Dimension("m", "1 mm", ("mm", "um")),
-    "mass": Dimension("kg", "17.9 g", ("g",)),
-    "stress": Dimension("Pa", "16 kPa", ("kPa",)),
-    "voltage": Dimension("V", "3.5 kV", ("kV",)),
+    "length": Dimension("m", "1 mm", ("mm", "um"), "mm"),
+    "mass": Dimension("kg", "17.9 g", ("g",), "g"),
+    "stress": Dimension("Pa", "16 kPa", ("kPa",), "kPa"),
+    "voltage": Dimension("V", "3.5 kV", ("kV",), "kV"),
     "acceleration": Dimension("m/s^2", "9.80665 m/s^2"),
     "stiffness per length": Dimension("N/m", "5 N/m"),
     "compliance": Dimension("m/N", "20 um/N", ("um/N",)),
     "density": Dimension("kg/m^3", "960 kg/m^3"),
     "mass per area": Dimension("kg/m^2", "0.03 kg/m^2"),
-    "force": Dimension("N", "0.2 N"),
-    "field": Dimension("V/m", "30 MV/m", ("MV/m",)),
+    "force": Dimension("N", "0.2 N", tabled="mN"),
+    "field": Dimension("V/m", "30 MV/m", ("MV/m",), "MV/m"),
     "speed": Dimension("m/s", "1 um/min", ("um/min",)),
     "time": Dimension("s", "30 s"),
     "frequency": Dimension("Hz", "10 Hz"),
     "viscosity": Dimension("Pa s", "62.4 kPa s"),
-    "capacitance": Dimension("F", "800 pF"),
-    "length per capacitance": Dimension("m/F", "10 mm/pF"),
-    "angle": Dimension("rad", "5 mrad", ("deg",)),
+    "capacitance": Dimension("F", "800 pF", tabled="pF"),
+    "length per capacitance": Dimension("m/F", "10 mm/pF", tabled="mm/pF"),
+    "angle": Dimension("rad", "5 mrad", ("deg",), "mrad"),
     "area": Dimension("m^2", "3 cm^2"),
     "energy": Dimension("J", "2 mJ"),
     "resistance": Dimension("ohm", "10 MOhm"),
     "damping": Dimension("N s/m", "0.2 N s/m"),
     "voltage rate": Dimension("V/s", "100 V/s"),
-    "current": Dimension("A", "5 uA", ("uA",)),
+    "current": Dimension("A", "5 uA", ("uA",), "uA"),
 }
 
 #: Units of results for people, by SI unit, and their number in one SI unit.

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from statistics import median
 
-from tympan.fem.derivatives.quantities import QUANTITIES
+from tympan.fem.derivatives.quantities import FUNCTIONALS
 from tympan.fem.derivatives.sensitivity import gradient, parameters, shape_names
 from tympan.fem.derivatives.shape import lengthened
 from tympan.fem.equilibrium.solve import equilibrium
@@ -68,7 +68,7 @@ def rows(model: Model, repeat: int) -> dict[str, float]:
     fixed = [name for name in by_name if name not in lengths]
 
     def slopes(film: Model, names: Sequence[str]) -> dict[str, float]:
-        return gradient(film, outcome, QUANTITIES["heave"], names)
+        return gradient(film, outcome, FUNCTIONALS["heave"], names)
 
     def first(names: Sequence[str]) -> Callable[[], object]:
         film = anew(model, outcome.state)

@@ -1,7 +1,8 @@
-"""Every kind of folder a command writes with figures in it, and how these are drawn again."""
+"""Results drawn into a folder: by a command from memory, by ``report`` from what is stored."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -9,87 +10,110 @@ from typing import Any
 from tympan.base.command_line import command_line
 from tympan.base.errors import InputError
 
-#: What commands leave behind: a pattern of the file that is written last; what draws the result
-#: into a folder, a page where there is one; and the result. Both stand within tympan, and are
-#: imported where they are needed.
-KINDS = {
+
+@dataclass(frozen=True)
+class DrawnKind:
+    """A kind of result that a command stores with figures.
+
+    ``marker``: pattern of the file that the command writes last. ``function``: it draws a
+    ``result`` of this class into a folder. ``loader``: class whose ``load`` reads the result back,
+    where that is not the result's own.
+    """
+
+    marker: str
+    function: str
+    result: str
+    loader: str = ""
+
+    def draw(self, result: Any, folder: Path) -> list[Path]:
+        """Draw a result into a folder; answers its page, or its figures where it has no page."""
+        return list(resolve_name(f"tympan.{self.function}")(result, folder))
+
+    def draw_stored(self, file: Path) -> list[Path]:
+        """Draw the result again whose last file this is."""
+        stored = resolve_name(f"tympan.{self.loader or self.result}")
+        names = [file.name.removesuffix(self.marker.lstrip("*"))] if "*" in self.marker else []
+        return self.draw(stored.load(file.parent, *names), file.parent)
+
+
+#: Kinds of results by the command that stores them: the fields of each, names within tympan.
+_KINDS = {
     "study": ("study.json", "reports.study.page:build_study_page", "studies.study:StudyResult"),
     "solve": ("*.vtu", "reports.figures.film:draw_film", "studies.case:CaseResult"),
     "modes": ("*-modes.json", "reports.figures.modes:draw_modes", "studies.modes:ModesResult"),
     "path": ("*-path.json", "reports.figures.path:draw_path", "studies.path:PathResult"),
-    "curve": ("*-curve.json", "reports.figures.curve:draw_curves",
-              "studies.limits.curve:CurveResult"),
-    "force": ("*-force.json", "reports.figures.force:draw_force", "studies.force:ForceResult"),
-    "sense": ("*-sense.json", "reports.figures.sense:draw_sense", "studies.sense:SenseResult"),
-    "tolerance": ("*-tolerance.json", "reports.figures.tolerance:draw_tolerance",
-                  "studies.tolerance.result:ToleranceResult"),
-    "outlines": ("outlines.json", "reports.figures.alpha:draw_outlines",
-                 "studies.alpha.table:OutlineTable"),
+    "curve": (
+        "*-curve.json", "reports.figures.curve:draw_curves", "studies.limits.curve:CurveResult"),
+    "force": (
+        "*-force.json", "reports.figures.force:draw_force", "studies.force.result:ForceResult"),
+    "sense": (
+        "*-sense.json", "reports.figures.sense:draw_sense", "studies.sense.result:SenseResult"),
+    "tolerance": (
+        "*-tolerance.json", "reports.figures.tolerance:draw_tolerance",
+        "studies.tolerance.result:ToleranceResult"),
+    "outlines": (
+        "outlines.json", "reports.figures.alpha:draw_outlines", "studies.alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "reports.figures.alpha:draw_map", "studies.alpha.map:AlphaMap"),
     "sweep": ("sweep.json", "reports.sweep.page:build_sweep_page", "studies.sweep.run:SweepResult"),
-    "design": ("design.json", "reports.figures.design:draw_design",
-               "studies.design.result:DesignResult"),
-    "material fit": ("fit.json", "reports.figures.coupon:draw_fit",
-                     "studies.material.result:MaterialFitResult"),
-    "diagnose": ("diagnosis.json", "reports.diagnosis.page:build_diagnosis_page",
-                 "studies.diagnosis.result:Diagnosis"),
+    "design": (
+        "design.json", "reports.figures.design:draw_design", "studies.design.result:DesignResult"),
+    "material fit": (
+        "fit.json", "reports.figures.coupon:draw_fit", "studies.material.result:MaterialFitResult"),
+    "diagnose": (
+        "diagnosis.json", "reports.diagnosis.page:build_diagnosis_page",
+        "studies.diagnosis.result:Diagnosis"),
     "diagnose --self-check": (
         "self-check.json", "reports.diagnosis.self_check:build_self_check_page",
         "studies.diagnosis.self_check:SelfCheck"),
     "lumped paper": ("paper.json", "paper.page:build_paper_page", "paper.output:PaperResult"),
-    "lumped simulate": ("simulate.json", "reports.figures.response:draw_simulated",
-                        "studies.lumped.simulate:ModelResponse"),
-    "lumped control": ("control.json", "reports.figures.control:draw_control",
-                       "studies.lumped.control.result:ControlResult"),
-    "transient": ("transient.json", "reports.figures.response:draw_simulated",
-                  "studies.transient:FieldResponse"),
-    "response": ("*-response.json", "reports.figures.harmonic:draw_response",
-                 "studies.response:ResponseResult"),
-    "lumped identify": ("identify.json", "reports.figures.identification:draw_identified",
-                        "studies.identify.result:IdentifyResult"),
-    "lumped build": ("build.json", "reports.figures.lumped_model:draw_built",
-                     "studies.lumped.build:BuildResult"),
+    "lumped simulate": (
+        "simulate.json", "reports.figures.response:draw_simulated", "studies.trace:Responses",
+        "studies.lumped.simulate:ModelResponse"),
+    "lumped control": (
+        "control.json", "reports.figures.control:draw_control",
+        "studies.lumped.control.result:ControlResult"),
+    "transient": (
+        "transient.json", "reports.figures.response:draw_simulated", "studies.trace:Responses",
+        "studies.transient:FieldResponse"),
+    "response": (
+        "*-response.json", "reports.figures.harmonic:draw_response",
+        "studies.response:ResponseResult"),
+    "lumped identify": (
+        "identify.json", "reports.figures.identification:draw_identified",
+        "studies.identify.result:IdentifyResult"),
+    "lumped build": (
+        "build.json", "reports.figures.lumped_model:draw_built",
+        "studies.lumped.build:BuildResult"),
 }
-
-
-def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
-    """Draw what a command, such as "lumped build", stored in a folder; answers what to look at.
-
-    That is the page, otherwise the figures. ``specimen`` is the one it is of, where a folder may
-    hold the results of several.
-    """
-    if command not in KINDS:
-        return []
-    marker, draw, stored = KINDS[command]
-    names = [specimen] if "*" in marker else []
-    result = resolve_name(f"tympan.{stored}").load(folder, *names)
-    return list(resolve_name(f"tympan.{draw}")(result, folder))
+KINDS = {command: DrawnKind(*strings) for command, strings in _KINDS.items()}
+_BY_RESULT = {f"tympan.{kind.result}": kind for kind in KINDS.values()}
 
 
 def draw_result(result: Any, folder: Path) -> list[Path]:
-    """Draw a result that was just saved into a folder, as the command of its kind does."""
-    for command, (_, _, stored) in KINDS.items():
-        if (stored.endswith(f":{type(result).__name__}")
-                and resolve_name(f"tympan.{stored}") is type(result)):
-            return draw_stored(command, folder, getattr(result, "specimen", ""))
+    """Draw a result into the folder it was saved in; answers what to look at, if anything.
+
+    Its numbers have the digits of its files, so that :func:`rebuild` draws the same pictures.
+    """
+    for cls in type(result).__mro__:
+        if (kind := _BY_RESULT.get(f"{cls.__module__}:{cls.__qualname__}")) is not None:
+            return kind.draw(getattr(result, "as_stored", lambda: result)(), folder)
     return []
 
 
 def _is_solved(film: Path) -> bool:
     """Whether a film is that of ``solve``, which has numbers of its name that no other writes."""
     numbers = film.with_suffix(".json")
-    return numbers.is_file() and not any(numbers.match(marker) for marker, *_ in KINDS.values())
+    return numbers.is_file() and not any(numbers.match(kind.marker) for kind in KINDS.values())
 
 
 def rebuild(folder: Path) -> list[Path]:
     """Draw the figures and pages of everything stored in a folder; answers what to look at."""
-    stored = [(command, file.name.removesuffix(marker.lstrip("*")))
-              for command, (marker, *_) in KINDS.items() for file in sorted(folder.glob(marker))
+    stored = [(kind, file) for command, kind in KINDS.items()
+              for file in sorted(folder.glob(kind.marker))
               if command != "solve" or _is_solved(file)]
     if not stored:
-        markers = ", ".join(marker for marker, *_ in KINDS.values())
+        markers = ", ".join(kind.marker for kind in KINDS.values())
         commands = ", ".join(command_line(*command.split()) for command in KINDS)
         raise InputError(f"holds none of {markers}: only what these wrote is rebuilt: {commands}",
                          file=folder)
-    return [file for command, specimen in stored
-            for file in draw_stored(command, folder, specimen)]
+    return [drawn for kind, file in stored for drawn in kind.draw_stored(file)]

@@ -35,7 +35,7 @@ from tympan.reports.template import template
 from tympan.studies import wanted
 from tympan.studies.design.requirements import RequirementsFile, SoldFilm
 from tympan.studies.effects import EFFECTS, listing
-from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import Sample, Span, SweepFile
 from tympan.studies.tolerance.given import (
     LengthScatter,
@@ -66,7 +66,7 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[columns.static] and others of dataset.toml", Layout),
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
-        tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, quantities=QUANTITIES,
+        tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, questions=QUESTIONS,
         wanted=wanted.QUANTITIES,
         libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})
 

@@ -20,6 +20,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from tympan.base.fields import fields_of
 from tympan.base.units import unit_of
 from tympan.reports.template import template, text_of
 
@@ -115,18 +116,20 @@ def _declared(entry: Mapping[str, Any], declared: Mapping[str, Any], at: str = "
 
 def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
     """The keys of a dataclass as ``to_json`` writes it, those of nested ones after their own."""
-    hints = get_type_hints(cls, include_extras=True)
+    hints = get_type_hints(cls)
+    declared = {field.name: field for field in fields_of(cls)}
     for item in fields(cls):
         if item.compare:
-            hint, key = get_args(hints[item.name])
-            if key.inline:
-                for name, choice in key.choices.items():
+            field, hint = declared[item.name], hints[item.name]
+            printed, meaning = field.printed, field.says.meaning
+            if printed.choices is not None and printed.inline:
+                for name, choice in printed.choices.items():
                     yield from _keys(f"{at}{name}", get_args(hint)[1], choice.meaning)
                 continue
-            if key.choices is not None:
-                hint = _chosen(hint, key.choices)
-            first, *below = _keys(f"{at}{key.spelled(item.name, _UNIT)}", hint, key.meaning)
-            if key.may_miss:
+            if printed.choices is not None:
+                hint = _chosen(hint, printed.choices)
+            first, *below = _keys(f"{at}{printed.spelled(item.name, _UNIT)}", hint, meaning)
+            if printed.may_miss:
                 none = not first.kind.startswith("number")
                 first = replace(first, kind=first.kind.removesuffix(" or none" * none) + _MISSING)
             yield first

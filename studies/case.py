@@ -15,7 +15,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.fields import Key, asks, checks_types
+from tympan.base.fields import Key, Printed, asks, checks_types
 from tympan.base.toml_reader import NON_NEGATIVE
 from tympan.base.units import place_text
 from tympan.fem.discretisation.discretisation import Discretisation
@@ -70,6 +70,9 @@ _TOGETHER = 400
 _ALONE = Loading()
 
 #: Fields that several results have.
+#: Text of a result that is the kind of a limit state.
+OF_LIMITS = Printed(choices=LIMIT_STATES)
+
 Existence = Annotated[Status, Key("whether there is an equilibrium; past pull-in there is none")]
 Deflection = Annotated[float | None, Key("deflection of the plate, downwards")]
 Unknowns = Annotated[int, Key("unknowns of the finite elements")]
@@ -174,6 +177,8 @@ class SpecimenRecord:
     #: Kinds of files that an earlier run may have left, and of the pictures among them.
     kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")
     drawn: ClassVar[tuple[str, ...]] = ()
+    #: Columns of its rows that are dimensions where xarray has them: what was varied.
+    indexed: ClassVar[tuple[str, ...]] = ()
 
     specimen: Annotated[str, Key("name of the specimen")]
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
@@ -182,6 +187,15 @@ class SpecimenRecord:
         """Write the record as a JSON object, without films."""
         record: dict[str, Any] = to_json(self)
         return record
+
+    @property
+    def rows(self) -> Any:
+        """Rows of its tables, as pandas reads them: one with all that is printed, unless it lists.
+
+        Names of columns end in SI units.
+        """
+        record = self.json()
+        return [record | {key: " | ".join(record[key]) for key in ("warnings",) if key in record}]
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -233,8 +247,7 @@ class Limit:
 
     kind: Annotated[str, Key(
         "what happens there: snap_through and snap_back of a plate that a mechanism makes jump, "
-        "loss of tension, breakdown, instability of the film itself, or pull_in",
-        choices=LIMIT_STATES)]
+        "loss of tension, breakdown, instability of the film itself, or pull_in"), OF_LIMITS]
     voltage_V: Annotated[float, Key("nominal voltage")]
     x_m: Annotated[float, Key("where it begins, in the mounted film: for a pull-in, where the film "
                               "thins fastest")]
@@ -308,11 +321,10 @@ class Limits:
     not met as far as the voltage was raised.
     """
 
-    by_kind: Annotated[Mapping[str, Limit | None], Key("limits by their kinds", inline=True,
-                                                       choices=LIMIT_STATES)]
+    by_kind: Annotated[Mapping[str, Limit | None], Key("limits by their kinds"),
+                       Printed(choices=LIMIT_STATES, inline=True)]
     _: KW_ONLY
-    first: Annotated[str | None, Key("kind of the limit that comes first",
-                                     choices=LIMIT_STATES)] = None
+    first: Annotated[str | None, Key("kind of the limit that comes first"), OF_LIMITS] = None
     ended: Annotated[str, Key("why the voltage was not raised further")]
     thins: Annotated[bool, Key("whether the instability is thinning without bound of a film that "
                                "has lost tension; a pull-in after that is the one of a film kept "
@@ -423,8 +435,7 @@ class CaseResult(CaseRecord):
         "spread between films made to the tolerances, by result; empty where none were given, "
         "and where more than 5 % of the films do not reach the voltage")] = field(
             default_factory=dict)
-    first: Annotated[str | None, Key("kind of the limit that comes first",
-                                     choices=LIMIT_STATES)] = None
+    first: Annotated[str | None, Key("kind of the limit that comes first"), OF_LIMITS] = None
     limit: Annotated[Limit | None, Key("the most severe limit that the voltage is beyond")] = None
     dofs: Unknowns
     wall_s: WallTime

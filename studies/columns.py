@@ -1,4 +1,4 @@
-"""Tables of our own, written and read back by one list of columns.
+"""Tables of our own: rows that follow from the fields of records, or from a list of columns.
 
 Those of other people are read by :mod:`tympan.tables.columns`.
 """
@@ -6,15 +6,18 @@ Those of other people are read by :mod:`tympan.tables.columns`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.fields import fields_of
 from tympan.base.read_file import STORED, file_bytes
+from tympan.base.units import DIMENSIONS, suffix_of, unit_of
 from tympan.studies.files import read_text, write_csv
 from tympan.tables.columns import TOGETHER, sheet_of
 from tympan.tables.columns import Column as Column
@@ -25,6 +28,96 @@ from tympan.tables.layouts import Reader
 
 #: Most bytes of a table of our own, whose rows are bounded where they are made: names may be long.
 _OWN = 4 * STORED
+#: Types of numbers.
+_NUMBERS = frozenset((float, int, bool))
+
+
+def _kinds(record: Any) -> tuple[tuple[str, bool], ...]:
+    """Fields of a record that hold a number or a text, or a list of numbers, and which it is."""
+    cls: Any = type(record)
+    return _kinds_of(cls)
+
+
+@cache
+def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
+    found = []
+    for item in fields_of(cls):
+        origin, kinds = get_origin(item.item), {item.item}
+        if origin is Literal:
+            kinds = {str}
+        elif origin in (Union, UnionType):
+            kinds = {*get_args(item.item)} - {NoneType}
+        of_row = _NUMBERS if item.several else _NUMBERS | {str}
+        if kinds <= of_row and item.count is None:
+            found.append((item.name, item.several))
+    return tuple(found)
+
+
+def cells_of(record: Any) -> dict[str, Any]:
+    """The fields of a record that hold one number or text, by their names."""
+    return {name: getattr(record, name) for name, several in _kinds(record) if not several}
+
+
+def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
+    """A row for each record: its fields that hold one number or text, by their names.
+
+    Names of numbers end in their SI units. None is nan. What is the ``same`` in all rows comes
+    first.
+    """
+    return _rows(records, same, [cells_of(record) for record in records])
+
+
+def lists_of(record: Any) -> dict[str, Array]:
+    """The lists of numbers of a record by the names of their fields; None is nan."""
+    return {name: _column(list(getattr(record, name)))
+            for name, several in _kinds(record) if several}
+
+
+def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
+    """A row for each entry of the lists of records, beside the single numbers and texts of each.
+
+    Otherwise as :func:`rows_of`.
+    """
+    rows: list[dict[str, Any]] = []
+    for record in records:
+        lists = {name: getattr(record, name) for name, several in _kinds(record) if several}
+        rows += [cells_of(record) | dict(zip(lists, entry, strict=True))
+                 for entry in zip(*lists.values(), strict=True)]
+    return _rows(records, same, rows, lists=True)
+
+
+def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],
+          lists: bool = False) -> dict[str, Array]:
+    """Columns of rows; those of one kind of record are the same where there are no rows."""
+    names = [name for record in records[:1] for name, several in _kinds(record)
+             if lists or not several]
+    columns = {name: [value] * len(rows) for name, value in same.items()}
+    columns |= {name: [row[name] for row in rows] for name in names}
+    return {name: _column(values) for name, values in columns.items()}
+
+
+def _column(values: list[Any]) -> Array:
+    if any(isinstance(value, str) for value in values):
+        return np.array(values, dtype=object)
+    return np.array([np.nan if value is None else value for value in values])
+
+
+def write_rows(file: Path, rows: Mapping[str, Array]) -> None:
+    """Write rows as a CSV file: its columns have the units of tables, such as mm for m."""
+    columns = [_column_of(name, values) for name, values in rows.items()]
+    named = zip(columns, rows.values(), strict=True)
+    write_sheet(file, columns, {column.name: values for column, values in named})
+
+
+def _column_of(name: str, values: Array) -> Column:
+    """The column of a field of a record, in the unit of tables."""
+    if values.dtype.kind == "O":
+        return Column.labels(name)
+    si = unit_of(name)
+    if si is None:
+        return Column(name)
+    unit = next(each.table_unit for each in DIMENSIONS.values() if each.si == si)
+    return Column(name.removesuffix(suffix_of(si)), suffix_of(unit).removeprefix("_"))
 
 
 def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]) -> None:
@@ -38,6 +131,18 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
             yield from zip(*cells, strict=True)
 
     write_csv(file, [column.title for column in columns], rows())
+
+
+def as_written(columns: Sequence[Column], values: Mapping[str, Any]) -> dict[str, Array]:
+    """SI values by column name, as :func:`read_own_sheet` reads what :func:`write_sheet` writes."""
+    table = {}
+    for column in columns:
+        array = np.asarray(values[column.name])
+        if column.choices is None:
+            factor = column.factor(column.title)
+            array = np.array([float(f"{value / factor:.12g}") * factor for value in array.tolist()])
+        table[column.name] = array
+    return table
 
 
 def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, Array]:

@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key, fields_of
+from tympan.base.fields import Printed, fields_of
 from tympan.base.process.folder import (
     is_own,
     put,
@@ -158,16 +158,16 @@ _INLINE = ""
 
 
 @cache
-def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, Key], ...]:
-    """Each field of a dataclass that is stored: its name, its key, and what is said of it.
+def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, Printed], ...]:
+    """List the fields of a dataclass that are stored: name, key, and how it is printed.
 
     Fields that take no part in comparisons stand in files of their own and are left out.
     """
-    says = {field.name: field.says for field in fields_of(cls)}
-    plain = Key("")
-    stored = [(item.name, says.get(item.name, plain)) for item in fields(cls) if item.compare]
-    return tuple((name, _INLINE if key.inline else key.spelled(name, unit), key)
-                 for name, key in stored)
+    declared = {field.name: field.printed for field in fields_of(cls)}
+    stored = [(item.name, declared.get(item.name, Printed()))
+              for item in fields(cls) if item.compare]
+    return tuple((name, _INLINE if printed.inline else printed.spelled(name, unit), printed)
+                 for name, printed in stored)
 
 
 def to_json(value: Any, unit: str = "") -> Any:
@@ -187,9 +187,9 @@ def to_json(value: Any, unit: str = "") -> Any:
     if is_dataclass(value):
         kind: Any = type(value)
         record: dict[str, Any] = {
-            key: None if says.may_miss and part != part else to_json(part, unit)
-            for name, key, says in _stored(kind, unit)
-            if (part := getattr(value, name)) is not None or not says.may_miss}
+            key: None if printed.may_miss and part != part else to_json(part, unit)
+            for name, key, printed in _stored(kind, unit)
+            if (part := getattr(value, name)) is not None or not printed.may_miss}
         return {**record.pop(_INLINE, {}), **record}
     if isinstance(value, Mapping):
         return {str(name): to_json(entry, unit) for name, entry in value.items()}
@@ -228,20 +228,20 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: s
         if not isinstance(value, dict):
             raise fail("must be an object")
         hints, arguments = get_type_hints(kind), {}
-        stored = {name: (own, says) for name, own, says in _stored(cast(Any, kind), unit)}
+        stored = {name: (own, printed) for name, own, printed in _stored(cast(Any, kind), unit)}
         for item in fields(kind):
-            own, says = stored.get(item.name, (None, Key("")))
+            own, printed = stored.get(item.name, (None, Printed()))
             path = f"{key}.{own}".lstrip(".")
             if own == _INLINE:
-                choices = says.choices or {}
+                choices = printed.choices or {}
                 beside = {name: entry for name, entry in value.items() if name in choices}
                 arguments[item.name] = _converted(hints[item.name], beside, file, key, unit)
-            elif says.may_miss and value.get(own, 0) is None:
+            elif printed.may_miss and value.get(own, 0) is None:
                 arguments[item.name] = nan
             elif own in value:
                 part = _converted(hints[item.name], value[own], file, path, unit)
-                if says.choices is not None and part is not None and part not in says.choices:
-                    raise InputError(f"must be one of {', '.join(says.choices)}", file=file,
+                if printed.choices is not None and part not in (None, *printed.choices):
+                    raise InputError(f"must be one of {', '.join(printed.choices)}", file=file,
                                      key=path, given=part)
                 arguments[item.name] = part
             elif item.default is MISSING and item.default_factory is MISSING:

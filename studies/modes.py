@@ -9,6 +9,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.fem.membrane.model import Model
@@ -30,6 +31,7 @@ from tympan.studies.case import (
     failure_reason,
     state_warnings,
 )
+from tympan.studies.columns import rows_of
 from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 
 #: Square root of the number of triangles of a curved element in files and pictures.
@@ -88,6 +90,14 @@ class ModesResult(CaseRecord):
     wall_s: WallTime
     warnings: Warnings
     semi_axes_m: Annotated[tuple[float, ...], Key("half extents of the frame")] = ()
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each mode, with its shares of the plate's freedoms."""
+        axes = list(self.modes[0].plate_share) if self.modes else []
+        return rows_of(self.modes) | {
+            f"plate_share_{axis}": np.array([mode.plate_share[axis] for mode in self.modes])
+            for axis in axes}
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
@@ -34,6 +35,7 @@ from tympan.fem.results.limit_states import (
 )
 from tympan.fem.rig import MOST_VOLTAGE
 from tympan.studies.case import (
+    OF_LIMITS,
     Case,
     CaseRecord,
     Settings,
@@ -44,6 +46,7 @@ from tympan.studies.case import (
     equilibrate,
     failure_reason,
 )
+from tympan.studies.columns import rows_of
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
@@ -108,7 +111,7 @@ class Station:
 class Event:
     """Something that happens at one point of a branch."""
 
-    what: Annotated[str, Key("what happens there, a kind of limit", choices=LIMIT_STATES)]
+    what: Annotated[str, Key("what happens there, a kind of limit"), OF_LIMITS]
     value: Annotated[float, Key("value of what grows along the path")]
     unit: Annotated[str, Key("unit of the value")]
     x_m: Annotated[float, Key("where in the mounted film: at a limit, where the film thins "
@@ -152,6 +155,11 @@ class PathResult(CaseRecord):
     warnings: Warnings
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
     films: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each station."""
+        return rows_of(self.stations)
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``.

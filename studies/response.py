@@ -27,6 +27,7 @@ from tympan.studies.case import (
     equilibrate,
     failure_reason,
 )
+from tympan.studies.columns import lists_of
 from tympan.studies.modes import carried
 
 #: Number of frequencies where none are given.
@@ -53,6 +54,7 @@ class ResponseResult(CaseRecord):
 
     ending = "-response"
     writer = "tympan response -o"
+    indexed = ("frequency_Hz",)
     kinds = ("json",)
     drawn = ("png", "svg")
 
@@ -71,6 +73,11 @@ class ResponseResult(CaseRecord):
     dofs: Unknowns
     wall_s: WallTime
     warnings: Warnings
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each frequency."""
+        return lists_of(self)
 
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from math import isfinite
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, field_at, symbol
 from tympan.base.paths import at, numbers, with_change
-from tympan.fem.derivatives.quantities import named_quantity
+from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import (
     ModelParameter,
     film_names,
@@ -38,11 +38,8 @@ from tympan.studies.case import (
 )
 from tympan.studies.joined_film import SolvedFilm, with_films
 
-#: Units of quantities; the last six are limits of loads.
-UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
-         "max_stretch": "1", "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V",
-         "pull_in_force": "N", "pull_in_pressure": "Pa", "thinning_voltage": "V",
-         "thinning_force": "N", "thinning_pressure": "Pa"}
+#: Units of loads, and so of their limits.
+_LOAD_UNITS: dict[Load, str] = {"voltage": "V", "force": "N", "pressure": "Pa"}
 
 #: Parameters that determine each load; at the load's own limit they have no effect.
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
@@ -76,11 +73,19 @@ class SensitivityResult(CaseRecord):
 
     ending = "-sensitivity"
     writer = "tympan sensitivity"
+    indexed = ("quantity", "parameter")
 
     status: Existence
     quantities: Annotated[dict[str, Answers], Key("quantities by "
                                                   "their names")] = field(default_factory=dict)
     warnings: Warnings = ()
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each quantity and parameter."""
+        return [{"quantity": quantity, "parameter": parameter, "unit": answer.unit}
+                | asdict(answer) for quantity, answers in self.quantities.items()
+                for parameter, answer in answers.by.items()]
 
 
 def sensitivity(case: Case, settings: Settings,
@@ -92,7 +97,7 @@ def sensitivity(case: Case, settings: Settings,
     """
     if {"tilt", "reaction"} & {*names}:
         case.specimen.needed_plate()
-    wanted = {name: named_quantity(name) for name in names}
+    wanted = {name: named_functional(name) for name in names}
     model, outcome = equilibrate(case, settings)
     result = SensitivityResult(specimen=case.specimen.name, mass_kg=case.mass,
                                voltage_V=case.voltage, status=outcome.status)
@@ -100,7 +105,8 @@ def sensitivity(case: Case, settings: Settings,
     if outcome.status == "equilibrium":
         by, state = case_parameters(case, model), outcome.state
         slopes = gradient_many(model, outcome, wanted, by)
-        values = {name: float(quantity.value(model, state)) for name, quantity in wanted.items()}
+        values = {name: float(each.value(model, state)) for name, each in wanted.items()}
+        units = {name: each.unit for name, each in wanted.items()}
         warnings = state_warnings(model, state)
     elif critical is None or load is None:
         return replace(result, warnings=(failure_reason(outcome), *case.remarks))
@@ -114,11 +120,11 @@ def sensitivity(case: Case, settings: Settings,
         if load == "voltage":  # value and slopes are those of U²
             value = float(np.sqrt(value))
             slopes[name] = {key: slope / (2 * value) for key, slope in slopes[name].items()}
-        values = {name: value}
+        values, units = {name: value}, {name: _LOAD_UNITS[load]}
     numbers = {name: parameter.value(model, state) for name, parameter in by.items()}
     said = (*warnings, *_immovable(model), *case.remarks)
     return replace(result, warnings=said, quantities={
-        name: _answers(case, value, UNITS.get(name, "SI"), slopes[name], numbers)
+        name: _answers(case, value, units[name], slopes[name], numbers)
         for name, value in values.items()})
 
 

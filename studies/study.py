@@ -26,7 +26,7 @@ from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.force.force import ForceCase, force
@@ -142,6 +142,10 @@ class SpecimenResult:
         if self.force is not None:
             self.force.save(folder / "forces")
 
+    def as_stored(self) -> SpecimenResult:
+        """The result with the digits of its files."""
+        return replace(self, lines=as_written(LINES, self.lines), curves=self.curves.as_stored())
+
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
         """Load the files that :meth:`save` wrote; ``key`` is the result's own in study.json."""
         name = self.name
@@ -186,6 +190,16 @@ class StudyResult:
     specimens: tuple[SpecimenResult, ...]
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The rows of all curves, with the names of their specimens."""
+        tables = [specimen.curves.table for specimen in self.specimens]
+        names = [np.full(len(table["mass"]), specimen.name, dtype=object)
+                 for specimen, table in zip(self.specimens, tables, strict=True)]
+        return {"specimen": np.concatenate(names)} | {
+            column.name: np.concatenate([table[column.name] for table in tables])
+            for column in CURVES}
+
     def json(self) -> dict[str, Any]:
         """Write the study as a JSON object, without α."""
         record: dict[str, Any] = to_json(self)
@@ -201,6 +215,10 @@ class StudyResult:
             specimen.save(folder)
         write_json(folder / "alpha.json", [result.record() for result in self.alphas])
         write_json(folder / "study.json", self.json())
+
+    def as_stored(self) -> StudyResult:
+        """The result with the digits of its files."""
+        return replace(self, specimens=tuple(item.as_stored() for item in self.specimens))
 
     @classmethod
     def load(cls, folder: Path) -> StudyResult:

@@ -21,7 +21,7 @@ from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.ends import MotionStatus
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Warnings
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.film_surface import FilmSurface, save_series
 from tympan.studies.signals import Signal, nominal
@@ -274,6 +274,13 @@ class Responses:
     rig: Rig = Rig()
 
     @property
+    def rows(self) -> pd.DataFrame:
+        """The samples of all responses."""
+        samples = pd.concat([response.samples for response in self.responses], ignore_index=True)
+        return samples.rename(columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
+                                       "displacement": "displacement_m"})
+
+    @property
     def films(self) -> tuple[Mapping[float, FilmSurface], ...]:
         """Surfaces of each film by time [s]."""
         return tuple(response.films for response in self.responses)
@@ -312,3 +319,16 @@ class Responses:
                     "name": "simulated", "source": first.writer, "rig": write(self.rig),
                     "specimen": [specimen_content(specimen) for specimen in self.specimens]}))
         write_json(folder / first.file, self.json())
+
+    def as_stored(self) -> Responses:
+        """The result with the digits of its files."""
+        return replace(self, responses=tuple(
+            replace(response, samples=_as_written(response.samples, _COLUMNS),
+                    loop=None if response.loop is None
+                    else _as_written(response.loop, _LOOP_COLUMNS))
+            for response in self.responses))
+
+
+def _as_written(table: pd.DataFrame, columns: Sequence[Column]) -> pd.DataFrame:
+    there = [column for column in columns if column.name in table]
+    return pd.DataFrame(as_written(there, table))

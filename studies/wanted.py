@@ -18,8 +18,9 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.fields import Registry
 from tympan.base.toml_reader import POSITIVE, Rule, Table, one_of
-from tympan.base.units import DIMENSIONS, quantity_text
+from tympan.base.units import DIMENSIONS, quantity_text, unit_factor
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
 
@@ -81,14 +82,16 @@ class Loaded(Protocol):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity in ``words``, of which more is better, a ``gain``, or less.
+    """A quantity of loaded films: its ``name`` in files, its ``words``, and its values.
 
-    ``gain`` None: neither, so that a bound says whether it is the least or the largest value.
-    ``of`` films its values, (films,). What ``scatters`` differs between films of one drawing.
-    ``missed``: by what share films miss a bound, where that is not by its value. What is not
-    ``sought`` is no quantity that a search can keep; one ``of_plate`` has no meaning without.
+    ``gain``: whether more of it is better, or less; None where a bound must say whether it is the
+    least or the largest value. ``of`` answers its values for films, (films,). ``scatters``: films
+    of one drawing differ in it. ``missed``: by what share films miss a bound, where that is not by
+    its value. A search keeps bounds of a quantity that is ``sought``. One ``of_plate`` needs a
+    plate. ``label``: what tables and figures call it, where that is not its name.
     """
 
+    name: str
     words: str
     dimension: str
     gain: bool | None
@@ -98,11 +101,32 @@ class Quantity:
     missed: Callable[[Loaded], Array] | None = None
     sought: bool = True
     of_plate: bool = False
+    label: str = ""
+
+    @property
+    def title(self) -> str:
+        """Name for people."""
+        return self.label or self.name.replace("_", " ")
+
+    @property
+    def column(self) -> str:
+        """Name of a column that holds it: its SI unit ends it."""
+        return self.name + (DIMENSIONS[self.dimension].suffix if self.dimension else "")
 
     @property
     def unit(self) -> str:
         """SI unit, "1" of plain numbers."""
         return DIMENSIONS[self.dimension].si if self.dimension else "1"
+
+    @property
+    def table_unit(self) -> str:
+        """Unit of its values in tables, "" of plain numbers."""
+        return DIMENSIONS[self.dimension].table_unit if self.dimension else ""
+
+    @property
+    def per_si(self) -> float:
+        """Value in :attr:`table_unit` of 1 in SI."""
+        return 1 / unit_factor(self.table_unit, self.dimension) if self.dimension else 1.0
 
     @property
     def example(self) -> str:
@@ -310,42 +334,47 @@ def _tension_missed(films: Loaded) -> Array:
     return np.asarray(-films.tension.min(1) / films.stress.max(1))
 
 
-#: By their keys in files.
-QUANTITIES: dict[str, Quantity] = {
-    "deflection": Quantity("deflection under the voltage", "length", None,
-                           lambda films: films.deflection[:, 1]),
-    "stroke": Quantity("stroke", "length", True, _stroke),
-    "blocked_force": Quantity("blocked force", "force", True, lambda films: films.blocked_force,
-                              of_plate=True),
-    "work": Quantity("work", "energy", True, _work, of_plate=True),
-    "frequency": Quantity("frequency", "frequency", True, lambda films: films.frequency,
-                          of_plate=True),
-    TENSION: Quantity("margin to the loss of tension or pull-in", "", True,
-                      lambda films: films.limit, rule=_MARGIN, missed=_tension_missed),
-    BREAKDOWN: Quantity("margin to breakdown", "", True, _breakdown_margin, rule=_MARGIN),
-    LIMIT: Quantity("voltage of the first limit", "voltage", True,
-                    lambda films: films.first_limit, sought=False),
-    "capacitance": Quantity("capacitance under the voltage", "capacitance", None,
-                            lambda films: films.capacitance[:, 1]),
-    "gap": Quantity("gap between plate and frame", "length", True,
-                    _of_specimen(lambda specimen: specimen.gap), scatters=False),
-    "voltage": Quantity("voltage", "voltage", False, lambda films: films.voltage, scatters=False),
-    "max_field": Quantity("largest field", "field", False, lambda films: films.electric[:, 1]),
-    "max_true_stress": Quantity("largest true stress", "stress", False,
-                                lambda films: films.stress[:, :2].max(1)),
-    "film_mass": Quantity("mass of film and electrodes", "mass", False,
-                          _of_specimen(_film_mass), scatters=False),
-    "frame_area": Quantity("area of the frame", "area", False,
-                           _of_specimen(lambda specimen: float(area(specimen.frame))),
-                           scatters=False),
-    "frame_perimeter": Quantity("perimeter of the frame", "length", False,
-                                _of_specimen(lambda specimen: float(perimeter(specimen.frame))),
-                                scatters=False),
-    "width": Quantity("width of the frame", "length", False, _of_specimen(_extent(0)),
-                      scatters=False),
-    "height": Quantity("height of the frame", "length", False, _of_specimen(_extent(1)),
-                       scatters=False),
-}
+#: All quantities that loaded films may be asked for: bounds of tolerances and of designs, and what
+#: a sweep may ask. Whoever registers one here can ask for it everywhere.
+QUANTITIES: Registry[Quantity] = Registry("name")
+for _quantity in (
+    Quantity("deflection", "deflection under the voltage", "length", None,
+             lambda films: films.deflection[:, 1]),
+    Quantity("stroke", "stroke", "length", True, _stroke),
+    Quantity("blocked_force", "blocked force", "force", True, lambda films: films.blocked_force,
+             of_plate=True),
+    Quantity("work", "work", "energy", True, _work, of_plate=True),
+    Quantity("frequency", "frequency", "frequency", True, lambda films: films.frequency,
+             of_plate=True),
+    Quantity(TENSION, "margin to the loss of tension or pull-in", "", True,
+             lambda films: films.limit, rule=_MARGIN, missed=_tension_missed),
+    Quantity(BREAKDOWN, "margin to breakdown", "", True, _breakdown_margin, rule=_MARGIN),
+    Quantity(LIMIT, "voltage of the first limit", "voltage", True,
+             lambda films: films.first_limit, sought=False, label="first limit"),
+    Quantity("capacitance", "capacitance under the voltage", "capacitance", None,
+             lambda films: films.capacitance[:, 1]),
+    Quantity("gap", "gap between plate and frame", "length", True,
+             _of_specimen(lambda specimen: specimen.gap), scatters=False),
+    Quantity("voltage", "voltage", "voltage", False, lambda films: films.voltage, scatters=False),
+    Quantity("max_field", "largest field", "field", False, lambda films: films.electric[:, 1]),
+    Quantity("max_true_stress", "largest true stress", "stress", False,
+             lambda films: films.stress[:, :2].max(1)),
+    Quantity("film_mass", "mass of film and electrodes", "mass", False,
+             _of_specimen(_film_mass), scatters=False),
+    Quantity("frame_area", "area of the frame", "area", False,
+             _of_specimen(lambda specimen: float(area(specimen.frame))),
+             scatters=False),
+    Quantity("frame_perimeter", "perimeter of the frame", "length", False,
+             _of_specimen(lambda specimen: float(perimeter(specimen.frame))),
+             scatters=False),
+    Quantity("width", "width of the frame", "length", False, _of_specimen(_extent(0)),
+             scatters=False),
+    Quantity("height", "height of the frame", "length", False, _of_specimen(_extent(1)),
+             scatters=False),
+):
+    QUANTITIES.register(_quantity)
 
-#: Names of those that differ between films of one drawing.
-SCATTERING = tuple(key for key, quantity in QUANTITIES.items() if quantity.scatters)
+
+def scattering() -> tuple[str, ...]:
+    """Names of the quantities that differ between films of one drawing."""
+    return tuple(name for name, quantity in QUANTITIES.items() if quantity.scatters)

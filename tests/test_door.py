@@ -284,7 +284,9 @@ def test_a_film_in_time_is_that_of_the_command(tmp_path: Path, capsys: pytest.Ca
     assert depths[1] == pytest.approx(at_rest.deflection_m, rel=5e-4)
     result.plot(tmp_path / "film.gif")
     assert (tmp_path / "film.gif").read_bytes().startswith(b"GIF")
-    assert (result.save(tmp_path / "saved") / "circle.pvd").is_file()
+    saved = result.save(tmp_path / "saved")
+    assert (saved / "circle.pvd").is_file()
+    assert (saved / "response.svg").is_file()
     with pytest.raises(tympan.InputError, match="ask for it at some times"):
         tympan.transient(specimen, mass="17.9 g", duration="1 s").plot(tmp_path / "none.gif")
 

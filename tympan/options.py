@@ -281,12 +281,12 @@ def save_and_draw(options: argparse.Namespace, result: Any, moving: Sequence[Mov
     """
     if options.output is None:
         return []
-    from tympan.reports.rebuild import draw_stored
+    from tympan.reports.rebuild import draw_result
     from tympan.studies.files import replaced
 
     with replaced(options.output, getattr(result, "pictures", ())):
         result.save(options.output)
-        drawn = draw_stored(options.command, options.output, getattr(result, "specimen", ""))
+        drawn = draw_result(result, options.output)
         for file, draw in moving:
             draw(file)
             drawn.append(file)

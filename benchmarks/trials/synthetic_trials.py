@@ -41,7 +41,7 @@ from tympan.studies.diagnosis.reduced.sampling import force_laws
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
-from tympan.studies.effects.effect import Family, Quantity
+from tympan.studies.effects.effect import Family, Observable
 
 #: The least and the most.
 Span = tuple[float, float]
@@ -140,7 +140,7 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] | No
 def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] | None = None
               ) -> Design:
     """Displacements of states, and the effects that ramps like theirs can show."""
-    told = {Quantity.ELAPSED, *([Quantity.DIRECTION] if states.direction.min() < 0 else [])}
+    told = {Observable.ELAPSED, *([Observable.DIRECTION] if states.direction.min() < 0 else [])}
     causes = tuple(Cause(name, which) for name in (EFFECTS if effects is None else effects)
                    for which in EFFECTS[name].choices(setup)
                    if told.issuperset(EFFECTS[name].shows_in))

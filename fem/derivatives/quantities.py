@@ -1,8 +1,8 @@
 """Scalar results of an equilibrium: their values, and their derivatives by film and plate motion.
 
-A quantity works for complex models and states (:mod:`tympan.fem.derivatives.sensitivity`), so its
-own dependence on material, loads and shape needs no further code. :data:`QUANTITIES` names the
-usual ones.
+A functional works for complex models and states (:mod:`tympan.fem.derivatives.sensitivity`), so
+its own dependence on material, loads and shape needs no further code. :data:`FUNCTIONALS` has those
+with a name.
 """
 
 from __future__ import annotations
@@ -25,15 +25,17 @@ from tympan.fem.results.firmness import EdgeSpot, Source, Spot
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Functional:
     """A scalar result of the whole film, the same for a state and its mirror image.
 
     ``value`` computes it [SI], complex for a complex model or state; ``slope`` its derivative by
-    the free nodal components and the plate's allowed freedoms.
+    the free nodal components and the plate's allowed freedoms; ``unit`` is its SI unit, "1" of
+    plain numbers.
     """
 
     value: Callable[[Model, State], Any]
     slope: Callable[[Model, State], Parts]
+    unit: str
 
 
 def _tilt_slope(model: Model, state: State) -> Parts:
@@ -90,7 +92,7 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
     return model.covered * np.sqrt(voltage_squared) * area / thickness
 
 
-def largest(field: Field) -> Quantity:
+def largest(field: Field, unit: str) -> Functional:
     """Approximate the largest value of a positive field smoothly: (mean of hᵖ over the film)^(1/p).
 
     The mean is over the quadrature points of the mounted film. The result is below the true
@@ -127,11 +129,11 @@ def largest(field: Field) -> Quantity:
         # The mesh is part of the film: its mirror images move alike, and the mean is the same.
         return model.on_freedoms(forces, state.plate)
 
-    return Quantity(value, slope)
+    return Functional(value, slope, unit)
 
 
-def firmness_at(spot: Spot | EdgeSpot) -> Quantity:
-    """Make the film's firmness at a spot [Pa] a quantity; it is zero where the film gives way."""
+def firmness_at(spot: Spot | EdgeSpot) -> Functional:
+    """Make the film's firmness at a spot [Pa] a functional; it is zero where the film gives way."""
     def value(model: Model, state: State) -> Any:
         sources = spot.sources(model.discretisation)
         strains = [combined(source, cauchy_green(deformed(source, model, state)))
@@ -168,34 +170,35 @@ def firmness_at(spot: Spot | EdgeSpot) -> Quantity:
                                            mesh.connectivity[source.elements])
         return model.on_freedoms(forces, state.plate)
 
-    return Quantity(value, slope)
+    return Functional(value, slope, "Pa")
 
 
-#: Quantities by name: the deflection along the load [m]; the angle between the plate's normal and
-#: the load [rad], without derivatives where it is zero; the force with which the film pulls the
-#: whole plate back [N]; charge over voltage [F]; energy stored at constant voltage, counted from
-#: the virgin film [J]; and largest values.
-QUANTITIES: dict[str, Quantity] = {
-    "heave": Quantity(Model.deflection, lambda model, state: model.lift),
-    "tilt": Quantity(lambda model, state: state.plate.tilt, _tilt_slope),
-    "reaction": Quantity(Model.reaction, _reaction_slope),
-    "capacitance": Quantity(Model.capacitance, _capacitance_slope),
-    "energy": Quantity(
+#: Functionals by name: the plate's deflection along the load; the angle between its normal and the
+#: load, which has no derivatives where it is zero; the force with which the film pulls the whole
+#: plate back; charge over voltage; energy stored at constant voltage, counted from the virgin film;
+#: and largest values.
+FUNCTIONALS: dict[str, Functional] = {
+    "heave": Functional(Model.deflection, lambda model, state: model.lift, "m"),
+    "tilt": Functional(lambda model, state: state.plate.tilt, _tilt_slope, "rad"),
+    "reaction": Functional(Model.reaction, _reaction_slope, "N"),
+    "capacitance": Functional(Model.capacitance, _capacitance_slope, "F"),
+    "energy": Functional(
         lambda model, state: (model.energy(state.positions, state.voltage_squared)
                               * model.discretisation.mirrored),
         lambda model, state: _of_nodes(model, state,
-                                       model.forces(state.positions, state.voltage_squared))),
-    "max_stretch": largest(larger_stretch),
-    "max_true_stress": largest(larger_stress),
-    "max_field": largest(true_field),
+                                       model.forces(state.positions, state.voltage_squared)),
+        "J"),
+    "max_stretch": largest(larger_stretch, "1"),
+    "max_true_stress": largest(larger_stress, "Pa"),
+    "max_field": largest(true_field, "V/m"),
 }
 
 
-def named_quantity(name: str) -> Quantity:
-    """Find a quantity by its name; InputError for an unknown name."""
-    if name not in QUANTITIES:
-        raise InputError(f"must be one of {', '.join(QUANTITIES)}", key="quantity", given=name)
-    return QUANTITIES[name]
+def named_functional(name: str) -> Functional:
+    """Find a functional by its name; InputError for an unknown name."""
+    if name not in FUNCTIONALS:
+        raise InputError(f"must be one of {', '.join(FUNCTIONALS)}", key="quantity", given=name)
+    return FUNCTIONALS[name]
 
 
 def _of_plate(model: Model, values: dict[int, float]) -> Parts:

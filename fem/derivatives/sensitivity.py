@@ -28,7 +28,7 @@ import numpy as np
 from tympan.base.errors import InputError
 from tympan.base.paths import at, numbers, with_change
 from tympan.fem.complex_step import STEP
-from tympan.fem.derivatives.quantities import Quantity, firmness_at
+from tympan.fem.derivatives.quantities import Functional, firmness_at
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.shape import lengthened, moved_by, velocity
 from tympan.fem.equilibrium.arc_length import PathPoint
@@ -155,7 +155,7 @@ def shape_names(specimen: Specimen) -> tuple[str, ...]:
     return tuple(name for name in names if drawn.isdisjoint(name.split(".")))
 
 
-def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Quantity,
+def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Functional,
              names: Sequence[str]) -> dict[str, float]:
     """Differentiate a quantity at constant loads by named parameters [SI unit per SI unit].
 
@@ -167,7 +167,7 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
 
 
 def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
-                  quantities: Mapping[str, Quantity],
+                  quantities: Mapping[str, Functional],
                   by: Mapping[str, ModelParameter]) -> dict[str, dict[str, float]]:
     """Differentiate named quantities by named parameters; one adjoint solve per quantity."""
     if isinstance(equilibrium, Outcome) and equilibrium.status != "equilibrium":

@@ -43,7 +43,7 @@ _COLOURS = "RdBu_r"
 _SHARE = 0.98
 
 #: What films are coloured by: as everywhere, and by what the extended model has more.
-QUANTITIES = {**COLOURINGS, "more": Colouring(
+FILM_COLOURINGS = {**COLOURINGS, "more": Colouring(
     "deflection, extended − nominal", "deflection, extended − nominal", "µm",
     lambda film: 1e6 * (film.values["displacement"][:, 2] - film.values["nominal_deflection"]),
     about_zero, _COLOURS)}
@@ -62,7 +62,7 @@ def compose_loaded_films(films: Mapping[str, FilmSurface]) -> Figure:
     What is nowhere different from the baseline model has no column.
     """
     figure = style.new_figure(_TITLE + len(films) * (_PANEL + _GAP) + _BAR)
-    shown = [quantity for quantity in (QUANTITIES[key] for key in _STILL)
+    shown = [quantity for quantity in (FILM_COLOURINGS[key] for key in _STILL)
              if any(np.ptp(quantity.of(film)) for film in films.values())]
     width = (style.WIDTH - _LEFT - _RIGHT - (len(_STILL) - 1) * _BETWEEN) / len(_STILL)
     for column, quantity in enumerate(shown):

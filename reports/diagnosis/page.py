@@ -22,7 +22,7 @@ from tympan.reports.diagnosis.figures import (
     compose_transients,
 )
 from tympan.reports.diagnosis.film_maps import (
-    QUANTITIES,
+    FILM_COLOURINGS,
     compose_film_maps,
     compose_loaded_films,
     titled_films,
@@ -118,7 +118,7 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
         pictures["loaded"] = lambda: compose_loaded_films(films)
     if diagnosis.coupons is not None:
         build_diagnosis_page(diagnosis.coupons, folder / COUPONS)
-    return _write(folder, diagnosis, pictures, viewer(films, QUANTITIES) if films else "")
+    return _write(folder, diagnosis, pictures, viewer(films, FILM_COLOURINGS) if films else "")
 
 
 def _of_channel(name: str, readings: Mapping[str, AnyArray], curves: Mapping[str, AnyArray]

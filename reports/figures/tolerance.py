@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.tolerance.result import QUANTITIES, Chance, Spread, ToleranceResult
+from tympan.studies.tolerance.result import SPREAD, Chance, Spread, ToleranceResult
 
 #: Width of an axis [mm].
 _WIDTH = 56.0
@@ -76,8 +76,9 @@ def draw_films(axes: Axes, result: ToleranceResult) -> None:
 
 def draw_histogram(axes: Axes, name: str, spread: Spread) -> None:
     """Draw films by a quantity, with median, 5 and 95 %, and the film without scatter."""
-    words, unit, factor = QUANTITIES[name]
-    style.describe(axes, f"{words} ({unit})", "films")
+    quantity = SPREAD[name]
+    factor = quantity.per_si
+    style.describe(axes, f"{quantity.title} ({quantity.table_unit})", "films")
     axes.stairs(spread.counts, factor * np.array(spread.bins), fill=True, color=style.PALETTE[4])
     for value, line in ((spread.low, ":"), (spread.median, "-"), (spread.high, ":")):
         axes.axvline(factor * value, color=style.PALETTE[0], linestyle=line, linewidth=1.0)

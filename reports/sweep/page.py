@@ -18,7 +18,7 @@ from tympan.reports.sweep.maps import HEIGHT, WIDTH, colours, sweep_maps
 from tympan.reports.sweep.view import SweepView
 from tympan.reports.template import embedded_picture, template
 from tympan.studies.files import write_text
-from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.run import SweepResult, Watch
 from tympan.studies.sweep.task import WAITING
 
@@ -126,7 +126,7 @@ def _failures(view: SweepView) -> Iterator[FailedCases]:
     """Collect cases without result, with reasons; cases beyond pull-in are no failures."""
     rows = view.rows
     yield from _alike("case", rows[rows["status"].isin(["failed", "not_converged"])], "warnings")
-    for name, quantity in QUANTITIES.items():
+    for name, quantity in QUESTIONS.known.items():
         reason = f"{name}_warnings"
         if reason not in rows:
             continue

@@ -11,7 +11,7 @@ import xarray as xr
 
 from tympan.base.units import BENCH, DIMENSIONS, unit_factor
 from tympan.fem.results.limit_states import LIMIT_STATES
-from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import LOADS, beyond_limits
@@ -99,7 +99,7 @@ class SweepView:
     def columns(self) -> tuple[Measure, ...]:
         """Results that have values to map."""
         names = ["deflection_m", "stroke_m", "breakdown_margin", *(
-            name for quantity in QUANTITIES.values() for name in quantity.shown)]
+            name for quantity in QUESTIONS.known.values() for name in quantity.shown)]
         return tuple(Measure.of(self.table[name]) for name in names
                      if name in self.table and bool(np.isfinite(self.table[name]).any()))
 
@@ -109,7 +109,7 @@ class SweepView:
         headings = {column.name: column.heading for column in self.columns}
         found = [(quantity.meaning.replace("`", ""),
                   [(headings[name], quantity.meaning_of(name)) for name in quantity.shown
-                   if name in headings]) for quantity in QUANTITIES.values()]
+                   if name in headings]) for quantity in QUESTIONS.known.values()]
         return [(meaning, columns) for meaning, columns in found if columns]
 
     @cached_property

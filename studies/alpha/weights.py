@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -142,6 +142,8 @@ class AlphaResult:
     those of fit and test. ``uncertainty`` is that of :func:`uncertainty`, if requested.
     """
 
+    indexed: ClassVar[tuple[str, ...]] = ("radius_m",)
+
     specimen: str
     circles: tuple[float, ...]
     by_basis: dict[Basis, Weights]
@@ -154,6 +156,12 @@ class AlphaResult:
     condition: float = 1.0
     loads: AlphaLoads | None = None
     uncertainty: dict[str, Ranges | None] | None = None
+
+    @property
+    def rows(self) -> dict[str, Any]:
+        """A row for each circle, of the fit against membrane circles."""
+        weights = self.by_basis["membrane"]
+        return {"radius_m": self.circles} | asdict(weights)
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
         """Write the object of ``alpha --json`` for one basis."""

@@ -26,14 +26,13 @@ from tympan.studies.wanted import (
     QUANTITIES,
     TENSION,
     Bound,
+    Quantity,
     by_key,
     table_bounds,
 )
 
 #: Words for the one quantity that shall be as good as can be.
 _BEST = {True: "largest", False: "least"}
-#: Quantities that a search can keep or make best.
-SOUGHT = {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
 #: Loads that may vary; without them there is nothing to be designed.
 LOADS: dict[str, Rule] = {
     "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
@@ -105,13 +104,18 @@ class RequirementsFile:
     limits: Annotated[Table | None, Key("further bounds, as in want")] = None
 
 
+def sought() -> dict[str, Quantity]:
+    """Quantities that a design can be asked for, by name."""
+    return {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
+
+
 @checks_types
 @dataclass(frozen=True)
 class Requirements:
     """Bounds that 95 % of the films keep, and one quantity that shall be as good as can be.
 
     ``specimens``: one for each kind that is tried; what does not vary is theirs. ``bounds`` by
-    their keys; ``best``: one of :data:`SOUGHT`, "" for the film that keeps all bounds by the
+    their keys; ``best``: one of :func:`sought`, "" for the film that keeps all bounds by the
     largest common share. ``mass`` [kg] and the supply's
     ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
     ``front``: two quantities between whose best films others are sought.
@@ -320,7 +324,7 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
         rest = dict(inner.data)
         for key, given in inner.data.items():
             if key not in QUANTITIES:
-                raise inner.error(key, one_of(key, SOUGHT), given)
+                raise inner.error(key, one_of(key, sought()), given)
             quantity = QUANTITIES[key]
             if not quantity.sought:
                 raise inner.error(key, f"is not searched for: write {TENSION} and {BREAKDOWN}, the "
@@ -354,7 +358,7 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
                               inner.data[twice])
         bounds |= found
     if not bounds and not best:
-        raise table.error("want", f"must name at least one of {', '.join(SOUGHT)}")
+        raise table.error("want", f"must name at least one of {', '.join(sought())}")
     return bounds, best
 
 
@@ -362,7 +366,7 @@ def _front(table: Table, pair: tuple[str, ...]) -> tuple[str, str] | None:
     """The two quantities of a front."""
     if not pair:
         return None
-    known = {name: each for name, each in SOUGHT.items()
+    known = {name: each for name, each in sought().items()
              if name != TENSION and each.gain is not None}
     for key in pair:
         if key not in known:

@@ -14,6 +14,7 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import WallTime, Warnings
+from tympan.studies.columns import cells_of
 from tympan.studies.files import (
     from_json,
     read_json,
@@ -162,6 +163,8 @@ class FailedKind:
 class DesignResult:
     """Films for requirements, the best first."""
 
+    indexed: ClassVar[tuple[str, ...]] = ("film", "quantity")
+
     #: Pictures that are drawn of it.
     pictures: ClassVar[tuple[str, ...]] = ("design.png", "design.svg")
 
@@ -177,6 +180,19 @@ class DesignResult:
     warnings: Warnings = ()
     specimens: Mapping[str, Specimen] = field(default_factory=dict, repr=False, compare=False)
     rigs: Mapping[str, Rig] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each quantity of each film."""
+        rows = []
+        for film in self.films:
+            for each in film.quantities:
+                cells = cells_of(each)
+                del cells["name"]
+                kept = None if each.kept is None else each.kept.probability
+                rows.append({"film": film.specimen_file, "quantity": each.key, **cells,
+                             "kept": kept})
+        return rows
 
     def json(self) -> dict[str, Any]:
         """Result as a JSON object, without specimens and rigs."""

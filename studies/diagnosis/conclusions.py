@@ -343,7 +343,7 @@ class Conclusions:
                 continue
             fit = self._found(cause)
             widened, fit = self._widened(fit), self._known(fit)
-            alike = undecided(cause, self.readings.quantities, self._suspects)
+            alike = undecided(cause, self.readings.observables, self._suspects)
             family = self._family(alike, fit, cause) if alike else None
             chance = probability_text(min(1.0, sum(
                 probabilities.get(other, 0.0) for other in alike or (cause,))))
@@ -352,7 +352,7 @@ class Conclusions:
                 headline=(f"{family.headline} ({chance})" if family else with_other_loads(
                     headline_of(fit, cause, chance), self._loads_instead(fit, cause))),
                 in_library=in_library.get(cause, 0.0), clear=has_size(fit, cause),
-                check=check_of(cause, self.readings.quantities, self._suspects), family=family,
+                check=check_of(cause, self.readings.observables, self._suspects), family=family,
                 surprise=fit.surprise(cause), only_its_size=cause in rivals,
                 others=tuple(str(other) for other in fit.hypothesis if other != cause),
                 named=cause in judged.named, parameters=_parameters(fit, cause), widened=widened)
@@ -489,7 +489,7 @@ class Conclusions:
         worth = [fit for fit in self.single_effects
                  if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
         return [*pattern_checks(self.films),
-                *(check_of(fit.hypothesis[0], self.readings.quantities) for fit in worth)]
+                *(check_of(fit.hypothesis[0], self.readings.observables) for fit in worth)]
 
     def _limitations(self) -> list[str]:
         """Limitations of the conclusions."""

@@ -9,16 +9,16 @@ diagnosis, with no other effect.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from scipy.special import chdtrc
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
+from tympan.base.fields import MAY_MISS, Key
 from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.specimen import Material
 from tympan.studies.data.dataset import Dataset
@@ -107,6 +107,8 @@ class FittedForm:
 class FilmFit:
     """Result of ``material fit`` on a dataset; ``files`` are specimens by name."""
 
+    indexed: ClassVar[tuple[str, ...]] = ("constant",)
+
     dataset: Annotated[str, Key("name of the dataset")]
     readings: Annotated[int, Key("how many were fitted: means of blocks of samples and others")]
     stiffness_factor: Annotated[Factor, Key("on the law of every film")]
@@ -114,13 +116,19 @@ class FilmFit:
     branches: Annotated[tuple[FittedBranch, ...], Key("beside the law, the fastest first")]
     law: Annotated[FittedForm | None, Key(
         "the law's constants, where they were asked for; factors, misfit and p_value beside it are "
-        "those of the law as stated", may_miss=True)] = None
+        "those of the law as stated"), MAY_MISS] = None
     misfit: Annotated[float, Key("root of χ² per degree of freedom, at least 1: limits are widened "
                                  "by it")]
     p_value: Annotated[float, Key("probability by noise alone of what the fit leaves, or more")]
     not_told: Annotated[tuple[str, ...], Key("what these readings do not tell, in sentences")]
     warnings: Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
     files: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each constant."""
+        return [{"constant": name, "unit": unit, **asdict(size)}
+                for name, unit, size in self.constants]
 
     @property
     def constants(self) -> list[tuple[str, str, Factor | FittedConstant]]:

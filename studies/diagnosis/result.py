@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tympan.base.arrays import Columns
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.base.fields import IN_UNIT, MAY_MISS, Key, Printed
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.data.checked_runs import Hum, LateRun
 from tympan.studies.data.coupon import MODES
 from tympan.studies.data.findings import Finding
@@ -112,8 +112,8 @@ class FoundCause:
     check: Annotated[str, Key("what to look at on the bench")]
     surprise: Annotated[float | None, Key("its size over the usual one")] = None
     only_its_size: Annotated[bool, Key("whether only its size speaks against it")] = False
-    others: Annotated[tuple[str, ...], Key("other effects of the same hypothesis",
-                                           printed="with")] = ()
+    others: Annotated[tuple[str, ...], Key("other effects of the same hypothesis"),
+        Printed("with")] = ()
     named: Annotated[bool, Key("whether it stands out")] = False
     parameters: Annotated[dict[str, ShownSize], Key("sizes by the parameter's name")] = field(
         default_factory=dict)
@@ -196,13 +196,13 @@ class MisfitOfKind(ReadingsOfKind):
 class Misfit:
     """Misfit of the nominal model, its stiffness and permittivity fitted."""
 
-    baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses",
-                                        in_unit=True)]
-    noise: Annotated[float, Key("standard deviation of one reading", in_unit=True)]
+    baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses"),
+        IN_UNIT]
+    noise: Annotated[float, Key("standard deviation of one reading"), IN_UNIT]
     noise_from: Annotated[str, Key("where the noise is from")]
     noise_stated: Annotated[float | None, Key(
         "standard deviation of one reading as the files state it, the root mean square where they "
-        "state several; none where they state none", in_unit=True)] = None
+        "state several; none where they state none"), IN_UNIT] = None
     noise_over_stated: Annotated[float | None, Key("what readings scatter by, over the noise "
                                                    "stated")]
     p_value: Annotated[float, Key("probability of so much misfit by noise alone")]
@@ -213,7 +213,7 @@ class Misfit:
                                       "they remember")] = 0.0
     counts_below: Annotated[float | None, Key(
         "where no noise is stated: if the noise of a reading is below this, the misfit is not a "
-        "sensor that wanders; none where a noise is stated, or none explains it", in_unit=True)
+        "sensor that wanders; none where a noise is stated, or none explains it"), IN_UNIT
     ] = None
     where: Annotated[str, Key("where the misfit is, in plain words")]
     ratios: Annotated[tuple[Ratio, ...], Key("ratios of strokes, measured and simulated")] = ()
@@ -239,8 +239,8 @@ class HeldOut:
     chosen: Annotated[tuple[str, ...], Key("causes chosen on the rest")]
     wrong: Annotated[tuple[str, ...], Key("the best other causes")]
     rmse: Annotated[dict[str, float | None], Key(
-        "errors there: before, after, process (a smooth curve), rival (wrong), noise",
-        in_unit=True)]
+        "errors there: before, after, process (a smooth curve), rival (wrong), noise"),
+        IN_UNIT]
     note: Annotated[str, Key("why it does not count, if so")]
 
 
@@ -257,8 +257,8 @@ class Gain:
     """The gain of the extended model over the nominal one on readings held out."""
 
     held_out: Annotated[str, Key("what was held out")]
-    rmse_before: Annotated[float | None, Key("error of the nominal model", in_unit=True)]
-    rmse_after: Annotated[float | None, Key("error of the extended model", in_unit=True)]
+    rmse_before: Annotated[float | None, Key("error of the nominal model"), IN_UNIT]
+    rmse_after: Annotated[float | None, Key("error of the extended model"), IN_UNIT]
     ratio: Annotated[float | None, Key("ratio of what noise does not explain")]
     low: Annotated[float | None, Key("lower 95 % limit; none where ramps are too few")]
     high: Annotated[float | None, Key("upper 95 % limit")]
@@ -305,7 +305,7 @@ class NoEffect:
 class After:
     """The extended model."""
 
-    rmse: Annotated[float, Key("root mean square of what it misses", in_unit=True)]
+    rmse: Annotated[float, Key("root mean square of what it misses"), IN_UNIT]
     p_value: Annotated[float | None, Key("probability of so much misfit by noise alone")]
     effects: Annotated[tuple[str, ...], Key("what it is extended by")]
 
@@ -413,8 +413,8 @@ class Diagnosis:
         "share of its usual size at which every other cause is there, where that accounts for the "
         "rest")] = None
     robust: Annotated[tuple[Robust, ...], Key("what stands out with other usual sizes")] = ()
-    model_error: Annotated[float, Key("largest error of the reduced model against finite elements",
-                                      in_unit=True)] = 0.0
+    model_error: Annotated[float, Key("largest error of the reduced model against finite elements"),
+        IN_UNIT] = 0.0
     knowable: Annotated[tuple[Knowable, ...], Key("what these readings can tell")] = ()
     self_check: Annotated[Json | None, Key("what comes of synthetic readings like these")] = None
     hum: Annotated[tuple[Hum, ...], Key("steady lines of runs in time, subtracted")] = ()
@@ -424,12 +424,19 @@ class Diagnosis:
         default_factory=dict)
     loaded_films: Annotated[tuple[LoadedFilm, ...], Key(
         "films in the folder films, solved by finite elements")] = ()
-    coupon_reading: Annotated[str | None, Key("of coupons: what was judged, the stress or its drop",
-                                              may_miss=True)] = None
+    coupon_reading: Annotated[str | None, Key(
+        "of coupons: what was judged, the stress or its drop"), MAY_MISS] = None
     unit: str = field(default="um", compare=False)
     tables: Mapping[str, Columns] = field(default_factory=dict, repr=False, compare=False)
     extended: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
     coupons: Diagnosis | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each parameter of each cause."""
+        return [{"effect": cause.effect, "which": cause.which, "probability": cause.probability,
+                 "parameter": name, **asdict(size)}
+                for cause in self.causes for name, size in cause.parameters.items()]
 
     @property
     def said(self) -> str:
@@ -457,6 +464,13 @@ class Diagnosis:
         for name, text in self.extended.items():
             write_text(folder / _EXTENDED / name, text)
         write_json(folder / "diagnosis.json", self.json())
+
+    def as_stored(self) -> Diagnosis:
+        """The result with the digits of its files."""
+        return replace(
+            self, tables={name: as_written(TABLES[name], table)
+                          for name, table in self.tables.items()},
+            coupons=None if self.coupons is None else self.coupons.as_stored())
 
     @classmethod
     def load(cls, folder: Path) -> Diagnosis:

@@ -13,7 +13,7 @@ from tympan.studies.diagnosis.inference.pattern_shares import alone, largest_pat
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.result import FoundCause
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.effects.findings import finding, limits_told
 from tympan.studies.files import words_beside
 
@@ -63,8 +63,8 @@ def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) 
     return WORDS["one_load_instead"].format(headline=headline, loads=listed(each, "or"))
 
 
-def check_of(cause: Cause, read: set[Quantity], suspects: Collection[Cause] = ()) -> str:
-    """Advice on what to look at on the bench, beside the quantities that are read already."""
+def check_of(cause: Cause, read: set[Observable], suspects: Collection[Cause] = ()) -> str:
+    """Advice on what to look at on the bench, beside the observables that are read already."""
     family = cause.effect.family if undecided(cause, read, suspects) else None
     return (family or cause.effect).check.format(which=cause.which)
 

@@ -19,8 +19,8 @@ from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.effects.prior import HeavyTail
 
 
-class Quantity(Enum):
-    """Quantity without which some effects cannot be seen, by the column of a file that holds it.
+class Observable(Enum):
+    """Kind of readings without which some effects cannot be seen, by the column that holds it.
 
     ``TIME`` is the course of readings, by a transient's times or by the time states were held.
     """
@@ -163,7 +163,7 @@ class Family:
     measure: EffectParameter
     of: Callable[[Specimen, Rig], float]
     alike: tuple[float, float]
-    told_by: tuple[Quantity, ...] = ()
+    told_by: tuple[Observable, ...] = ()
     never_told: bool = False
 
     @property
@@ -181,7 +181,7 @@ class Effect:
     which=name)``, rather than all or the rig. ``explanation`` is one sentence for someone in the
     laboratory. ``finding`` is the sentence where the effect is found, as
     :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to see
-    it directly; both have the specimen as ``{which}``. The effect shows only in the quantities
+    it directly; both have the specimen as ``{which}``. The effect shows only in the observables
     ``shows_in`` or, if there are none, wherever it changes something. ``family`` is that of effects
     with the same readings, if any. ``twice``: it may be present twice, with different sizes.
     """
@@ -193,7 +193,7 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     edit: Callable[..., Setup]
     on_one: bool = False
-    shows_in: tuple[Quantity, ...] = ()
+    shows_in: tuple[Observable, ...] = ()
     family: Family | None = None
     twice: bool = False
 
@@ -234,7 +234,7 @@ Use = tuple[str, tuple[float, ...], str | None]
 EFFECTS: Registry[Effect] = Registry("name")
 
 
-def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Quantity, ...] = (),
+def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Observable, ...] = (),
            family: Family | None = None, twice: bool = False
            ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.

@@ -11,11 +11,11 @@ from typing import Annotated, Any
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.base.fields import Key
+from tympan.base.fields import Key, Printed
 from tympan.base.units import place_text
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.studies.case import Band, SpecimenRecord, Unknowns, WallTime, Warnings
-from tympan.studies.columns import Column, write_sheet
+from tympan.studies.columns import Column, rows_in, write_rows, write_sheet
 from tympan.studies.files import remove
 
 #: Columns of the CSV of loops, with the names that a dataset's force.csv has; ``run`` is the cycle.
@@ -35,21 +35,6 @@ NOT_FOLLOWED = "not_followed"
 CURVE_EVENTS: Mapping[str, LimitState | None] = ChainMap[str, Any](
     {NOT_FOLLOWED: None}, LIMIT_STATES)
 
-#: Columns of the CSV, one row for each displacement; a dataset's force.csv has the first four.
-COLUMNS: tuple[Column, ...] = (
-    Column.labels("specimen"),
-    Column("voltage", "kV"),
-    Column("displacement", "mm"),
-    Column("force", "mN"),
-    Column("stiffness", "N_per_m"),
-    Column("capacitance", "pF"),
-    Column("stable"),
-    Column("tense"),
-    Column("max_stretch"),
-    Column("max_true_stress", "kPa"),
-    Column("breakdown_share"),
-)
-
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLimit:
@@ -57,8 +42,8 @@ class ForceLimit:
 
     kind: Annotated[str, Key(
         "what happens there: loss of tension, breakdown or instability of the film; pull_in, where "
-        "the force turns, so that a weight goes on by itself; or no equilibrium was found beyond",
-        choices=CURVE_EVENTS)]
+        "the force turns, so that a weight goes on by itself; or no equilibrium was found beyond"),
+        Printed(choices=CURVE_EVENTS)]
     displacement_m: Annotated[float, Key("displacement of the plate")]
     force_N: Annotated[float, Key("force on the plate")]
     x_m: Annotated[float | None, Key("where in the mounted film; none where it is not known")] = (
@@ -84,16 +69,19 @@ class ForceLimit:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceCurve:
-    """The force on the plate at one voltage; a number of each list for each displacement."""
+    """The force on the plate at one voltage; a number of each list for each displacement.
+
+    The fields are the columns of the CSV, in this order.
+    """
 
     voltage_V: Annotated[float, Key("nominal voltage")]
     displacement_m: Annotated[tuple[float, ...], Key("displacements of the plate, ascending")]
     force_N: Annotated[tuple[float, ...], Key(
         "force that holds the plate there, positive along the displacement")]
-    stable: Annotated[tuple[bool, ...], Key("whether it is stable under a constant force, too")]
-    tense: Annotated[tuple[bool, ...], Key("whether no part of the film has lost tension")]
     stiffness_N_per_m: Annotated[tuple[float, ...], Key("slope of the curve")]
     capacitance_F: Annotated[tuple[float, ...], Key("capacitance of the film as it is")]
+    stable: Annotated[tuple[bool, ...], Key("whether it is stable under a constant force, too")]
+    tense: Annotated[tuple[bool, ...], Key("whether no part of the film has lost tension")]
     max_stretch: Annotated[tuple[float, ...], Key(
         "largest principal stretch, from the virgin film")]
     max_true_stress_Pa: Annotated[tuple[float, ...], Key("largest principal true stress")]
@@ -181,6 +169,7 @@ class ForceResult(SpecimenRecord):
 
     ending = "-force"
     writer = "tympan force"
+    indexed = ("voltage_V", "displacement_m")
     kinds = ("csv", "json")
     drawn = ("png", "svg")
 
@@ -200,20 +189,9 @@ class ForceResult(SpecimenRecord):
     warnings: Warnings = ()
 
     @property
-    def table(self) -> dict[str, Array]:
-        """The curves with the names of :data:`COLUMNS`, in SI."""
-        def column(name: str) -> Array:
-            return np.concatenate([np.asarray(getattr(curve, name)) for curve in self.curves])
-
-        counts = [len(curve.force_N) for curve in self.curves]
-        return {
-            "specimen": np.full(sum(counts), self.specimen),
-            "voltage": np.repeat([curve.voltage_V for curve in self.curves], counts),
-            "displacement": column("displacement_m"), "force": column("force_N"),
-            "stiffness": column("stiffness_N_per_m"), "capacitance": column("capacitance_F"),
-            "max_true_stress": column("max_true_stress_Pa"),
-            **{name: column(name) for name in ("stable", "tense", "max_stretch",
-                                               "breakdown_share")}}
+    def rows(self) -> dict[str, Array]:
+        """The curves, a row for each displacement; a dataset's force.csv begins so."""
+        return rows_in(self.curves, specimen=self.specimen)
 
     @property
     def loop_table(self) -> dict[str, Array]:
@@ -234,6 +212,6 @@ class ForceResult(SpecimenRecord):
         loops = f"{self.specimen}-loops.csv"
         remove(folder, loops)
         super().save(folder)
-        write_sheet(folder / f"{self.specimen}-force.csv", COLUMNS, self.table)
+        write_rows(folder / f"{self.specimen}-force.csv", self.rows)
         if self.loops:
             write_sheet(folder / loops, LOOP_COLUMNS, self.loop_table)

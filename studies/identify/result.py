@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tympan.base.errors import InputError
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.estimation.identifiability import Estimate, Identifiability
 from tympan.studies.estimation.profile import Profile
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
@@ -54,6 +54,12 @@ class IdentifyResult:
     numbers: dict[str, Any]
     fits: dict[str, Fitted]
 
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each constant of each fit."""
+        return [{"fit": kind, **asdict(constant)} for kind, fit in self.fits.items()
+                for constant in fit.determined.constants]
+
     @classmethod
     def of(cls, numbers: dict[str, Any], static: StaticFit | None,
            dynamic: DynamicFit | None) -> IdentifyResult:
@@ -80,6 +86,12 @@ class IdentifyResult:
                    "profiles": to_json(fit.determined.profiles)}
             for name, fit in self.fits.items()})
         write_json(folder / "identify.json", self.json())
+
+    def as_stored(self) -> IdentifyResult:
+        """The result with the digits of its files."""
+        return IdentifyResult(self.numbers, {
+            name: replace(fit, readings=pd.DataFrame(as_written(_COLUMNS[name], fit.readings)))
+            for name, fit in self.fits.items()})
 
     @classmethod
     def load(cls, folder: Path) -> IdentifyResult:

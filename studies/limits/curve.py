@@ -30,7 +30,7 @@ from tympan.studies.case import (
     summaries,
     voltage_ramp,
 )
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 
 #: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
@@ -78,6 +78,7 @@ class CurveResult(SpecimenRecord):
 
     ending = "-curve"
     writer = "tympan curve"
+    indexed = ("specimen", "mass", "voltage")
     kinds = ("csv", "json")
     drawn = ("png", "svg")
 
@@ -87,10 +88,19 @@ class CurveResult(SpecimenRecord):
     warnings: Warnings = ()
     table: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
 
+    @property
+    def rows(self) -> Mapping[str, Array]:
+        """The table: a row for each voltage of each mass."""
+        return self.table
+
     def save(self, folder: Path) -> None:
         """Write ``NAME-curve.csv`` and ``.json``."""
         super().save(folder)
         write_sheet(folder / f"{self.specimen}-curve.csv", CURVES, self.table)
+
+    def as_stored(self) -> Self:
+        """The result with the digits of its file."""
+        return replace(self, table=as_written(CURVES, self.table))
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -43,6 +44,7 @@ from tympan.studies.case import (
     mounted_place,
     solve,
 )
+from tympan.studies.columns import rows_of
 from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 from tympan.studies.walk.film_point import FilmPoint
@@ -121,6 +123,7 @@ class LimitsResult(SpecimenRecord):
 
     ending = "-limits"
     writer = "tympan limits"
+    indexed = ("kind",)
     kinds = ("json",)
 
     mass_kg: float
@@ -132,6 +135,11 @@ class LimitsResult(SpecimenRecord):
         """Result as a JSON object: the limits stand beside specimen and mass."""
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, **to_json(self.limits),
                 "stroke_m": self.stroke_m, "warnings": list(self.warnings)}
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """A row for each limit."""
+        return rows_of(self.limits.told, specimen=self.specimen, mass_kg=self.mass_kg)
 
     @classmethod
     def of(cls, case: Case, settings: Settings, beyond: bool = False) -> LimitsResult:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.circles import STILL_PLATE, Samples, equilibria, gas_area
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.circles import ConeCircle
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.films.reduction import IN_TIME, reduced_film
 from tympan.studies.limits.loads import usual_masses, usual_voltages
@@ -355,9 +355,17 @@ class BuildResult:
     loads in SI.
     """
 
+    indexed: ClassVar[tuple[str, ...]] = ("specimen", "mass_kg", "voltage_V")
+
     numbers: dict[str, Any]
     models: tuple[LumpedModel, ...]
     statics: pd.DataFrame
+
+    @property
+    def rows(self) -> pd.DataFrame:
+        """A row for each load."""
+        return self.statics.drop(columns="fitted").rename(
+            columns={"mass": "mass_kg", "voltage": "voltage_V"})
 
     @classmethod
     def built(cls, specimens: Sequence[Specimen], settings: Settings, chosen: BuildSettings,
@@ -389,6 +397,10 @@ class BuildResult:
         for model in self.models:
             write_model(folder / f"{model.specimen.name}.lumped.toml", model)
         write_json(folder / "build.json", self.numbers)
+
+    def as_stored(self) -> BuildResult:
+        """The result with the digits of its file."""
+        return replace(self, statics=pd.DataFrame(as_written(_COLUMNS, self.statics)))
 
     @classmethod
     def load(cls, folder: Path) -> BuildResult:

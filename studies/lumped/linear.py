@@ -185,6 +185,12 @@ class LinearResult:
         ".npz": lambda result, file: result._only.write_arrays(file),
         ".mat": lambda result, file: result._only.write_arrays(file)}
 
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each pole of each actuator."""
+        return [{"specimen": linear.specimen, **pole.json()}
+                for linear in self.linear for pole in linear.named_poles]
+
     def to_control(self) -> Any:
         """The only one as a python-control ``StateSpace``, if that is installed."""
         return self._only.to_control()

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
+from tympan.base.fields import MAY_MISS, Key
 from tympan.fem.roots import root_between
 from tympan.fem.transient.ends import Stopped, status_of
 from tympan.studies.lumped.actuator import Actuator, flat_capacitance
@@ -113,21 +113,21 @@ class ModelResponse(Response):
     writer = "tympan lumped simulate"
 
     circles: Annotated[tuple[float, ...] | None, Key(
-        "radii of the circles [m], of models without a reduced film", may_miss=True)] = None
-    alpha: Annotated[tuple[float, ...] | None, Key("weights of the circles", may_miss=True)] = None
+        "radii of the circles [m], of models without a reduced film"), MAY_MISS] = None
+    alpha: Annotated[tuple[float, ...] | None, Key("weights of the circles"), MAY_MISS] = None
     pull_in_film_voltage_V: Annotated[float | None, Key(
-        "pull-in voltage across the film; none where there is no pull-in", may_miss=True)] = None
-    flat_capacitance_F: Annotated[float | None, Key("capacitance of the flat film",
-                                                    may_miss=True)] = None
-    flat_stored_energy_J: Annotated[float | None, Key("energy in that at the largest voltage",
-                                                      may_miss=True)] = None
-    linear: Annotated[dict[str, Any] | None, Key("small motions about its beginning",
-                                                 may_miss=True)] = None
-    evaluations: Annotated[int | None, Key("evaluations of the rates", may_miss=True)] = None
-    stopped_s: Annotated[float | None, Key("when it stopped before the end", may_miss=True)] = None
+        "pull-in voltage across the film; none where there is no pull-in"), MAY_MISS] = None
+    flat_capacitance_F: Annotated[float | None, Key("capacitance of the flat film"),
+        MAY_MISS] = None
+    flat_stored_energy_J: Annotated[float | None, Key("energy in that at the largest voltage"),
+        MAY_MISS] = None
+    linear: Annotated[dict[str, Any] | None, Key("small motions about its beginning"),
+        MAY_MISS] = None
+    evaluations: Annotated[int | None, Key("evaluations of the rates"), MAY_MISS] = None
+    stopped_s: Annotated[float | None, Key("when it stopped before the end"), MAY_MISS] = None
     film_error: Annotated[dict[str, float] | None, Key(
-        "error of the reduced film, over the range, by signal", may_miss=True)] = None
-    steps: Annotated[int | None, Key("steps in time", may_miss=True)] = None
+        "error of the reduced film, over the range, by signal"), MAY_MISS] = None
+    steps: Annotated[int | None, Key("steps in time"), MAY_MISS] = None
 
 
 def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,

@@ -12,7 +12,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.studies.case import Case, Settings
-from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.material.branches import BranchFit, branch_lines, compare_in_time
@@ -64,6 +64,12 @@ class MaterialFitResult:
     curves: Mapping[str, Array]
     histories: Mapping[str, Array] | None = None
 
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The laws' curves."""
+        units = {"nominal_stress": "nominal_stress_Pa", "half_band": "half_band_Pa"}
+        return {units.get(name, name): values for name, values in self.curves.items()}
+
     def json(self) -> dict[str, Any]:
         """Write the result as a JSON object."""
         return self.numbers
@@ -81,6 +87,11 @@ class MaterialFitResult:
         if self.numbers["material_toml"]:
             write_text(folder / "material.toml", self.numbers["material_toml"])
         write_json(folder / "fit.json", self.numbers)
+
+    def as_stored(self) -> MaterialFitResult:
+        """Round to the digits of its files."""
+        histories = None if self.histories is None else as_written(HISTORIES, self.histories)
+        return replace(self, curves=as_written(CURVES, self.curves), histories=histories)
 
     @classmethod
     def load(cls, folder: Path) -> MaterialFitResult:

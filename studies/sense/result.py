@@ -6,30 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.studies.case import SpecimenRecord, Unknowns, WallTime, Warnings
-from tympan.studies.columns import write_sheet
+from tympan.studies.columns import rows_in, write_rows
 from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
 from tympan.studies.sense.inverse import Inverse
-from tympan.tables.columns import Column
-
-#: Columns of the CSV: the table of the inverse, one row for each deflection and voltage.
-COLUMNS: tuple[Column, ...] = (
-    Column.labels("specimen"),
-    Column("voltage", "kV"),
-    Column("capacitance", "pF"),
-    Column("displacement", "mm"),
-    Column("force", "mN"),
-    Column("tense"),
-    Column("by_polynomial", "mm"),
-    Column("per_capacitance", "mm_per_pF", required=False),
-    Column("per_percent_prestretch", "mm", required=False),
-    Column("per_percent_permittivity", "mm", required=False),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +23,8 @@ class SenseCurve:
     """
 
     voltage_V: Annotated[float, Key("nominal voltage")]
-    displacement_m: Annotated[tuple[float, ...], Key("deflections of the plate, ascending")]
-    capacitance_F: Annotated[tuple[float, ...], Key("capacitance of the film there, ascending")]
+    capacitance_F: Annotated[tuple[float, ...], Key("capacitance of the film, ascending")]
+    displacement_m: Annotated[tuple[float, ...], Key("deflections of the plate there, ascending")]
     force_N: Annotated[tuple[float, ...], Key("force that holds the plate there")]
     tense: Annotated[tuple[bool, ...], Key("whether no part of the film has lost tension")]
     per_capacitance_m_per_F: Annotated[tuple[float | None, ...], Key(
@@ -72,6 +55,7 @@ class SenseResult(SpecimenRecord):
 
     ending = "-sense"
     writer = "tympan sense"
+    indexed = ("voltage_V", "displacement_m")
     kinds = ("csv", "json", "c")
     drawn = ("png", "svg")
 
@@ -93,24 +77,20 @@ class SenseResult(SpecimenRecord):
         return self.inverse.deflection(capacitance, voltage)
 
     @property
-    def table(self) -> dict[str, Array]:
-        """Curves by the names of :data:`COLUMNS`, in SI."""
-        names = {"capacitance": "capacitance_F", "displacement": "displacement_m",
-                 "force": "force_N", "tense": "tense",
-                 "per_capacitance": "per_capacitance_m_per_F",
-                 "per_percent_prestretch": "per_percent_prestretch_m",
-                 "per_percent_permittivity": "per_percent_permittivity_m"}
-        rows = {name: np.concatenate([np.array(getattr(curve, key), float)
-                                      for curve in self.curves]) for name, key in names.items()}
-        rows["tense"] = rows["tense"].astype(bool)
-        counts = [len(curve.force_N) for curve in self.curves]
-        voltage = np.repeat([curve.voltage_V for curve in self.curves], counts)
-        return {"specimen": np.full(sum(counts), self.specimen), "voltage": voltage, **rows,
-                "by_polynomial": self.sensed(rows["capacitance"], voltage)}
+    def rows(self) -> dict[str, Array]:
+        """The curves, a row for each deflection, with what the polynomial makes of each."""
+        found = rows_in(self.curves, specimen=self.specimen)
+        sensed = self.sensed(found["capacitance_F"], found["voltage_V"])
+        rows: dict[str, Array] = {}
+        for name, values in found.items():
+            rows[name] = values
+            if name == "tense":
+                rows["by_polynomial_m"] = sensed
+        return rows
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-sense.json``, ``.csv`` and ``.c``, the polynomial as C99."""
         remove(folder, *(f"{self.specimen}-sense.{kind}" for kind in self.kinds))
         super().save(folder)
-        write_sheet(folder / f"{self.specimen}-sense.csv", COLUMNS, self.table)
+        write_rows(folder / f"{self.specimen}-sense.csv", self.rows)
         write_text(folder / f"{self.specimen}-sense.c", self.inverse.c_source(self.specimen))

@@ -13,7 +13,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import Failure, InputError
 from tympan.base.fields import Key, asks
 from tympan.base.toml_reader import Rule
-from tympan.fem.derivatives.quantities import named_quantity
+from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
@@ -40,8 +40,6 @@ _FEWEST = 5
 
 #: Relative change of prestretch and permittivity whose effect is listed.
 _PERCENT = 0.01
-#: Quantities whose derivatives give those at a held plate.
-_QUANTITIES = ("heave", "capacitance")
 _PRESTRETCH = ("membrane.prestretch.0", "membrane.prestretch.1")
 _PERMITTIVITY = "membrane.relative_permittivity"
 #: Slope of the capacitance, over it and by the film's size, below which it is rounding.
@@ -228,8 +226,9 @@ def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, fl
     model, state = followed.model, followed.states[row]
     names = (*_PRESTRETCH, _PERMITTIVITY, "force")
     by = parameters(model, names)
-    slopes = gradient_many(model, state, {name: named_quantity(name) for name in _QUANTITIES}, by)
-    heave, capacitance = (slopes[name] for name in _QUANTITIES)
+    functionals = {name: named_functional(name) for name in ("heave", "capacitance")}
+    slopes = gradient_many(model, state, functionals, by)
+    heave, capacitance = slopes["heave"], slopes["capacitance"]
     if not heave["force"]:
         raise Failure("the force on the plate does not move it")
     rise = capacitance["force"] / heave["force"]

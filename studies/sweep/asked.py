@@ -1,11 +1,11 @@
-"""Questions of SWEEP.toml on every specimen beside its cases; each stands here once."""
+"""Questions of SWEEP.toml on every specimen beside its cases: several columns, or one quantity."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from math import prod
+from dataclasses import dataclass, field, fields, replace
+from math import isfinite, prod
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.vibration.modes import plate_motion, vibrations
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaSettings, alpha
-from tympan.studies.case import Case, Settings
+from tympan.studies.case import Case, CaseResult, Settings
 from tympan.studies.films.population import LoadGrid
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
@@ -26,6 +26,7 @@ from tympan.studies.modes import carried
 from tympan.studies.sweep.strokes import WIDER, strokes
 from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
 from tympan.studies.tolerance.given import Tolerances, causes
+from tympan.studies.wanted import QUANTITIES, Quantity
 
 #: Values by column, with "warnings" or the reason why there are none.
 Record = dict[str, Any]
@@ -33,7 +34,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Ask:
-    """Questions: names of :data:`QUANTITIES`, and what circles stand for a specimen.
+    """Questions: names of :data:`QUESTIONS`, and what circles stand for a specimen.
 
     ``tolerances``: how numbers of films scatter; by default as their material's do.
     """
@@ -91,7 +92,7 @@ BANDS = "bands"
 
 
 @dataclass(frozen=True)
-class AskedQuantity:
+class SweepQuestion:
     """Something to ask: ``columns`` with what each holds, its unit at the end of its name.
 
     ``{n}`` in a name is the number of a circle. ``shown`` are the columns that say most. ``loads``
@@ -146,26 +147,57 @@ class AskedQuantity:
         return [{"warnings": [reason]}] * loads
 
 
-#: All of them by name.
-QUANTITIES: Registry[AskedQuantity] = Registry("name")
+class Questions(Registry[SweepQuestion]):
+    """Questions by name. A quantity of films that no column has yet is one, of its own name."""
+
+    def __missing__(self, name: str) -> SweepQuestion:
+        return _of_quantity(QUANTITIES[name])
+
+    @property
+    def known(self) -> dict[str, SweepQuestion]:
+        """All that can be asked: the questions, then the quantities."""
+        taken = {item.name for item in fields(CaseResult)}
+        taken |= {column for each in self.values() for column in each.columns}
+        return {**self, **{name: self[name] for name, each in QUANTITIES.items()
+                           if each.column not in taken}}
 
 
-def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
+QUESTIONS = Questions("name")
+
+
+def _of_quantity(quantity: Quantity) -> SweepQuestion:
+    """The question for a quantity of films, by finite elements."""
+    def answer(asked: AskedCase) -> Record:
+        from tympan.studies.design.exact import ExactFilm  # at need: it imports the limits
+
+        case = asked.case
+        film = ExactFilm(case.specimen, case.mass, case.voltage, case.rig, asked.settings)
+        value = float(quantity.of(film)[0])
+        if not isfinite(value):
+            return {"warnings": [f"there is no {quantity.title}"]}
+        return {quantity.column: value, "warnings": []}
+
+    return SweepQuestion(quantity.name, quantity.words, {quantity.column: quantity.words},
+                         (quantity.column,), ("mass", "voltage") if quantity.scatters else (),
+                         answer)
+
+
+def question(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
                 loads: tuple[str, ...] = (), together: bool = False,
                 by_family: FamilyAnswer | None = None, equilibria: int = 0,
-                change: bool = False) -> Callable[[Answer], AskedQuantity]:
+                change: bool = False) -> Callable[[Answer], SweepQuestion]:
     """Make a function the quantity of its name."""
-    def registered(answer: Answer) -> AskedQuantity:
+    def registered(answer: Answer) -> SweepQuestion:
         name = answer.__name__.strip("_")
-        made: AskedQuantity = QUANTITIES.register(
-            AskedQuantity(name, meaning, columns, shown, loads, answer, together, by_family,
+        made: SweepQuestion = QUESTIONS.register(
+            SweepQuestion(name, meaning, columns, shown, loads, answer, together, by_family,
                           equilibria, change))
         return made
 
     return registered
 
 
-@quantity_of("weights of the membrane circles that stand for it, as `tympan alpha` finds them", {
+@question("weights of the membrane circles that stand for it, as `tympan alpha` finds them", {
     "alpha_{n}": "weight of circle n",
     "circle_{n}_m": "its radius",
     "alpha_fit_error": "force error of the mixture, relative, at the loads of the fit",
@@ -179,7 +211,7 @@ def _alpha(asked: AskedCase) -> Record:
             "warnings": list(result.warnings)}
 
 
-@quantity_of("how far the voltage can be raised, as `tympan limits` finds it", {
+@question("how far the voltage can be raised, as `tympan limits` finds it", {
     f"{kind}_{column}": words.format(state.label)
     for kind, state in LIMIT_STATES.items()
     for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
@@ -198,7 +230,7 @@ def _limits(asked: AskedCase) -> Record:
     return record
 
 
-@quantity_of("frequencies of small vibrations of the plate, as `tympan modes` finds them", {
+@question("frequencies of small vibrations of the plate, as `tympan modes` finds them", {
     "heave_Hz": "along the load",
     "tilt_1_Hz": "of the slower tilt",
     "tilt_2_Hz": "of the faster tilt",
@@ -232,7 +264,7 @@ def _force_by_family(grid: LoadGrid) -> list[list[Record | None]]:
             for start in range(0, len(records), len(records) // films)]
 
 
-@quantity_of("force of the held plate from no voltage to this one, as `tympan force` finds it", {
+@question("force of the held plate from no voltage to this one, as `tympan force` finds it", {
     "blocked_force_N": "its fall, the plate held where it rests without voltage",
     "work_J": "work of the stroke under the load",
     "ideal_work_J": "work of the cycle that changes the voltage with the plate held",
@@ -256,7 +288,7 @@ def _force(asked: SolvedCase) -> Record:
             "warnings": [] if line.stroke_m is not None else ["no stroke was found"]}
 
 
-@quantity_of("constants of its lumped model, as `tympan lumped build` finds them", {
+@question("constants of its lumped model, as `tympan lumped build` finds them", {
     "lumped_alpha_{n}": "weight of circle n",
     "lumped_circle_{n}_m": "its radius",
     "lumped_stiffness": "factor on the film's energy",
@@ -280,7 +312,7 @@ def _lumped(asked: AskedCase) -> Record:
             "warnings": built.warnings}
 
 
-@quantity_of("spread of the deflection between films made to the tolerances, as `tympan "
+@question("spread of the deflection between films made to the tolerances, as `tympan "
              "tolerance` draws them", {
     "deflection_low_m": "5 % of the films have less",
     "deflection_median_m": "half of the films have more",

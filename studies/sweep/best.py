@@ -19,7 +19,7 @@ import numpy as np
 from tympan.base.errors import InputError
 from tympan.base.toml_reader import one_of
 from tympan.base.units import DIMENSIONS, quantity, unit_of
-from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.table import LOADS, beyond_limits, column_name
 
@@ -171,7 +171,7 @@ def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
 
 def _changes() -> set[str]:
     """Columns of what changes from no voltage to that of the row."""
-    return {"stroke_m", *(column for quantity in QUANTITIES.values() if quantity.change
+    return {"stroke_m", *(column for quantity in QUESTIONS.known.values() if quantity.change
                           for column in quantity.columns)}
 
 

@@ -25,7 +25,7 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
-from tympan.studies.sweep.asked import QUANTITIES, Ask
+from tympan.studies.sweep.asked import QUESTIONS, Ask
 from tympan.studies.sweep.reduced import in_families
 from tympan.studies.sweep.task import SweepTask, solver
 from tympan.studies.tolerance.given import Tolerances
@@ -260,11 +260,11 @@ def _asked(table: Table, key: str) -> tuple[str, ...]:
     """Names of questions."""
     names = table.value(key, [])
     if not isinstance(names, list) or len(set(map(repr, names))) < len(names):
-        raise table.error(key, f"must be a list of different ones of {', '.join(QUANTITIES)}, "
+        raise table.error(key, f"must be a list of different ones of {', '.join(QUESTIONS.known)}, "
                                'such as ["limits"]', names)
     for name in names:
-        if not isinstance(name, str) or name not in QUANTITIES:
-            raise table.error(key, one_of(name, QUANTITIES), name)
+        if not isinstance(name, str) or name not in QUESTIONS.known:
+            raise table.error(key, one_of(name, QUESTIONS.known), name)
     return tuple(names)
 
 

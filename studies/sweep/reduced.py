@@ -26,7 +26,7 @@ from tympan.studies.films.box import Box, kind_of
 from tympan.studies.films.family import FilmFamily, require_reducible
 from tympan.studies.films.population import LoadGrid, Population
 from tympan.studies.films.states import FilmStates
-from tympan.studies.sweep.asked import QUANTITIES, Record
+from tympan.studies.sweep.asked import QUESTIONS, Record
 from tympan.studies.sweep.strokes import TENSE
 from tympan.studies.sweep.task import (
     BY_REDUCED,
@@ -72,7 +72,7 @@ class Kin:
         box = Box.of([task.specimen for task in tasks])
         forces = [force for task in tasks for force in forces_of(task)]
         voltages = [abs(voltage) for task in tasks for voltage in film_voltages_of(task)]
-        if any(QUANTITIES[name].change for name in tasks[0].ask.names):
+        if any(QUESTIONS[name].change for name in tasks[0].ask.names):
             voltages.append(0.0)
         named = zip(box.names, box.low.tolist(), box.high.tolist(), strict=True)
         return cls(replace(box.specimen, name="family"), tuple(named), (min(forces), max(forces)),
@@ -121,7 +121,7 @@ def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
 
 def _cost(task: SweepTask) -> int:
     """Equilibria that cost as much as what a family may answer of a task."""
-    answers = [QUANTITIES[name].equilibria for name in task.ask.names]
+    answers = [QUESTIONS[name].equilibria for name in task.ask.names]
     return _MESH + len(task.ids) * (1 + sum(answers))
 
 
@@ -133,7 +133,7 @@ def kin_id(kin: Kin) -> str:
 def _reducible(task: SweepTask) -> bool:
     """Whether a reduced film has all that is asked of a task."""
     specimen = task.specimen
-    asked = [QUANTITIES[name] for name in task.ask.names]
+    asked = [QUESTIONS[name] for name in task.ask.names]
     if task.fields or task.figures or any(
             quantity.of_states and quantity.by_family is None for quantity in asked):
         return False
@@ -169,7 +169,7 @@ class Batch:
                             masses=np.array([task.masses for task in self.tasks]),
                             voltages=np.array([task.voltages for task in self.tasks]))
             answers = {name: answer(grid) for name in self.tasks[0].ask.names
-                       if (answer := QUANTITIES[name].by_family) is not None}
+                       if (answer := QUESTIONS[name].by_family) is not None}
             made = _rows(self.tasks, family, grid.states)
             sure = _sure(grid.states)
             for films in answers.values():

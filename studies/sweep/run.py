@@ -27,7 +27,7 @@ from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.best import Best, best
 from tympan.studies.sweep.plan import Sweep, voltage_of
 from tympan.studies.sweep.reduced import Batch, batches
-from tympan.studies.sweep.table import beyond_limits, dataset, read_table, write_tables
+from tympan.studies.sweep.table import beyond_limits, dataset, frame, read_table, write_tables
 from tympan.studies.sweep.task import (
     EXACT_ROW,
     FAILED,
@@ -39,6 +39,7 @@ from tympan.studies.sweep.task import (
 )
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 #: Runs a function of batches of tasks, by id, in any order.
@@ -76,6 +77,11 @@ class SweepResult:
     figures: bool
     table: xr.Dataset = field(repr=False, compare=False)
     at_V: float | None = None
+
+    @property
+    def rows(self) -> pd.DataFrame:
+        """A row for each case."""
+        return frame(self.table)
 
     def best(self, of: str = "stroke", at: float | str | None = None,
              under: str | Sequence[str] = (), count: int = 5) -> Best:

@@ -13,7 +13,7 @@ import numpy as np
 from tympan.base.errors import InputError
 from tympan.base.units import DIMENSIONS, unit_of
 from tympan.studies.files import write_atomically, write_text
-from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import Entry, Sweep, read_quantity
 from tympan.studies.sweep.task import (
     COLUMNS,
@@ -89,7 +89,7 @@ def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
     columns: dict[str, Any] = numbers | texts
     data = {name: variable(axes, columns[name]) for name in ("id", *COLUMNS)}
     for name in sweep.ask.names:
-        quantity = QUANTITIES[name]
+        quantity = QUESTIONS[name]
         records = [record for result in kept for record in result.answers[name]]
         along = tuple(axis for axis in axes if axis not in LOADS or axis in quantity.loads)
         data |= {column: variable(along, [record.get(column) for record in records])

@@ -26,7 +26,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import film_surface
-from tympan.studies.sweep.asked import QUANTITIES, Ask, AskedCase, Record, SolvedCase
+from tympan.studies.sweep.asked import QUESTIONS, Ask, AskedCase, Record, SolvedCase
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are
 #: then not reused.
@@ -87,7 +87,7 @@ class TaskResult:
                         for row in self.rows)
                 and all(map(_of_its_kind, chain(self.rows, *self.answers.values())))
                 and {name: len(records) for name, records in self.answers.items()} == {
-                    name: len(task.ids) // QUANTITIES[name].every(task.loads)
+                    name: len(task.ids) // QUESTIONS[name].every(task.loads)
                     for name in task.ask.names})
 
 
@@ -194,7 +194,7 @@ class SweepTask:
     def answers(self) -> dict[str, list[Record]]:
         """Answers to what is asked of it, where that needs no equilibrium of its cases."""
         answers: dict[str, list[Record]] = {name: [] for name in self.ask.names
-                                            if not QUANTITIES[name].of_states}
+                                            if not QUESTIONS[name].of_states}
         if not answers:
             return answers
         with _TURN, one_thread():
@@ -211,7 +211,7 @@ class SweepTask:
     def _answer(self, answers: dict[str, list[Record]], number: int, asked: AskedCase) -> None:
         """Add what is asked at a case, where that is the first of its loads."""
         for name, records in answers.items():
-            quantity = QUANTITIES[name]
+            quantity = QUESTIONS[name]
             if number % (len(self.ids) if quantity.together else quantity.every(self.loads)) == 0:
                 records += quantity.records(asked)
 
@@ -229,7 +229,7 @@ def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reaso
     """Rows of cases, by id, and answers that say why there is no result."""
     rows: list[Row] = [{**dict.fromkeys(COLUMNS), "id": case_id, "status": status,
                         "by": "", "warnings": [reason]} for case_id in ids]
-    answers = {name: [{"warnings": [reason]}] * (len(ids) // QUANTITIES[name].every(loads))
+    answers = {name: [{"warnings": [reason]}] * (len(ids) // QUESTIONS[name].every(loads))
                for name in ask.names}
     return TaskResult(rows, answers)
 

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from tympan.base.arrays import Mask
 from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
+from tympan.studies.columns import cells_of
 from tympan.studies.films.first_limits import ENDS, kinds, label_of
 from tympan.studies.films.population import LoadedFilms
-from tympan.studies.wanted import Bound
+from tympan.studies.wanted import LIMIT, QUANTITIES, Bound
 
-#: What is told of the films, by key: words, unit of the bench, and what an SI number is of it.
-QUANTITIES = {
-    "deflection_m": ("deflection", "mm", 1e3),
-    "stroke_m": ("stroke", "mm", 1e3),
-    "blocked_force_N": ("blocked force", "mN", 1e3),
-    "capacitance_F": ("capacitance", "pF", 1e12),
-    "frequency_Hz": ("frequency", "Hz", 1.0),
-    "limit_V": ("first limit", "kV", 1e-3),
-}
+#: Quantities whose distributions are printed, by their columns.
+SPREAD = {QUANTITIES[name].column: QUANTITIES[name] for name in (
+    "deflection", "stroke", "blocked_force", "capacitance", "frequency", LIMIT)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +199,7 @@ class ToleranceResult(CaseRecord):
 
     ending = "-tolerance"
     writer = "tympan tolerance"
+    indexed = ("quantity",)
     kinds = ("json",)
     drawn = ("png", "svg")
 
@@ -229,3 +225,15 @@ class ToleranceResult(CaseRecord):
     made_s: Annotated[float, Key("time that making the family of films took, of wall_s")]
     wall_s: WallTime
     warnings: Warnings = ()
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each quantity, with the shares that tolerances have in its variance."""
+        rows = []
+        for name, spread in self.quantities.items():
+            cells = cells_of(spread)
+            shares = {f"share_{share.label.replace(', ', '_')}": share.alone
+                      for share in spread.shares}
+            last = {"interactions": cells.pop("interactions")}
+            rows.append({"quantity": name, **cells, **shares, **last})
+        return rows

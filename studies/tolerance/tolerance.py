@@ -24,7 +24,7 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Scattered
 from tympan.studies.tolerance.given import Cause, Tolerances, causes
 from tympan.studies.tolerance.result import (
-    QUANTITIES,
+    SPREAD,
     Chance,
     FilmFailure,
     FilmLimits,
@@ -35,7 +35,7 @@ from tympan.studies.tolerance.result import (
     WantedBound,
 )
 from tympan.studies.tolerance.shares import Design
-from tympan.studies.wanted import BREAKDOWN, LIMIT, SCATTERING, TENSION, Bound
+from tympan.studies.wanted import BREAKDOWN, LIMIT, TENSION, Bound, scattering
 
 _FILMS: Rule = (lambda x: 100 <= x <= 1_000_000,
                 "must be a whole number from 100 to 1000000")
@@ -96,9 +96,10 @@ class ToleranceCase:
         causes(self.specimen, self.tolerances)
         for bound in self.wanted:
             if not bound.quantity.scatters:
-                raise InputError("must be of what differs between films, one of "
-                                 f"{', '.join(SCATTERING)}: {bound.name} is judged by its nominal "
-                                 "value, in tympan design", key="want", given=bound.text)
+                able = ", ".join(scattering())
+                raise InputError(f"must be of what differs between films, one of {able}: "
+                                 f"{bound.name} is judged by its nominal value, in tympan design",
+                                 key="want", given=bound.text)
             if bound.quantity.of_plate:
                 self.specimen.needed_plate()
             if bound.name == BREAKDOWN and self.specimen.membrane.strength is None:
@@ -181,7 +182,7 @@ class Solved:
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Answers of all films, block by block."""
         values = {key: np.concatenate([part.values[key] for part in parts])
-                  for key in QUANTITIES if key in parts[0].values}
+                  for key in SPREAD if key in parts[0].values}
         missed = [np.concatenate(each) for each in zip(*(part.missed for part in parts),
                                                        strict=True)]
         return cls(values, np.concatenate([part.reached for part in parts]), missed)

@@ -272,7 +272,7 @@ def test_a_command_leaves_no_result_without_its_picture(tmp_path: Path,
     def full(*_: object) -> list[Path]:
         raise InputError("cannot be written: No space left on device", file="a.png")
 
-    monkeypatch.setattr(rebuild, "draw_stored", full)
+    monkeypatch.setattr(rebuild, "draw_result", full)
     result = CaseResult(specimen="oval", mass_kg=0.0, voltage_V=0.0, status="not_converged",
                         dofs=1, wall_s=0.0, warnings=())
     options = Namespace(output=tmp_path / "out", command="solve")

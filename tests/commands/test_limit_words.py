@@ -25,7 +25,7 @@ from tympan.studies.force.result import ForceLimit
 from tympan.studies.limits import LimitsResult
 from tympan.studies.limits.curve import CurveResult, MassCurve
 from tympan.studies.path import Event, PathResult, Station
-from tympan.studies.sweep.asked import QUANTITIES as ASKED
+from tympan.studies.sweep.asked import QUESTIONS as ASKED
 from tympan.studies.tolerance.result import (
     Chance,
     FilmFailure,

@@ -12,7 +12,7 @@ from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular, elliptical, skewed
 from tympan.base.errors import InputError
 from tympan.base.paths import numbers
-from tympan.fem.derivatives.quantities import QUANTITIES, named_quantity
+from tympan.fem.derivatives.quantities import FUNCTIONALS, named_functional
 from tympan.fem.derivatives.residual_derivative import Stiffness
 from tympan.fem.derivatives.sensitivity import (
     LOADS,
@@ -40,7 +40,7 @@ NAMES = (*film_names(skewed()), *LOADS, *numbers(LOADING, "loading"), *shape_nam
 def solved(skewed_model: Model):
     film = replace(skewed_model, loading=LOADING)
     solution = equilibrium(film, FORCE, VOLTAGE, PRESSURE).solution
-    return film, solution, gradient_many(film, solution, QUANTITIES, parameters(film))
+    return film, solution, gradient_many(film, solution, FUNCTIONALS, parameters(film))
 
 
 def test_every_number_of_the_model_is_a_parameter(solved) -> None:
@@ -61,12 +61,12 @@ def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
             other, start = parameters(film)[name].changed(film, solution.state, change)
             resolved = newton(other, start)
             assert resolved.converged
-            ends.append([quantity.value(other, resolved.state) for quantity in QUANTITIES.values()])
-        slopes = [exact[label][name] for label in QUANTITIES]
+            ends.append([each.value(other, resolved.state) for each in FUNCTIONALS.values()])
+        slopes = [exact[label][name] for label in FUNCTIONALS]
         errors.append(np.subtract(*ends) / (2 * step) - slopes)
-    for label, before, after in zip(QUANTITIES, *np.abs(errors), strict=True):
+    for label, before, after in zip(FUNCTIONALS, *np.abs(errors), strict=True):
         # Where stiffening and thinning nearly cancel, what cancels is the scale.
-        size = abs(QUANTITIES[label].value(film, solution.state) / value)
+        size = abs(FUNCTIONALS[label].value(film, solution.state) / value)
         scale = max(abs(exact[label][name]), 0.01 * size)
         assert after < 2e-4 * scale, label
         assert before / after > 3.5 or after < 1e-7 * size, label
@@ -88,7 +88,7 @@ def uneven() -> Model:
 def test_gradients_of_an_uneven_film_are_the_limit_of_differences(uneven: Model, name: str) -> None:
     """What is thicker stays where it is as lengths change, and is pulled down more."""
     solution = equilibrium(uneven, FORCE, VOLTAGE, PRESSURE).solution
-    heave, parameter = QUANTITIES["heave"], parameters(uneven)[name]
+    heave, parameter = FUNCTIONALS["heave"], parameters(uneven)[name]
     exact = gradient_many(uneven, solution, {"": heave}, {name: parameter})[""][name]
     step, ends = 2e-3 * parameter.value(uneven, solution.state), []
     for change in (step, -step):
@@ -102,7 +102,7 @@ def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatc
     refinement not."""
     film, solution, exact = solved
     fresh = Tangent(film, film.linearised(solution.state), solution.state)
-    right = QUANTITIES["heave"].slope(film, solution.state)
+    right = FUNCTIONALS["heave"].slope(film, solution.state)
     truth, stale = fresh.respond(right)[0], solution.tangent.respond(right)[0]
 
     def refuse(*_: object) -> None:
@@ -142,7 +142,7 @@ def test_a_quarter_answers_like_the_whole() -> None:
                       for symmetry in (True, False))
     odd = "offset", "arm", "gradient"
     even = [name for name in parameters(quarter) if not any(word in name for word in odd)]
-    labels = {name: quantity for name, quantity in QUANTITIES.items() if name != "tilt"}
+    labels = {name: quantity for name, quantity in FUNCTIONALS.items() if name != "tilt"}
     answers = []
     for film in (quarter, whole):
         by_name, outcome = parameters(film), equilibrium(film, FORCE, VOLTAGE)
@@ -163,12 +163,13 @@ def test_what_has_no_derivative_is_refused(solved) -> None:
     with pytest.raises(InputError, match=r"membrane\.material\.mu\.0"):
         deflection_gradient(film, solution.state, ["membrane.colour"])
     with pytest.raises(InputError, match="heave, tilt"):
-        named_quantity("beauty")
+        named_functional("beauty")
     quarter = model(elliptical(60e-3), refine=0.7, order=2)
     outcome = equilibrium(quarter, FORCE, 0.0)
     with pytest.raises(InputError, match="does not tilt"):
-        gradient(quarter, outcome, QUANTITIES["tilt"], ["force"])
+        gradient(quarter, outcome, FUNCTIONALS["tilt"], ["force"])
     with pytest.raises(InputError, match="zero all over"):
-        gradient(quarter, outcome, QUANTITIES["max_field"], ["force"])
+        gradient(quarter, outcome, FUNCTIONALS["max_field"], ["force"])
+    none = replace(outcome, status="no_equilibrium")
     with pytest.raises(InputError, match="no equilibrium"):
-        gradient(quarter, replace(outcome, status="no_equilibrium"), QUANTITIES["heave"], ["force"])
+        gradient(quarter, none, FUNCTIONALS["heave"], ["force"])

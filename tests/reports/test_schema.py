@@ -19,7 +19,7 @@ from tests.support.checks.json_schema import faults
 from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
+from tympan.base.fields import IN_UNIT, MAY_MISS, Key, Printed
 from tympan.cli import main
 from tympan.commands import COMMANDS, doctor
 from tympan.options import Command
@@ -204,9 +204,9 @@ def test_every_key_has_a_meaning_and_every_path_a_parent(name: str) -> None:
 
 @dataclass(frozen=True)
 class Told:
-    noise: Annotated[float, Key("noise", in_unit=True)]
-    others: Annotated[tuple[str, ...], Key("others", printed="with")]
-    limit: Annotated[float | None, Key("limit", may_miss=True)] = None
+    noise: Annotated[float, Key("noise"), IN_UNIT]
+    others: Annotated[tuple[str, ...], Key("others"), Printed("with")]
+    limit: Annotated[float | None, Key("limit"), MAY_MISS] = None
 
 
 @pytest.mark.parametrize(("value", "unit", "written"), [

@@ -9,9 +9,9 @@ from tympan.base.errors import InputError
 from tympan.base.toml_reader import Table
 from tympan.studies.wanted import (
     QUANTITIES,
-    SCATTERING,
     Bound,
     read_bounds,
+    scattering,
     table_bounds,
     wanted_bounds,
 )
@@ -100,5 +100,5 @@ def test_a_bound_with_the_other_sense_has_a_key_of_its_own() -> None:
     assert [Bound("stroke", 1.0, least).key for least in (True, False)] == [
         "stroke", "stroke at most"]
     assert len({Bound(name, 1.0, least).key for name, least in SENSES}) == len(SENSES)
-    assert {"stroke", "deflection", "limit", "capacitance"} <= {*SCATTERING}
-    assert "width" not in SCATTERING
+    assert {"stroke", "deflection", "limit", "capacitance"} <= {*scattering()}
+    assert "width" not in scattering()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.support.specimens import circular
-from tympan.fem.derivatives.quantities import QUANTITIES
+from tympan.fem.derivatives.quantities import FUNCTIONALS
 from tympan.fem.derivatives.sensitivity import gradient
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import Solution, moved
@@ -92,4 +92,4 @@ def loaded(film: Model, seed: int = 0) -> State:
 def deflection_gradient(film: Model, at: Outcome | Solution | State,
                         names: Sequence[str]) -> dict[str, float]:
     """Derivatives of the deflection at constant loads by named parameters [m per SI unit]."""
-    return gradient(film, at, QUANTITIES["heave"], names)
+    return gradient(film, at, FUNCTIONALS["heave"], names)

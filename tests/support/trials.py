@@ -11,7 +11,7 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 MASSES = (17.9e-3, 22.45e-3)
 
@@ -24,7 +24,7 @@ FEW = ("strain_stiffening", "electrode_margin", "unaccounted_mass", "parallel_sp
 def every_cause(simulation: Simulation) -> list[Cause]:
     """All but those that only a way up and down, a frequency, a line or a tester shows."""
     return [Cause(name, which) for name, effect in EFFECTS.items()
-            if not {Quantity.DIRECTION, Quantity.FREQUENCY, Quantity.SHAPE, Quantity.FORCE
+            if not {Observable.DIRECTION, Observable.FREQUENCY, Observable.SHAPE, Observable.FORCE
                     } & set(effect.shows_in)
             for which in effect.choices(simulation.setup)]
 

@@ -94,7 +94,7 @@ def diagnose(options: argparse.Namespace) -> None:
 
 def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | None:
     """Verdicts on synthetic readings, with their page; None where that is not asked."""
-    from tympan.reports.rebuild import draw_stored
+    from tympan.reports.rebuild import draw_result
     from tympan.studies.diagnosis.self_check import self_checked
 
     if not options.self_check:
@@ -104,7 +104,7 @@ def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | N
                              options.workers, progress)
     if options.output is not None:
         check.save(options.output)
-        draw_stored("diagnose --self-check", options.output, "")
+        draw_result(check, options.output)
     return check.json()
 
 

@@ -77,7 +77,7 @@ def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
     from tympan.fem.results.limit_states import LIMIT_STATES
     from tympan.progress import cases, say
-    from tympan.reports.rebuild import draw_stored
+    from tympan.reports.rebuild import draw_result
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
@@ -111,7 +111,7 @@ def sweep(options: argparse.Namespace) -> None:
         ending.add_note(f"{kept} of {planned.cases} cases are kept, the same command goes on from "
                         "there")
         raise
-    page, = draw_stored(options.command, options.output, "")
+    page, = draw_result(result, options.output)
     asked = {}
     if options.best is not None:
         asked["best"] = result.best(options.best, under=options.under).json()

@@ -52,7 +52,7 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.effects import EFFECTS
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 #: A part of a dataset that is judged.
 View = Callable[[Dataset], Dataset]
@@ -179,7 +179,7 @@ def _by_turns(circular: Callable[[], ReadingPlan], others: Callable[[], ReadingP
     plan = others()
     effects = tuple(name for name in EFFECTS if name not in _NOT_BY_ELEMENTS
                     and (len(plan.tapped) or name != "added_mass")
-                    and (len(plan.scanned) or Quantity.SHAPE not in EFFECTS[name].shows_in))
+                    and (len(plan.scanned) or Observable.SHAPE not in EFFECTS[name].shows_in))
     # Of each effect now one law, now the other.
     return Question(plan, ("elements", "another law")[(number // 2 + number // 32) % 2], effects)
 

@@ -32,7 +32,7 @@ from tympan.studies.diagnosis.hypothesis import (
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup, Use, extended
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.material.branches import held_out_groups
 from tympan.studies.material.relaxation import BranchStress
 
@@ -146,10 +146,10 @@ class CouponTests(StripEvidence):
                   "run": table.states.run[table.state], "stretch": extent.round(3)}
         return splits, levels
 
-    def quantities(self, table: ReadingTable) -> set[Quantity]:
+    def observables(self, table: ReadingTable) -> set[Observable]:
         warm, timed = np.ptp(self.coupons.degrees) > 0, self.coupons.in_time
-        return {Quantity.STRESS, *([Quantity.TEMPERATURE] if warm else []),
-                *([Quantity.TIME] if timed else [])}
+        return {Observable.STRESS, *([Observable.TEMPERATURE] if warm else []),
+                *([Observable.TIME] if timed else [])}
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
         return self.feel(cause)

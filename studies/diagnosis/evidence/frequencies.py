@@ -9,7 +9,7 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 
 class Frequencies(PlateEvidence):
@@ -36,5 +36,5 @@ class Frequencies(PlateEvidence):
         squared = stiffness * films.swing(stiffness).real / films.moving
         return np.asarray(np.sqrt(squared) / (2 * np.pi))[films.table.state[rows]]
 
-    def quantities(self, table: ReadingTable) -> set[Quantity]:
-        return {Quantity.FREQUENCY} if "frequency" in table.kind else set()
+    def observables(self, table: ReadingTable) -> set[Observable]:
+        return {Observable.FREQUENCY} if "frequency" in table.kind else set()

@@ -14,7 +14,7 @@ from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence
 from tympan.studies.diagnosis.patterns.reading_patterns import smooth
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 #: Polynomials in the heave that a loop's width follows: it opens and closes where the way turns.
 _OF_A_LOOP = 3
@@ -45,8 +45,8 @@ class Held(PlateEvidence):
         shown = films.rig.gauged(films.force, films.stiffness, heave)
         return np.asarray(shown[films.table.state[rows]])
 
-    def quantities(self, table: ReadingTable) -> set[Quantity]:
-        return {Quantity.FORCE} if "force" in table.kind else set()
+    def observables(self, table: ReadingTable) -> set[Observable]:
+        return {Observable.FORCE} if "force" in table.kind else set()
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:

@@ -27,7 +27,7 @@ from tympan.studies.diagnosis.hypothesis import (
 from tympan.studies.diagnosis.patterns.reading_patterns import patterns
 from tympan.studies.diagnosis.reading_table import ReadingTable, Unit
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 #: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
 #: source.
@@ -157,8 +157,8 @@ class Evidence(Protocol):
         """Splits that hold out rows; and by kind of split the level of each row, shape (rows,)."""
         return [], {}
 
-    def quantities(self, table: ReadingTable) -> set[Quantity]:
-        """Quantities that its rows read, of those that some effects show in alone."""
+    def observables(self, table: ReadingTable) -> set[Observable]:
+        """Observables that its rows read, of those that some effects show in alone."""
         return set()
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
@@ -281,14 +281,14 @@ class PreparedReadings:
         return self.table.noise.source == "assumed"
 
     @property
-    def quantities(self) -> set[Quantity]:
-        """Quantities that are read, of those that some effects show in alone."""
-        return set().union(*(kind.quantities(self.table) for kind in self.evidence))
+    def observables(self) -> set[Observable]:
+        """Observables that are read, of those that some effects show in alone."""
+        return set().union(*(kind.observables(self.table) for kind in self.evidence))
 
     @property
     def causes(self) -> tuple[Cause, ...]:
         """Effects that these readings could show."""
-        others, read = () if self.coupons is None else self.coupons.causes, self.quantities
+        others, read = () if self.coupons is None else self.coupons.causes, self.observables
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
                      if cause in others or (read.issuperset(effect.shows_in) and all(

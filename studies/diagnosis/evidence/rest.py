@@ -21,7 +21,7 @@ from tympan.studies.diagnosis.evidence.kind import (
 from tympan.studies.diagnosis.history import staircase
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable, States, rows
 from tympan.studies.effects import Setup
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 #: Least noise of a tilt [rad]. No source.
 TILT = 1e-4
@@ -96,12 +96,12 @@ class Rest(PlateEvidence):
                   "voltage": np.abs(table.voltage)}
         return splits, levels
 
-    def quantities(self, table: ReadingTable) -> set[Quantity]:
+    def observables(self, table: ReadingTable) -> set[Observable]:
         states = table.states
-        there = {Quantity.ELAPSED: np.ptp(states.elapsed) > 0,
-                 Quantity.DIRECTION: np.any(states.voltage_direction != 0),
-                 Quantity.TIME: len(states.in_time)}
-        return {quantity for quantity, read in there.items() if read}
+        there = {Observable.ELAPSED: np.ptp(states.elapsed) > 0,
+                 Observable.DIRECTION: np.any(states.voltage_direction != 0),
+                 Observable.TIME: len(states.in_time)}
+        return {quantity for quantity, told in there.items() if told}
 
 
 def _static(readings: Sheet, setup: Setup, sigma: Array, used: Mask

@@ -24,7 +24,7 @@ from tympan.studies.diagnosis.reading_table import (
     rows,
 )
 from tympan.studies.effects import Setup
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.estimation.noise import Noise, Shared
 
 #: Kinds of rows: the components of displacements at places, deflections last.
@@ -83,13 +83,13 @@ class Scans(PlateEvidence):
                                          film_patterns(table[rows], predicted[rows]))
                 for kind, rows in table.rows_of.items()}
 
-    def quantities(self, table: ReadingTable) -> set[Quantity]:
-        return {Quantity.SHAPE} if table.scans else set()
+    def observables(self, table: ReadingTable) -> set[Observable]:
+        return {Observable.SHAPE} if table.scans else set()
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
         scanned = np.unique(table.specimen[table.scan >= 0])
         names = {setup.specimens[number].name for number in scanned}
-        return Quantity.SHAPE not in cause.effect.shows_in or cause.which in (None, *names)
+        return Observable.SHAPE not in cause.effect.shows_in or cause.which in (None, *names)
 
 
 def film_patterns(table: ReadingTable, predicted: Array) -> Array:

@@ -13,11 +13,11 @@ from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.effects.findings import FoundSize
 
 
-def undecided(cause: Cause, read: set[Quantity], suspects: Collection[Cause] = ()
+def undecided(cause: Cause, read: set[Observable], suspects: Collection[Cause] = ()
               ) -> tuple[Cause, ...]:
     """Causes of one family that readings do not tell apart; none if they single out this one.
 

@@ -11,7 +11,7 @@ from tympan.base.errors import InputError
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.specimen import Specimen
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 
 #: A point at which a film is solved: numbers of some axes with their sizes, the others 0.
 Sample = tuple[tuple[int, float], ...]
@@ -169,7 +169,7 @@ def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]
     """
     nominal = HeldFilm.of(setup, name)
     axes = [axis for effect in EFFECTS.values()
-            if shapes or Quantity.SHAPE not in effect.shows_in
+            if shapes or Observable.SHAPE not in effect.shows_in
             for index in range(len(effect.parameters))
             if (axis := _axis(setup, name, effect, index, shapes)).places]
     acting = {axis.effect for axis in axes

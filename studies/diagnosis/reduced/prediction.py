@@ -19,8 +19,8 @@ from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_
 from tympan.studies.diagnosis.reduced.scans import scanned
 from tympan.studies.diagnosis.reduced.swinging import Sag
 
-#: A quantity of a film by its deflections [m] and U² [V²].
-Quantity = Callable[[ForceSurface, Array, Array], Array]
+#: A number of a film by its deflections [m] and U² [V²].
+OfFilms = Callable[[ForceSurface, Array, Array], Array]
 
 #: Least mass that moves with a plate [kg].
 _LIGHTEST = 1e-6
@@ -137,7 +137,7 @@ class Prediction:
         return scanned(*film, self.table.scans[number], float(heave[state]),
                        float(voltage_squared[state]), float(self._pressure[state]))
 
-    def _of_films(self, quantity: Quantity, heave: Array) -> Array:
+    def _of_films(self, quantity: OfFilms, heave: Array) -> Array:
         heave, voltage_squared = self._within(heave)
         values = np.empty(len(heave))
         for states, surface in self.rest.surfaces:

@@ -9,7 +9,7 @@ import numpy as np
 from tympan.fem.rig import Rig
 from tympan.geometry.sectors import covered_share
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects.effect import EffectParameter, Family, Quantity
+from tympan.studies.effects.effect import EffectParameter, Family, Observable
 
 #: A band, spots or a sector without field: readings of plates alone cannot distinguish them.
 #: Missing quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, have the
@@ -25,7 +25,7 @@ BARE_FILM = Family(
         "share of the film that electrodes leave bare beyond what is stated", "", width=0.1,
         low=0.0, high=1.0, reason="that of its members", told_in="%"),
     of=lambda specimen, rig: 1 - covered_share(specimen), alike=(0.75, 1.25),
-    told_by=(Quantity.SHAPE,))
+    told_by=(Observable.SHAPE,))
 
 
 def _carried(specimen: Specimen, rig: Rig) -> float:

@@ -12,7 +12,7 @@ from tympan.base.paths import with_change
 from tympan.fem.film.laws import MooneyShare, Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.specimen import NARROWEST, Film, Patch, Specimen
-from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Observable, Setup, effect
 from tympan.studies.effects.library.families import BARE_FILM, LESS_MOVED, STIFFER_FILM
 
 
@@ -117,7 +117,7 @@ def _uneven(axis: str) -> EffectParameter:
         finding="The films are thicker on one side than in the middle, by {gx} where x ends at the "
                 "frame and by {gy} where y does",
         check="measure the film's thickness at both ends of the frame, or weigh pieces cut there",
-        shows_in=(Quantity.SHAPE,))
+        shows_in=(Observable.SHAPE,))
 def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],
                        gy: Annotated[float, _uneven("y")]) -> Setup:
     """Make all films thicker on one side of the frame."""
@@ -161,7 +161,7 @@ def _wide(axis: str) -> EffectParameter:
                 "towards it, its diameter reaches {dx} along x and {dy} along y; it is {p} of the "
                 "way from plate to frame",
         check="look through the film of {which} against a light, for a spot without electrode",
-        shows_in=(Quantity.SHAPE,), family=BARE_FILM)
+        shows_in=(Observable.SHAPE,), family=BARE_FILM)
 def electrode_patch(setup: Setup, dx: Annotated[float, _wide("x")],
                     dy: Annotated[float, _wide("y")], p: Annotated[float, EffectParameter(
                         "share of the way from plate to frame at which the spot is", "", width=0.5,

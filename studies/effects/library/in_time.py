@@ -7,7 +7,7 @@ from math import inf, isinf, log
 from typing import Annotated
 
 from tympan.geometry.specimen import Film, ViscousBranch
-from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Observable, Setup, effect
 from tympan.studies.effects.library.families import CARRIED_LOAD
 
 
@@ -15,7 +15,7 @@ from tympan.studies.effects.library.families import CARRIED_LOAD
         "series act beside the stated law.",
         finding="The film creeps: a part of its stiffness of {mu} relaxes within {tau}",
         check="hold one voltage for ten times as long and see whether the reading still moves",
-        shows_in=(Quantity.TIME,), twice=True)
+        shows_in=(Observable.TIME,), twice=True)
 def creep(setup: Setup, mu: Annotated[float, EffectParameter(
         "modulus of a viscous branch beside the law", "kPa", width=10e3, low=0.0, high=1e8, reason=(
             "VHB 4910 relaxes from about twice its modulus at rest, 15 kPa, within minutes; no "
@@ -31,7 +31,7 @@ def creep(setup: Setup, mu: Annotated[float, EffectParameter(
 
 @effect("The films were stretched not for ever ago: their branches still relax.",
         finding="The films had been stretched for {t} only, and still relax",
-        check="read the same state again a day later", shows_in=(Quantity.TIME,))
+        check="read the same state again a day later", shows_in=(Observable.TIME,))
 def mounting_age(setup: Setup, t: Annotated[float, EffectParameter(
         "time since the film was stretched; infinite where it is relaxed", "h", width=24 * 3600.0,
         low=3.6, high=inf, power=-1, reason="films are measured on the day after they are made, or "
@@ -48,7 +48,7 @@ def mounting_age(setup: Setup, t: Annotated[float, EffectParameter(
 @effect("Something damps the plate's motion: air in a gap, a guide with grease, a touching lead.",
         finding="The plate is damped by {c}",
         check="let the plate swing in the open and count how many swings it takes to fade",
-        shows_in=(Quantity.TIME,))
+        shows_in=(Observable.TIME,))
 def plate_damping(setup: Setup, c: Annotated[float, EffectParameter(
         "force on the plate over its speed", "N s/m", width=0.05, low=0.0, high=1e4, reason=(
             "a plate of 20 g on 80 N/m that fades within ten swings has 2 % of the critical "
@@ -61,7 +61,7 @@ def plate_damping(setup: Setup, c: Annotated[float, EffectParameter(
         "voltage late.",
         finding="The film charges through {R}",
         check="measure the voltage on the film with a high-voltage probe just after it is switched",
-        shows_in=(Quantity.TIME,))
+        shows_in=(Observable.TIME,))
 def series_resistance(setup: Setup, R: Annotated[float, EffectParameter(
         "through which the film charges", "MOhm", width=10e6, low=0.0, high=1e15, reason=(
             "high-voltage supplies protect their users by 1 to 100 MOhm; no source"))]) -> Setup:
@@ -72,7 +72,7 @@ def series_resistance(setup: Setup, R: Annotated[float, EffectParameter(
 @effect("The displacement sensor follows late, as its filter does.",
         finding="The sensor follows late, by {t_s}",
         check="look up the sensor's averaging, or tap the stand and compare with a faster one",
-        shows_in=(Quantity.TIME,))
+        shows_in=(Observable.TIME,))
 def sensor_lag(setup: Setup, t_s: Annotated[float, EffectParameter(
         "time in which the sensor follows, by a factor e", "ms", width=5e-3, low=0.0, high=1e4,
         reason="averages of 16 to 256 samples at 10 kHz; no source")]) -> Setup:
@@ -97,7 +97,7 @@ def electrode_mass(setup: Setup, rho: Annotated[float, EffectParameter(
         finding="A mass of {m_a} moves with the plate and does not weigh on it",
         check="look for what moves with the plate but hangs or stands elsewhere, and measure a "
               "frequency without it",
-        shows_in=(Quantity.FREQUENCY,))
+        shows_in=(Observable.FREQUENCY,))
 def added_mass(setup: Setup, m_a: Annotated[float, EffectParameter(
         "inertia without weight", "g", width=1e-3, low=0.0, high=10.0, reason=(
             "a third of a copper lead of 0.5 mm² and 30 cm moves with its end: 0.4 g; a linear "
@@ -110,7 +110,7 @@ def added_mass(setup: Setup, m_a: Annotated[float, EffectParameter(
         finding="The gas on both sides swings with the film as one of {rho_a} behind a baffle",
         check="measure a frequency in a partial vacuum, or with a board held close to the film, "
               "which makes it lower",
-        shows_in=(Quantity.FREQUENCY,))
+        shows_in=(Observable.FREQUENCY,))
 def air_mass(setup: Setup, rho_a: Annotated[float, EffectParameter(
         "density of the air that film and plate move on both sides, frame and stand for a baffle",
         "kg/m^3", width=1.2, low=0.0, high=1000.0, reason=(

@@ -7,7 +7,7 @@ from math import inf, isinf, sqrt
 from typing import Annotated
 
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Observable, Setup, effect
 from tympan.studies.effects.library.families import CARRIED_LOAD
 
 
@@ -94,7 +94,7 @@ def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
         finding="The film follows the voltage late, by {H} on the way up and on the way down",
         check="stop at one voltage on the way up for ten minutes and see whether the reading "
               "still moves",
-        shows_in=(Quantity.DIRECTION,))
+        shows_in=(Observable.DIRECTION,))
 def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
         "the film responds as to U - H (at least 0) on the way up, to U + H on the way down", "kV",
         width=0.1e3, low=0.0, high=1e6, reason=(
@@ -146,7 +146,7 @@ def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
 @effect("Readings wander in proportion to the time since the run began: sensor and stand warm up.",
         finding="Readings {rate:rise/fall} by {rate} as time goes by",
         check="read the first state once more at the end of the run",
-        shows_in=(Quantity.ELAPSED,))
+        shows_in=(Observable.ELAPSED,))
 def drift(setup: Setup, rate: Annotated[float, EffectParameter(
         "readings are y + rate · elapsed time", "um/min", width=1e-7 / 60, low=-1e-2 / 60,
         high=1e-2 / 60, reason=(
@@ -160,7 +160,7 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
 @effect("A tester's gauge was not zero when nothing pulled at it.",
         finding="The tester's gauge shows {F_0} too {F_0:much/little} everywhere",
         check="read the gauge with the plate free, before and after the run",
-        shows_in=(Quantity.FORCE,))
+        shows_in=(Observable.FORCE,))
 def gauge_zero(setup: Setup, F_0: Annotated[float, EffectParameter(
         "readings are F + F_0", "mN", width=5e-3, low=-100.0, high=100.0,
         reason="0.1 % of a gauge for 5 N, by which such gauges drift; no source")]) -> Setup:
@@ -171,7 +171,7 @@ def gauge_zero(setup: Setup, F_0: Annotated[float, EffectParameter(
 @effect("A tester's gauge shows a constant fraction too much or too little.",
         finding="The tester's gauge shows {k} {k:more/less} than the force",
         check="hang a known weight on the gauge",
-        shows_in=(Quantity.FORCE,))
+        shows_in=(Observable.FORCE,))
 def gauge_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "readings are (1+k) F", "", width=0.01, low=-0.9, high=9.0,
         reason="gauges are calibrated to 1 % or better; no source", told_in="%")]) -> Setup:
@@ -184,7 +184,7 @@ def gauge_gain(setup: Setup, k: Annotated[float, EffectParameter(
         finding="The tester's displacement is {w_0} too {w_0:large/small} everywhere",
         check="approach the plate slowly and note the displacement at which the gauge begins to "
               "move",
-        shows_in=(Quantity.FORCE,))
+        shows_in=(Observable.FORCE,))
 def displacement_zero(setup: Setup, w_0: Annotated[float, EffectParameter(
         "readings are w + w_0", "um", width=100e-6, low=-1.0, high=1.0,
         reason="contact is found by eye, or by a force of some mN on a soft film; no source")]
@@ -197,7 +197,7 @@ def displacement_zero(setup: Setup, w_0: Annotated[float, EffectParameter(
         "tester shows.",
         finding="The tester yields by {c}: the plate moves less than it shows",
         check="clamp the gauge to a rigid plate and read displacement against force",
-        shows_in=(Quantity.FORCE,))
+        shows_in=(Observable.FORCE,))
 def tester_compliance(setup: Setup, c: Annotated[float, EffectParameter(
         "the tester yields by c F between its displacement and the plate", "um/N", width=50e-6,
         low=0.0, high=1.0,

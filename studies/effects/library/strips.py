@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated
 
-from tympan.studies.effects.effect import EffectParameter, Quantity, Setup, effect
+from tympan.studies.effects.effect import EffectParameter, Observable, Setup, effect
 
 
 @effect("The film is stiffer or softer at another temperature, law and branches alike.",
         finding="The film gets {p:stiffer/softer} as it gets warmer, by {p} a degree about room "
                 "temperature",
         check="stretch two strips of the same film at two temperatures and compare their curves",
-        shows_in=(Quantity.TEMPERATURE,))
+        shows_in=(Observable.TEMPERATURE,))
 def temperature(setup: Setup, p: Annotated[float, EffectParameter(
         "power of the absolute temperature with which stiffness grows", "", width=1.0, low=-50.0,
         high=50.0, reason=(
@@ -32,7 +32,7 @@ def _shared(first: float, second: float) -> float:
         finding="The strips are held in their width, {w} of the way from a uniaxial test to pure "
                 "shear",
         check="measure the width of a stretched strip half-way between the grips",
-        shows_in=(Quantity.STRESS,))
+        shows_in=(Observable.STRESS,))
 def width_not_free(setup: Setup, w: Annotated[float, EffectParameter(
         "share of the logarithm of the width that the grips hold", "", width=0.1, low=0.0, high=1.0,
         reason=("grips hold a strip's ends over about half its width: a tenth of one that is five "
@@ -44,7 +44,7 @@ def width_not_free(setup: Setup, w: Annotated[float, EffectParameter(
 @effect("Strips narrow that are said to be held in their width, as in pure shear.",
         finding="The strips narrow, {w} of the way from pure shear to a uniaxial test",
         check="measure the width of a stretched strip half-way between the grips",
-        shows_in=(Quantity.STRESS,))
+        shows_in=(Observable.STRESS,))
 def width_not_held(setup: Setup, w: Annotated[float, EffectParameter(
         "share of a uniaxial strip's logarithm of the width by which they narrow", "", width=0.1,
         low=0.0, high=1.0, reason=(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from tympan.base.fields import Key
 from tympan.studies.case import Warnings
-from tympan.studies.columns import read_own_sheet, write_sheet
+from tympan.studies.columns import as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
 from tympan.studies.lumped.control.fmu import write_controller_fmu
@@ -152,6 +152,12 @@ class ControlResult:
     films: tuple[ControlledFilm, ...]
     fmu: bool = False
 
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each step of each actuator."""
+        return [{"specimen": film.specimen, **asdict(step)}
+                for film in self.films for step in film.steps]
+
     def json(self) -> dict[str, Any]:
         """Closed loops as a JSON object, without samples."""
         return {"films": to_json(self.films)}
@@ -175,6 +181,12 @@ class ControlResult:
         write_sheet(folder / "control.csv", COLUMNS, pd.concat([film.samples
                                                                 for film in self.films]))
         write_json(folder / "control.json", self.json())
+
+    def as_stored(self) -> ControlResult:
+        """The result with the digits of its file."""
+        return replace(self, films=tuple(
+            replace(film, samples=pd.DataFrame(as_written(COLUMNS, film.samples)))
+            for film in self.films))
 
     @classmethod
     def load(cls, folder: Path) -> ControlResult:

@@ -15,7 +15,7 @@ from tests.oracles.axisymmetric import solve_deflection
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical, reference_film, skewed, specimen_toml
 from tympan.base.errors import InputError
-from tympan.fem.derivatives.quantities import QUANTITIES
+from tympan.fem.derivatives.quantities import FUNCTIONALS
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium, held
@@ -135,7 +135,7 @@ def test_gradients_are_the_limit_of_differences(patched: Model, name: str) -> No
     patched = replace(patched, loading=replace(patched.loading, gravity=9.81))
     solution, parameter = equilibrium(patched, 0.2, 3e3).solution, parameters(patched)[name]
     labels = ("heave", "tilt", "capacitance", "max_field")
-    some = {label: QUANTITIES[label] for label in labels}
+    some = {label: FUNCTIONALS[label] for label in labels}
     exact = gradient_many(patched, solution, some, {name: parameter})
     value, errors = parameter.value(patched, solution.state), []
     for step in (4e-3 * abs(value), 2e-3 * abs(value)):
@@ -155,7 +155,7 @@ def test_a_patch_beside_a_mirror_plane_may_be_moved_along_it_alone() -> None:
     film = model(spotted(Patch((27e-3, 0.0), 15e-3)), refine=0.7, order=2)
     solution = equilibrium(film, 0.2, 3e3).solution
     names = [f"electrode.patches.0.centre.{axis}" for axis in (0, 1)]
-    slopes = gradient_many(film, solution, {"": QUANTITIES["heave"]}, parameters(film, names))[""]
+    slopes = gradient_many(film, solution, {"": FUNCTIONALS["heave"]}, parameters(film, names))[""]
     assert slopes[names[1]] == 0.0 != slopes[names[0]]
 
 

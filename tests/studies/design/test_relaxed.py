@@ -20,7 +20,7 @@ from tympan.fem.film.breakdown import ConstantStrength
 from tympan.studies.case import Settings
 from tympan.studies.design.design import designed_film, sought_in
 from tympan.studies.design.ranges import Vary
-from tympan.studies.design.requirements import SOUGHT, Requirements
+from tympan.studies.design.requirements import Requirements, sought
 from tympan.studies.design.scatter import ScatteredFilms
 from tympan.studies.design.search import Search
 from tympan.studies.wanted import BREAKDOWN, TENSION, Bound, by_key
@@ -29,7 +29,7 @@ RADII = (Vary("frame.radius", ("frame.radius",), 30e-3, 60e-3, "length"),
          Vary("plate.radius", ("plate.outline.radius",), 6e-3, 15e-3, "length"))
 VOLTAGE = Vary("voltage", (), 2e3, 8e3, "voltage")
 #: Both senses of what can be searched for; a margin has a least value alone.
-SENSES = [(name, least) for name in SOUGHT for least in (True, False)
+SENSES = [(name, least) for name in sought() for least in (True, False)
           if least or name not in (TENSION, BREAKDOWN)]
 
 
@@ -72,10 +72,10 @@ def random_bounds(seed: int) -> list[Bound]:
     found = list[Bound]()
     for number in rng.choice(len(SENSES), 3, replace=False):
         name, least = SENSES[number]
-        low, high = np.quantile(SOUGHT[name].of(films)[taut], (0.02, 0.98))
+        low, high = np.quantile(sought()[name].of(films)[taut], (0.02, 0.98))
         value = low + (high - low) * rng.uniform(0.2, 1.3 if least else 0.8)
         value = value if least else low + high - value
-        if value > 0 and SOUGHT[name].rule[0](value):
+        if value > 0 and sought()[name].rule[0](value):
             found.append(Bound(name, float(value), least))
     return found
 

@@ -26,7 +26,7 @@ from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.modes import heave_frequency, modes
 from tympan.studies.signals import step
@@ -44,7 +44,7 @@ TAKEN = Setup(
     Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
 
 #: Columns that only coupons have.
-COUPONS_ALONE = frozenset({Quantity.STRESS, Quantity.TEMPERATURE})
+COUPONS_ALONE = frozenset({Observable.STRESS, Observable.TEMPERATURE})
 
 FINE = Settings()
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
@@ -130,12 +130,12 @@ def readings_for(effect: Effect, setup: Setup, settings: Settings = FINE) -> np.
     """What can show an effect: where it takes frequencies these too, a hertz counted as 1 mm."""
     if COUPONS_ALONE & set(effect.shows_in):
         return of_coupons(setup)
-    if Quantity.FORCE in effect.shows_in:
+    if Observable.FORCE in effect.shows_in:
         return of_tester(setup, settings)
-    if Quantity.TIME in effect.shows_in:
+    if Observable.TIME in effect.shows_in:
         return in_time(setup)
     at_rest = readings(setup, settings)
-    if Quantity.FREQUENCY not in effect.shows_in:
+    if Observable.FREQUENCY not in effect.shows_in:
         return at_rest
     return np.hstack([at_rest, 1e-3 * frequencies(setup)])
 
@@ -162,7 +162,7 @@ def test_no_effect_changes_no_number(effect: Effect) -> None:
     """Bit for bit, also where the setup has some of it already."""
     for which in effect.choices(TAKEN):
         none = effect.at(TAKEN, [0.0] * len(effect.parameters), which)
-        if Quantity.TIME in effect.shows_in:
+        if Observable.TIME in effect.shows_in:
             assert none == TAKEN
             continue
         assert np.array_equal(readings_for(effect, none, COARSE),
@@ -189,7 +189,7 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
     middle = max(item.deviation, 2 * item.least)
     slopes = []
     # What fades in time bends more, and so does what moves over the film.
-    far = middle / 8 if Quantity.TIME in effect.shows_in or item.spread else middle / 2
+    far = middle / 8 if Observable.TIME in effect.shows_in or item.spread else middle / 2
     for near in (far, far / 2):
         high, low = (readings_for(effect, changed(effect, number, middle + sign * near))
                      for sign in (1, -1))
@@ -244,7 +244,7 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
         assert load_specimen(films) == specimen
     rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
     assert Rig.read(rig) == setup.rig
-    if Quantity.FREQUENCY in effect.shows_in:
+    if Observable.FREQUENCY in effect.shows_in:
         command = ["modes", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV"]
         assert main([*command, "--json", "--refine", "0.5"]) == 0
         printed = json.loads(capsys.readouterr().out)["modes"][0]["frequency_Hz"]
@@ -254,7 +254,7 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
         assert printed == here
         assert here != taken
         return
-    if (COUPONS_ALONE | {Quantity.TIME, Quantity.FORCE}) & set(effect.shows_in):
+    if (COUPONS_ALONE | {Observable.TIME, Observable.FORCE}) & set(effect.shows_in):
         # Equal specimens and rigs do the same in time, in coupon tests and in a tester.
         assert setup != TAKEN
         return

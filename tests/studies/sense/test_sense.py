@@ -84,8 +84,8 @@ def test_inverse_returns_the_deflection_within_its_error(film: tympan.Specimen) 
                               settings=COARSE).curves
         back = found.sensed(curve.capacitance_F, voltage)
         assert np.abs(back - curve.displacement_m).max() <= max(2 * found.inverse.error_m, 1e-9)
-    rows = found.table
-    off = np.abs(rows["by_polynomial"] - rows["displacement"])
+    rows = found.rows
+    off = np.abs(rows["by_polynomial_m"] - rows["displacement_m"])
     assert off.max() <= found.inverse.error_m
     assert found.table_error_m < 1e-5
 
@@ -154,10 +154,11 @@ def test_compiled_polynomial_is_ours(sensed: SenseResult, tmp_path: Path) -> Non
                     "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
     function = ctypes.CDLL(str(library)).circle_sensed_deflection
     function.restype, function.argtypes = ctypes.c_double, (ctypes.c_double, ctypes.c_double)
-    rows = sensed.table
-    in_c = [function(*each) for each in zip(rows["capacitance"], rows["voltage"], strict=True)]
-    assert in_c == pytest.approx(rows["by_polynomial"], rel=1e-9, abs=1e-12)
-    assert in_c[1] == pytest.approx(rows["displacement"][1], abs=sensed.inverse.error_m + 1e-12)
+    rows = sensed.rows
+    loads = zip(rows["capacitance_F"], rows["voltage_V"], strict=True)
+    in_c = [function(*each) for each in loads]
+    assert in_c == pytest.approx(rows["by_polynomial_m"], rel=1e-9, abs=1e-12)
+    assert in_c[1] == pytest.approx(rows["displacement_m"][1], abs=sensed.inverse.error_m + 1e-12)
     assert np.isfinite(in_c).all()
     head = source.read_text(encoding="utf-8").partition("#include")[0]
     for curve in sensed.curves:

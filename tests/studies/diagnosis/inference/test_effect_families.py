@@ -40,7 +40,7 @@ from tympan.studies.diagnosis.result import FoundCause, FoundFamily, ShownSize
 from tympan.studies.diagnosis.sentences import suspects_among, with_other_loads
 from tympan.studies.diagnosis.shown.curves import curves
 from tympan.studies.effects import EFFECTS, Setup
-from tympan.studies.effects.effect import Quantity
+from tympan.studies.effects.effect import Observable
 from tympan.studies.effects.findings import family_finding
 from tympan.studies.effects.library.families import BARE_FILM, LESS_MOVED
 
@@ -74,8 +74,8 @@ def test_the_share_that_is_covered() -> None:
 
 
 def test_a_line_over_the_film_decides_and_plates_alone_do_not() -> None:
-    assert undecided(MARGIN, {Quantity.ELAPSED}) == (MARGIN,)
-    assert not undecided(MARGIN, {Quantity.ELAPSED, Quantity.SHAPE})
+    assert undecided(MARGIN, {Observable.ELAPSED}) == (MARGIN,)
+    assert not undecided(MARGIN, {Observable.ELAPSED, Observable.SHAPE})
     assert not undecided(Cause("sensor_zero"), set())
 
 
@@ -182,7 +182,7 @@ def test_less_electrode_on_one_film_has_the_name_it_shares_with_a_slip(
         Cause("sensor_zero"), Cause("unaccounted_mass")])
     assert judged.chosen is not None
     assert judged.chosen.hypothesis == (slip,)
-    everything = set(Quantity)
+    everything = set(Observable)
     assert undecided(slip, everything) == (slip,)
     size = family_size(judged.simulation, {slip: judged.chosen})
     assert size.low < -np.log(1 - lower) < size.high
