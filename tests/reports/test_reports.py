@@ -228,7 +228,8 @@ def loosened(run: StudyView, state: int) -> StudyView:
             "stress_2": 1e3 * np.where(right, -1.0, 1.0)})
         limits = {kind: Limit(kind=kind, voltage_V=3000.0, x_m=0.01, y_m=0.0)
                   for kind in ("tension", "breakdown")}
-        curve = replace(item.curves[-1], limits=replace(item.curves[-1].limits, **limits))
+        met = item.curves[-1].limits
+        curve = replace(item.curves[-1], limits=replace(met, by_kind={**met.by_kind, **limits}))
         changed.append(replace(item, film=film,
                                result=replace(item.result, slack_share=0.5, breakdown_margin=1.5),
                                curves=(*item.curves[:-1], curve)))
