@@ -75,20 +75,17 @@ class Confusion:
 
 @dataclass(frozen=True, eq=False)
 class _Other:
-    """Readings and specimens with one quantity taken for another.
+    """Readings and specimens as they are with one quantity taken for another, or as stated.
 
     ``shift``: change of the logarithms of both factors at small deflections, None where it takes a
-    fit; ``larger``: sum over the readings of the logarithm of the factor on them; ``check``: the
-    key of the sentence on what to do about it.
+    fit; ``larger``: sum over the readings of the logarithm of the factor on them.
     """
 
-    of: str
-    taken: str
     setup: Setup
     table: ReadingTable
+    confusion: Confusion = Confusion("", "")
     shift: Array | None = None
     larger: float = 0.0
-    check: str = "do_quantity"
 
     def unlikely(self, found: Fit) -> float:
         """Minus twice the logarithm of the readings' probability.
@@ -133,7 +130,7 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
     other sizes are tried only where no unit and no thickness does it.
     """
     setup, table = readings.setup, readings.table
-    as_stated = _Other("", "", setup, table)
+    as_stated = _Other(setup, table)
     quick = [*_readings(dataset, setup, table), *_thicknesses(setup, table),
              *_counted(dataset, setup, table)]
     near = [other for other in quick if other.shift is None or _may_be(nominal, other.shift)]
@@ -145,7 +142,7 @@ def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
     """Mistaken sizes that leave noise, with ordinary factors, of a misfit of one odd specimen."""
     table, which = judged.table, judged.weighed.odd_specimen
     most = len(table) + 2 * (2 * len(table)) ** 0.5
-    noise = _Other("", "", setup, table).scatter(most)
+    noise = _Other(setup, table).scatter(most)
     return _ordinary([*_thicknesses(setup, table, which), *_sizes(setup, table, which)], noise)
 
 
@@ -167,8 +164,7 @@ def _ordinary(others: Iterable[_Other], most: float) -> tuple[Confusion, ...]:
         return other.unlikely(found) + float(np.sum((found.unknowns[FACTORS] / NUISANCE) ** 2))
 
     least = min(map(unlikely, fitted), default=np.inf)
-    return tuple(Confusion(other.of, other.taken, other.check)
-                 for other, found in sorted(fitted, key=unlikely)
+    return tuple(other.confusion for other, found in sorted(fitted, key=unlikely)
                  if unlikely((other, found)) < least + MORE)
 
 
@@ -195,8 +191,8 @@ def _readings(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_
                 if abs(log(factor)) > 1e-3 and (changed := _scaled(
                         setup, table, rows, column, factor)) is not None:
                     read = float(np.sum(rows & (table.kind == column)))
-                    yield _Other(f"{sheet.heading(column)} of {sheet.file.name}",
-                                 f"in {unit}", setup, changed,
+                    of = f"{sheet.heading(column)} of {sheet.file.name}"
+                    yield _Other(setup, changed, Confusion(of, f"in {unit}"),
                                  log(factor) * np.array(powers), read * log(factor))
 
 
@@ -219,9 +215,9 @@ def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_O
             continue
         kind, since = table.kind.copy(), table.since.copy()
         kind[rows], since[rows] = "range", [origin[each] for each in group]
-        yield _Other(f"{sheet.heading('displacement')} of {sheet.file.name}",
-                     "it were counted from the loaded plate without voltage", setup,
-                     replace(table, kind=kind, since=since), check="do_zero")
+        of = f"{sheet.heading('displacement')} of {sheet.file.name}"
+        yield _Other(setup, replace(table, kind=kind, since=since), Confusion(
+            of, "it were counted from the loaded plate without voltage", "do_zero"))
 
 
 def _scaled(setup: Setup, table: ReadingTable, rows: Mask, column: str,
@@ -285,8 +281,8 @@ def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
             ) -> Iterator[_Other]:
     """Setup with one specimen or all edited, where such can be built."""
     try:
-        yield _Other(f"{of} of {which}" if which else of, taken,
-                     setup.with_specimens(edit, which), table, shift)
+        confusion = Confusion(f"{of} of {which}" if which else of, taken)
+        yield _Other(setup.with_specimens(edit, which), table, confusion, shift)
     except (InputError, TypeError):
         return
 
