@@ -112,15 +112,6 @@ class Population:
         across: Array = self.amplifier[:, None] * self.rig.film_voltage(np.atleast_1d(voltages))
         return across
 
-    def states(self, mass: Any, voltages: Any) -> FilmStates:
-        """States under a nominal mass [kg], first without voltage and then at nominal voltages [V].
-
-        Films that have lost tension are there, too, as if they bore compression.
-        """
-        across = self.across(np.append(0.0, voltages))
-        return self.family.states(self.films, self.forces(mass)[:, None], across, check=False,
-                                  loose=True)
-
     def reached(self, states: FilmStates) -> Mask:
         """Mask of the states that films reach: firm, in tension, below their strength."""
         broken = states.breakdown >= self.strength[:, None]
@@ -132,12 +123,13 @@ class Population:
 
         They are nan of films that do not reach the voltage.
         """
-        states = self.states(mass, voltages)
-        rest, charged = states.deflection[:, :1], states.deflection[:, 1:]
-        loaded = self.loaded(self.forces(mass))[:, None]
-        values = {"deflection_m": loaded * charged, "stroke_m": loaded * (charged - rest),
-                  "capacitance_F": states.capacitance[:, 1:]}
-        there = self.reached(states)[:, 1:] & states.holds[:, :1]
+        forces = self.forces(mass)
+        states = self.family.states(self.films, forces[:, None], self.across(voltages), check=False)
+        rest, loaded = self.rests(forces)[:, :1], self.loaded(forces)[:, None]
+        values = {"deflection_m": loaded * states.deflection,
+                  "stroke_m": loaded * (states.deflection - rest),
+                  "capacitance_F": states.capacitance}
+        there = self.reached(states) & np.isfinite(rest)
         return {key: np.where(there, value, np.nan) for key, value in values.items()}
 
     def loaded(self, forces: Array) -> Mask:

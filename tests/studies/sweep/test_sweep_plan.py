@@ -13,7 +13,6 @@ import pytest
 from tests.support.specimens import specimen_toml
 from tests.support.sweeps import CHEAP, read, written
 from tympan.base.errors import InputError
-from tympan.base.points import METHODS, drawn_points
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
@@ -69,17 +68,6 @@ def test_a_film_without_plate_needs_no_mass(tmp_path) -> None:
         film = bare if more else specimen_toml()
         with pytest.raises(InputError, match=r"SWEEP.toml: mass: is missing"):
             read(tmp_path / "with a plate", text + more, oval=film)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
-    points = drawn_points(3, 60, 1, method)
-    assert points.shape == (60, 3)
-    assert np.array_equal(points, drawn_points(3, 60, 1, method))
-    assert not np.array_equal(points, drawn_points(3, 60, 2, method))
-    assert points.min() >= 0
-    assert points.max() < 1
-    assert np.abs(points.mean(axis=0) - 0.5).max() < 0.15
 
 
 CHANGES = {
