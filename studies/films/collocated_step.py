@@ -68,8 +68,13 @@ class CollocatedStep:
         return np.asarray(self.motion.signal.within(self.piece, self.stages))
 
     def squared(self, x: Array) -> Array:
-        """U² across the film at the stages [V²]: where it charges by unknowns x of the step."""
-        return np.asarray((self.charging.voltage(x) if self.charging else self.source) ** 2)
+        """U² across the film at the stages [V²]: the source's, or where it charges that of x."""
+        return self.source_squared if self.charging is None else self.charging.voltage(x) ** 2
+
+    @cached_property
+    def source_squared(self) -> Array:
+        """U² of the source at the stages [V²]."""
+        return np.asarray(self.source**2)
 
     @cached_property
     def charging(self) -> Charging | None:
@@ -112,13 +117,13 @@ class CollocatedStep:
                 stiffness[..., :, 0, :, 0] += slope
                 stiffness[..., every, 0, every, 0] += bend
                 matrix = stiffness
-                if self.charging:
+                if self.charging is not None:
                     matrix = self.charging.coupled(stiffness, x, pull, flow)
                 tangent = factorised(matrix)
             else:
                 pull, flow = film.staged_forces(q, squared, flow)
             pull[..., 0] += q[..., 0] @ slope.T - constant + push
-            if self.charging:
+            if self.charging is not None:
                 pull = np.concatenate([pull, self.charging.missing(x)[..., None]], -1)
             change, before = tangent(pull), size
             size = float(np.maximum.reduce(np.abs(change), None)) / motion.gap
@@ -257,8 +262,7 @@ class StepSolution:
             squared = np.concatenate([first, squared], -1)
         before, later = ((times - here.times[-1]) / here.duration
                          for times in (np.append(here.moment.time, here.times), step.times))
-        ahead = np.asarray(step.source**2)
-        return by_voltages(before, squared, here.states(self.x), later, ahead)
+        return by_voltages(before, squared, here.states(self.x), later, step.source_squared)
 
 
 def factorised(stiffness: Array) -> Callable[[Array], Array]:
