@@ -340,6 +340,9 @@ class Limits:
             raise AttributeError(f"{type(self).__name__} has no {kind!r}")
         return self.by_kind.get(kind)
 
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *LIMIT_STATES]
+
     @property
     def reached(self) -> tuple[Limit, ...]:
         """Limits that are reached as the voltage rises, in the order in which they come."""

@@ -1,4 +1,4 @@
-"""How far a limit may be off for the mesh, by the jumps of what is watched between elements."""
+"""Error of a limit for the mesh, by the jumps of its margin between elements."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ CORRECTIONS = (_ALIKE, _BENT, _KEPT, _STEADY, _STEEP)
 
 
 def spread(passage: Passage, measured: Callable[[FilmPoint], float]) -> float:
-    """How far the value at which a limit is passed may be off for the mesh, relative.
+    """Error for the mesh of the value at which a limit is passed, relative.
 
     ``measured``: value of what grows along the branch, at a point of it.
     """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -183,6 +185,8 @@ def test_each_kind_is_registered_once() -> None:
     some = Limit(kind="tension", voltage_V=1.0, x_m=0.0, y_m=0.0)
     reached = Limits(dict.fromkeys(LIMIT_STATES, some), ended="")
     assert all(getattr(reached, kind) is some for kind in LIMIT_STATES)
+    assert {*LIMIT_STATES} <= {*dir(reached)}
+    assert pickle.loads(pickle.dumps(reached)) == deepcopy(reached) == reached
     with pytest.raises(AttributeError, match="collapse"):
         reached.collapse  # noqa: B018
 
