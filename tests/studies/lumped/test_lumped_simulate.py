@@ -238,3 +238,11 @@ def test_bad_options_are_one_message(options: list[str], words: str,
     message = capsys.readouterr().err
     assert words in message
     assert message.count("\n") == 1
+
+
+@pytest.mark.parametrize("signal", [step(0.0, 3e3, 0.0, 1.0), Sine(1.5e3, 1.5e3, 2.0, 2.0)],
+                         ids=["step", "sine"])
+def test_extremes_are_those_between_samples(signal: Sine | Pieces) -> None:
+    motion = simulate(PAPER, signal)
+    often = motion.deflection(np.linspace(0.0, motion.end, 400_001))
+    assert motion.extremes == pytest.approx((often.min(), often.max()), rel=0, abs=1e-12)
