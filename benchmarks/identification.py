@@ -26,7 +26,7 @@ from tympan.studies.identify.dynamic import (
     identify_dynamic,
     nelder_mead_dynamic,
 )
-from tympan.studies.identify.responses import Record, drive_of
+from tympan.studies.identify.responses import ResponseRecord, drive_of
 from tympan.studies.identify.static import (
     StaticFit,
     StaticProblem,
@@ -56,7 +56,7 @@ def readings(specimens: Sequence[Specimen], masses: Sequence[float],
 
 
 def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
-           interval: float) -> Record:
+           interval: float) -> ResponseRecord:
     """A step half a second after the start, a third of an interval before its first sample."""
     actuator = Actuator.of(specimens[number], mass, ALPHA, VISCOUS)
     time = np.arange(0.0, end + interval / 2, interval)
@@ -64,7 +64,7 @@ def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
     signal = step(0.0, 3.5e3, seen - interval / 3, end)
     noise = NOISE * np.random.default_rng([number, round(1e6 * mass)]).standard_normal(len(time))
     read = simulate(actuator, signal).deflection(time) + noise
-    return Record(number, mass, "1", time, read,
+    return ResponseRecord(number, mass, "1", time, read,
                   drive_of(time, np.where(time >= seen - 1e-9, 3.5e3, 0.0)), interval,
                   float(read[0]))
 

@@ -11,7 +11,7 @@ from tympan.base.arrays import Array
 from tympan.fem.membrane.damped_rule import end_weight
 
 
-class Signal(Protocol):
+class SourceSignal(Protocol):
     """A film's or source's voltage in time, smooth within pieces between ``breaks`` [s]."""
 
     @property

@@ -43,8 +43,9 @@ MOST_VOLTAGE = 1e6
 MOST_MASS = 100.0
 
 #: Loads that such a film could bear; others are slips of a unit.
-MASSES: Rule = (lambda x: 0 <= x <= MOST_MASS, f"must be from 0 to {MOST_MASS:g} kg")
-VOLTAGES: Rule = (lambda x: 0 <= x <= MOST_VOLTAGE, f"must be from 0 to {MOST_VOLTAGE / 1e3:g} kV")
+MASS_RULE: Rule = (lambda x: 0 <= x <= MOST_MASS, f"must be from 0 to {MOST_MASS:g} kg")
+VOLTAGE_RULE: Rule = (lambda x: 0 <= x <= MOST_VOLTAGE,
+                      f"must be from 0 to {MOST_VOLTAGE / 1e3:g} kV")
 
 #: A gas may hold more than an atmosphere: a stiff film of a few millimetres bears some 10 MPa.
 PRESSURES: Rule = (lambda x: -1e8 <= x <= 1e8, "must be from -100 to 100 MPa")
@@ -316,9 +317,9 @@ def _not_turned(before: Any, after: Any) -> Any:
 
 
 def checked_load(mass: float, voltage: float, gas_pressure: float = 0.0) -> None:
-    """Refuse what is not of :data:`MASSES`, :data:`VOLTAGES` and :data:`PRESSURES`."""
-    for option, load, unit, (holds, words) in (("--mass", mass, "kg", MASSES),
-                                               ("--voltage", voltage, "V", VOLTAGES),
+    """Refuse what is not of :data:`MASS_RULE`, :data:`VOLTAGE_RULE` and :data:`PRESSURES`."""
+    for option, load, unit, (holds, words) in (("--mass", mass, "kg", MASS_RULE),
+                                               ("--voltage", voltage, "V", VOLTAGE_RULE),
                                                ("gas_pressure", gas_pressure, "Pa", PRESSURES)):
         if not holds(load):
             raise InputError(words, key=option, given=f"{load:g} {unit}")

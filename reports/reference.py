@@ -36,7 +36,7 @@ from tympan.studies import wanted
 from tympan.studies.design.requirements import RequirementsFile, SoldFilm
 from tympan.studies.effects import EFFECTS, listing
 from tympan.studies.sweep.asked import QUESTIONS
-from tympan.studies.sweep.plan import Sample, Span, SweepFile
+from tympan.studies.sweep.plan import LoadSpan, Sample, SweepFile
 from tympan.studies.tolerance.given import (
     LengthScatter,
     Scatter,
@@ -62,7 +62,7 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[strength]", StrengthScatter),
               ("REQUIREMENTS.toml", RequirementsFile), ("[[film]] of requirements", SoldFilm),
               ("SWEEP.toml", SweepFile), ("[sample] of a sweep", Sample),
-              ("mass and voltage of a sweep as a table", Span),
+              ("mass and voltage of a sweep as a table", LoadSpan),
               ("[columns.static] and others of dataset.toml", Layout),
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(

@@ -75,7 +75,7 @@ OF_LIMITS = Printed(choices=LIMIT_STATES)
 
 Existence = Annotated[Status, Key("whether there is an equilibrium; past pull-in there is none")]
 Deflection = Annotated[float | None, Key("deflection of the plate, downwards")]
-Unknowns = Annotated[int, Key("unknowns of the finite elements")]
+UnknownCount = Annotated[int, Key("unknowns of the finite elements")]
 WallTime = Annotated[float, Key("time it took")]
 Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences")]
 
@@ -440,7 +440,7 @@ class CaseResult(CaseRecord):
             default_factory=dict)
     first: Annotated[str | None, Key("kind of the limit that comes first"), OF_LIMITS] = None
     limit: Annotated[Limit | None, Key("the most severe limit that the voltage is beyond")] = None
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings
 

@@ -24,7 +24,7 @@ from tympan.studies.case import (
     Deflection,
     Existence,
     Settings,
-    Unknowns,
+    UnknownCount,
     WallTime,
     Warnings,
     equilibrate,
@@ -86,7 +86,7 @@ class ModesResult(CaseRecord):
         tuple[float, ...] | None, Key("inertia of the plate about x, y and z")] = None
     unstable: Annotated[int | None, Key("how many modes are unstable")] = None
     modes: Annotated[tuple[Mode, ...], Key("the modes, the slowest first")] = ()
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings
     semi_axes_m: Annotated[tuple[float, ...], Key("half extents of the frame")] = ()

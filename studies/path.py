@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
+from tympan.base.progress import Progress
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
@@ -39,7 +40,7 @@ from tympan.studies.case import (
     Case,
     CaseRecord,
     Settings,
-    Unknowns,
+    UnknownCount,
     WallTime,
     Warnings,
     deflection_without_voltage,
@@ -150,7 +151,7 @@ class PathResult(CaseRecord):
     unit: Annotated[str, Key("unit of what grows")]
     stations: Annotated[tuple[Station, ...], Key("the equilibria in order")]
     events: Annotated[tuple[Event, ...], Key("where a limit of the film is passed")]
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
@@ -187,7 +188,7 @@ class PathResult(CaseRecord):
 
 
 def path(case: Case, settings: Settings, along: Along,
-         progress: Callable[[str], None] = lambda words: None, films: bool = False) -> PathResult:
+         progress: Progress = lambda words: None, films: bool = False) -> PathResult:
     """Follow the equilibria of a case while one quantity grows, and through its limit points.
 
     The case's mass and voltage are where the path starts; InputError if there is no equilibrium.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import pi
 from typing import Annotated
@@ -13,6 +12,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
+from tympan.base.progress import Progress
 from tympan.fem.vibration.harmonic import Harmonic
 from tympan.fem.vibration.modes import vibrations
 from tympan.studies.case import (
@@ -21,7 +21,7 @@ from tympan.studies.case import (
     Deflection,
     Existence,
     Settings,
-    Unknowns,
+    UnknownCount,
     WallTime,
     Warnings,
     equilibrate,
@@ -70,7 +70,7 @@ class ResponseResult(CaseRecord):
     phase_deg: Annotated[tuple[float, ...], Key("phase of what the sensor reads")] = ()
     film_voltage_V_per_V: Annotated[tuple[float, ...], Key("amplitude of the film's own voltage "
                                                            "over the source's")] = ()
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings
 
@@ -81,7 +81,7 @@ class ResponseResult(CaseRecord):
 
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),
-             progress: Callable[[str], None] = lambda words: None) -> ResponseResult:
+             progress: Progress = lambda words: None) -> ResponseResult:
     """Solve the response of a film about its equilibrium to a small oscillation of the voltage.
 
     Without a plate it is that of the film's centre. The default frequencies [Hz] reach from the

@@ -49,7 +49,7 @@ _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.la
 
 
 @dataclass(frozen=True)
-class Answer:
+class SensitivityAnswer:
     """Dependence of a quantity on one parameter."""
 
     value: Annotated[float, Key("value of the parameter")]
@@ -64,7 +64,7 @@ class Answers:
 
     value: Annotated[float, Key("value of the quantity")]
     unit: Annotated[str, Key("unit of the value")]
-    by: Annotated[dict[str, Answer], Key("answers by the parameter's name")]
+    by: Annotated[dict[str, SensitivityAnswer], Key("answers by the parameter's name")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,5 +189,5 @@ def _answers(case: Case, value: float, unit: str, slopes: dict[str, float],
         path, number = tuple(name.split(".")), numbers[name]
         per = symbol(field_at(case, path) or field_at(case.specimen, path))
         elasticity = slope * number / value if number and value else None
-        by[name] = Answer(number, per, slope, elasticity)
+        by[name] = SensitivityAnswer(number, per, slope, elasticity)
     return Answers(value, unit, by)

@@ -137,10 +137,10 @@ class Supplied:
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
+class JointSignal:
     """Signals of several runs at once, with the same breaks; voltages have the shape (runs,)."""
 
-    signals: Sequence[Signal | Supplied | Together]
+    signals: Sequence[Signal | Supplied | JointSignal]
 
     def __post_init__(self) -> None:
         first, *others = (signal.breaks for signal in self.signals)

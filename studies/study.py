@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
@@ -16,13 +15,14 @@ import numpy as np
 from tympan.base.arrays import Array, Columns
 from tympan.base.errors import InputError
 from tympan.base.fields import read
+from tympan.base.progress import Progress
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Table
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
-from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
@@ -36,8 +36,6 @@ from tympan.studies.limits.loads import LoadGrid, usual_masses
 from tympan.studies.shipped import STUDY
 from tympan.studies.tolerance.bands import banded
 from tympan.studies.tolerance.given import Tolerances, causes
-
-Progress = Callable[[str], None]
 
 Banded = TypeVar("Banded", CaseResult, CurveResult, ForceResult | None)
 
@@ -264,9 +262,9 @@ def read_study(file: Path) -> Study:
     study = Study(
         table.text("name", file.stem), specimens,
         tuple(map(file_text, paths)),
-        mass=(table.number("mass", "mass", rule=MASSES)
+        mass=(table.number("mass", "mass", rule=MASS_RULE)
               if table.value("mass", None) is not None else None),
-        voltage=table.number("voltage", "voltage", "0 kV", VOLTAGES),
+        voltage=table.number("voltage", "voltage", "0 kV", VOLTAGE_RULE),
         rig=Rig.from_table(table.table("rig", {})),
         curves=_loads(table, "curves"),
         alpha=AlphaSettings(_loads(table, "alpha_fit"), _loads(table, "alpha_held_out")),

@@ -16,6 +16,7 @@ import pandas as pd
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
+from tympan.base.progress import ShareDone
 from tympan.base.toml_reader import NON_NEGATIVE
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -147,7 +148,7 @@ class History(Trace):
 
 
 def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = (),
-            progress: Callable[[float], None] = lambda share: None) -> History:
+            progress: ShareDone = lambda share: None) -> History:
     """The motion of a film, with its fields at some times [s].
 
     ``progress`` is called with the share of the signal that is over.
@@ -308,7 +309,7 @@ class FieldResponse(Response):
 
 def respond(case: TransientCase, settings: Settings, interval: float, period: float | None = None,
             step: bool = False, films: tuple[float, ...] = (),
-            progress: Callable[[float], None] = lambda share: None
+            progress: ShareDone = lambda share: None
             ) -> tuple[FieldResponse, History]:
     """Response of a film, sampled with an interval [s].
 

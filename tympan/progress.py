@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from tympan.base.progress import PartsDone
+
 _EVERY = 30.0  #: seconds between lines in a log
 #: Of a share of a step that is shown.
 _DIGITS = 2
@@ -46,7 +48,7 @@ def bar(total: int) -> Iterator[Callable[..., None]]:
 
 
 @contextmanager
-def shares(words: str) -> Iterator[Callable[[int, int], None]]:
+def shares(words: str) -> Iterator[PartsDone]:
     """Yields a function to call with the parts done and their number, which may grow."""
     with _bar(1, desc=words, bar_format=_FORMAT) as progress:
 
@@ -59,7 +61,7 @@ def shares(words: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def cases(total: int) -> Iterator[Callable[[int, int], None]]:
+def cases(total: int) -> Iterator[PartsDone]:
     """Yields a function to call with the cases ready now and those ready from the start.
 
     Shows the rate and the time left; where standard error is no terminal, as a line every half
@@ -85,7 +87,7 @@ def say(words: str) -> None:
     tqdm.write(f"tympan: {words}", file=sys.stderr)
 
 
-def _lines(total: int) -> Callable[[int, int], None]:
+def _lines(total: int) -> PartsDone:
     from tqdm import tqdm
 
     began = shown = time.monotonic()

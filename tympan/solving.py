@@ -5,11 +5,11 @@ Quantities are SI numbers or texts with their unit; what is wrong with one is sa
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
 from tympan.base.errors import InputError
 from tympan.base.fields import number
+from tympan.base.progress import Progress
 
 if TYPE_CHECKING:
     from tympan.studies.case import Case, CaseResult, Settings
@@ -36,7 +36,7 @@ def solve(case: Case, settings: Settings, after: float | str | None, film: bool)
 
 def follow(case: Case, settings: Settings, along: Literal["voltage", "charge", "mass", "pressure"],
            rate: float | str | None, to: float | str | None, fields: bool,
-           progress: Callable[[str], None] = lambda words: None) -> PathResult | Responses:
+           progress: Progress = lambda words: None) -> PathResult | Responses:
     """Equilibria from a case on; or, at a ``rate``, a loop in time that turns at a voltage ``to``.
 
     ``fields``: with the film of every station, or at moments of the loop.

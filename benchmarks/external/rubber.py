@@ -19,7 +19,7 @@ from tympan.reports import look
 from tympan.studies.columns import write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.estimation.least_squares import minima, seeded_starts
-from tympan.studies.material.families import FAMILIES, Family, largest_excess
+from tympan.studies.material.families import FAMILIES, LawFamily, largest_excess
 from tympan.studies.material.fit import compare, coupon_problem, judged, material_lines
 
 #: Source of each set, by the name of its files.
@@ -67,7 +67,7 @@ class Foretold:
         return max(self.error[mode] for mode in self.held_out)
 
 
-def constants(family: Family, coupons: Coupons) -> Array:
+def constants(family: LawFamily, coupons: Coupons) -> Array:
     """Of the best minimum, an admissible one where there is any.
 
     Of several that are equally good the smallest constants: they cancel each other least.
@@ -86,13 +86,13 @@ def constants(family: Family, coupons: Coupons) -> Array:
     return min(alike, key=lambda end: float(np.abs(end[:linear]).sum()))
 
 
-def _error(family: Family, values: Array, coupons: Coupons) -> float:
+def _error(family: LawFamily, values: Array, coupons: Coupons) -> float:
     """Root mean square of the stresses missed [Pa]."""
     missed = family.stress(*coupons.in_plane, values) - coupons.stress
     return float(np.sqrt(np.mean(missed**2)))
 
 
-def _may_be(family: Family, values: Array, coupons: Coupons) -> bool:
+def _may_be(family: LawFamily, values: Array, coupons: Coupons) -> bool:
     _, material, failing = judged(family, values, coupons)
     return material is not None and failing is None
 

@@ -23,7 +23,7 @@ from benchmarks.external.case import DATA, Case, draw, table, words
 from tympan.base.arrays import Array, Mask
 from tympan.reports import look
 from tympan.studies.data.coupon import Coupons, read_coupons
-from tympan.studies.estimation.correlation import Spread
+from tympan.studies.estimation.correlation import CorrelatedSpread
 
 FOLDER = DATA / "vhb4905"
 COUPONS = Path(__file__).parents[1] / "vhb" / "vhb-4905.csv"
@@ -217,7 +217,7 @@ def fit(cause: Cause, strip: Strip) -> Fit:
                          xtol=1e-14, ftol=1e-14, gtol=1e-14)
     rows = sigma * best.jac[:-1]
     free = [0, 1] if cause.symbol else [0]
-    noise = Spread.of(rows[:, free], sigma * best.fun[:-1], [np.arange(up.sum())])
+    noise = CorrelatedSpread.of(rows[:, free], sigma * best.fun[:-1], [np.arange(up.sum())])
     weight = np.linalg.inv(noise.covariance)
     weight[0, 0] += spread**-2
     half = 1.96 * float(np.sqrt(np.linalg.inv(weight)[-1, -1])) if cause.symbol else 0.0

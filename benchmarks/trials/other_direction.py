@@ -18,7 +18,7 @@ from tests.oracles.laws import SAMPLES
 from tests.oracles.unstable import end_voltage
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import moved, newton
-from tympan.fem.equilibrium.ramp import Outcome, Ramp
+from tympan.fem.equilibrium.ramp import LoadRamp, Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.film.laws import Ogden
@@ -50,7 +50,7 @@ def voltage_first(model: Model, drawn: Drawn, solved: Outcome) -> Verdict:
     for load, value in (("pressure", case.rig.gas_pressure),
                         ("force", case.rig.force(case.mass, model.plate_area))):
         if outcome.status == "equilibrium":
-            outcome = Ramp(model, load, value).run(outcome.solution)
+            outcome = LoadRamp(model, load, value).run(outcome.solution)
     if outcome.status == "not_converged":
         return Verdict(way, "silent", words=outcome.advice)
     if outcome.status != solved.status:

@@ -41,7 +41,7 @@ from tympan.studies.diagnosis.reduced.sampling import force_laws
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
-from tympan.studies.effects.effect import Family, Observable
+from tympan.studies.effects.effect import EffectFamily, Observable
 
 #: The least and the most.
 Span = tuple[float, float]
@@ -222,7 +222,7 @@ class Stranger:
         return ""
 
     @property
-    def family(self) -> Family | None:
+    def family(self) -> EffectFamily | None:
         """The family of effects that is as good a name for it, if one is."""
         return None
 

@@ -48,7 +48,7 @@ from tympan.studies.diagnosis.diagnose import conclude
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import uses_of
 from tympan.studies.diagnosis.result import Diagnosis, FoundCause
-from tympan.studies.effects.effect import EFFECTS, Family, extended
+from tympan.studies.effects.effect import EFFECTS, EffectFamily, extended
 from tympan.studies.estimation.noise import Noise
 
 SEED = 5906
@@ -210,7 +210,7 @@ def _end(limit: float | None, unknown: float) -> float:
     return unknown if limit is None else limit
 
 
-def _measured(design: Design, truth: Truth, family: Family, which: str | None) -> float:
+def _measured(design: Design, truth: Truth, family: EffectFamily, which: str | None) -> float:
     """The measure of a family, of the films that are there over those without what is hidden."""
     films = design.setup.with_films(lambda film: replace(
         film, relative_permittivity=truth.permittivity * film.relative_permittivity))

@@ -17,7 +17,7 @@ from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Patch, Plate, Specimen
 from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.effects import Setup
-from tympan.studies.effects.effect import Family
+from tympan.studies.effects.effect import EffectFamily
 from tympan.studies.effects.library.families import BARE_FILM, LESS_MOVED
 
 #: Over what angle the edge of a missing sector fades [rad]: 2 mm at 20 mm from the middle.
@@ -30,14 +30,14 @@ class OfOne(Stranger):
 
     which: str | None
     #: The family of one film's effects that names it as well.
-    alias: ClassVar[Family | None] = None
+    alias: ClassVar[EffectFamily | None] = None
 
     @property
     def at_fault(self) -> str:
         return self.which or ""
 
     @property
-    def family(self) -> Family | None:
+    def family(self) -> EffectFamily | None:
         return self.alias
 
 
@@ -57,7 +57,7 @@ class Patchy(OfOne):
     """The electrode of one specimen has holes: a share of its permittivity is missing."""
 
     share: float
-    alias: ClassVar[Family | None] = LESS_MOVED
+    alias: ClassVar[EffectFamily | None] = LESS_MOVED
 
     def setup(self, setup: Setup) -> Setup:
         return setup.with_films(lambda film: replace(
@@ -179,7 +179,7 @@ class MissingSector(OfOne):
     width: float
 
     @property
-    def family(self) -> Family | None:
+    def family(self) -> EffectFamily | None:
         return LESS_MOVED if self.which else BARE_FILM
 
     def setup(self, setup: Setup) -> Setup:

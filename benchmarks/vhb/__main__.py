@@ -18,7 +18,7 @@ from tympan.base.arrays import Array, Mask
 from tympan.reports.figures.coupon import draw_fit
 from tympan.studies.data.coupon import Coupons, read_coupons
 from tympan.studies.material.branches import BranchFit, compare_in_time, held_out_groups
-from tympan.studies.material.fit import Limits
+from tympan.studies.material.fit import ParameterLimits
 from tympan.studies.material.result import fit_coupons
 
 HERE = Path(__file__).parent
@@ -69,7 +69,7 @@ def constants(fit: BranchFit) -> Iterator[str]:
                if error is not None) + ".")
 
 
-def _row(name: str, value: float, limits: Limits, size: float, unit: str) -> str:
+def _row(name: str, value: float, limits: ParameterLimits, size: float, unit: str) -> str:
     low, high = ("none" if limit is None else np.format_float_positional(
         limit / size, 3, fractional=False, trim="-") for limit in limits)
     return f"| {name} | {value:.4g} {unit} | {low} to {high} |"

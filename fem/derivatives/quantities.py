@@ -21,7 +21,7 @@ from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
-from tympan.fem.results.firmness import EdgeSpot, Source, Spot
+from tympan.fem.results.firmness import EdgeSpot, Spot, StrainSource
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def _capacitance_slope(model: Model, state: State) -> Parts:
 #: Power of the norm that approximates a largest value: at 64 it is 2 to 10 % too small.
 _POWER = 64
 #: A field at quadrature points, from model, U² and C of the mounted film.
-Field = Callable[[Model, Any, tuple[Any, Any, Any]], Any]
+PositiveField = Callable[[Model, Any, tuple[Any, Any, Any]], Any]
 
 
 def larger_stretch(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
@@ -92,7 +92,7 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
     return model.covered * np.sqrt(voltage_squared) * area / thickness
 
 
-def largest(field: Field, unit: str) -> Functional:
+def largest(field: PositiveField, unit: str) -> Functional:
     """Approximate the largest value of a positive field smoothly: (mean of hᵖ over the film)^(1/p).
 
     The mean is over the quadrature points of the mounted film. The result is below the true
@@ -140,11 +140,11 @@ def firmness_at(spot: Spot | EdgeSpot) -> Functional:
                    for source in sources]
         return spot.value(model, state.voltage_squared, strains)
 
-    def deformed(source: Source, model: Model, state: State) -> AnyArray:
+    def deformed(source: StrainSource, model: Model, state: State) -> AnyArray:
         nodes = model.discretisation.connectivity[source.elements]
         return deformation(source.gradients, state.positions[nodes])
 
-    def combined(source: Source, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+    def combined(source: StrainSource, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         first, second, shear = ((source.weights * part).sum() for part in c)
         return first, second, shear
 

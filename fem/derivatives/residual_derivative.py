@@ -20,7 +20,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray
 from tympan.fem.discretisation.assembly import first_piola, gathered
-from tympan.fem.film.density import Part, plane_stress, virtual_work
+from tympan.fem.film.density import EnergyPart, plane_stress, virtual_work
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
@@ -230,10 +230,10 @@ class ResidualDerivative:
         return np.stack(returned), np.stack(configurational)
 
     @cached_property
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[EnergyPart]:
         return self._parts_of(self.at.model, self.at.state)
 
-    def _parts_of(self, model: Model, state: State) -> list[Part]:
+    def _parts_of(self, model: Model, state: State) -> list[EnergyPart]:
         """List the parts of the energy density; without wrinkles, one for each material."""
         density = model.density(state.voltage_squared)
         return replace(density, wrinkles=model.wrinkles and not self.at.taut).parts

@@ -43,7 +43,7 @@ from tympan.fem.results.firmness import firmness, spot_at
 from tympan.geometry.specimen import Specimen
 
 #: Loads by name: node positions stay, the load changes.
-LOADS: tuple[Load, ...] = ("force", "voltage", "pressure")
+LOAD_NAMES: tuple[Load, ...] = ("force", "voltage", "pressure")
 
 #: Relative error of an adjoint solution: a tenth of the error allowed in equilibria.
 _EXACT = 1e-8
@@ -71,7 +71,7 @@ class ModelParameter:
 def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
     """Find parameters of a model by name, by default all: film, loads, surroundings and shape."""
     makers: dict[Any, Callable[[Any], ModelParameter]] = {
-        **dict.fromkeys(film_names(model.specimen), _of_film), **dict.fromkeys(LOADS, _load),
+        **dict.fromkeys(film_names(model.specimen), _of_film), **dict.fromkeys(LOAD_NAMES, _load),
         **dict.fromkeys(_loading_names(model.loading), _number),
         **dict.fromkeys(shape_names(model.specimen), _length)}
     for name in names or ():

@@ -71,7 +71,7 @@ class HeldSpan:
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
+class HeldInterval:
     """Two deflections of a held plate [m] next to each other, and the film between them.
 
     ``excess``: force that holds the plate over that of its load [N], and ``slopes`` of that [N/m],
@@ -85,7 +85,7 @@ class Interval:
     foretold: Callable[[float], State]
 
 
-def crossings(model: Model, intervals: Iterable[Interval], force: float, settings: PathSettings,
+def crossings(model: Model, intervals: Iterable[HeldInterval], force: float, settings: PathSettings,
               beyond: float = BESIDE) -> Iterator[Solution]:
     """Equilibria under a force [N] where the force of a held plate crosses that of its load.
 

@@ -41,7 +41,7 @@ _RESIDUAL_SHARE = 0.1
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
 #: A number of a state that is positive up to where something happens to it.
-Margin = Callable[[State], float]
+StateMargin = Callable[[State], float]
 
 #: What is said of such a film, still slack under what is named.
 SLACK = ("the film is slack when mounted, and still {}: it has no definite shape; prestretch or "
@@ -112,7 +112,7 @@ def still_slack(model: Model, state: State) -> bool:
 
 
 @dataclass(frozen=True)
-class Ramp:
+class LoadRamp:
     """One load changed to a target under the others as they are.
 
     ``ends``: whether it is sought where a film ends that does not get there.
@@ -193,7 +193,7 @@ class Ramp:
         reached = self._foretold(start, self.model.thinning_margin, origin, value, _NEAR)
         return value if reached is None else reached + 2 * _NEAR * (value - origin)
 
-    def _foretold(self, start: Solution, margin: Margin, low: float, high: float, sharp: float
+    def _foretold(self, start: Solution, margin: StateMargin, low: float, high: float, sharp: float
                   ) -> float | None:
         """The load between two at which a film moving on as at the start uses a margin up.
 
@@ -228,7 +228,7 @@ class Ramp:
         ends = self._around(before, after, self.model.thinning_margin)
         return ends and self._thins(ends[0], self._point(ends[1]))
 
-    def _around(self, before: Solution, after: Solution, margin: Margin
+    def _around(self, before: Solution, after: Solution, margin: StateMargin
                 ) -> tuple[Solution, Solution] | None:
         """Equilibria between which a margin is used up: the last with some, the closest to it.
 

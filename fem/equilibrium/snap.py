@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import PathPoint
-from tympan.fem.equilibrium.held_path import Interval, crossings, held_path, with_tangent
+from tympan.fem.equilibrium.held_path import HeldInterval, crossings, held_path, with_tangent
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
@@ -75,7 +75,7 @@ def _equilibria(model: Model, start: Solution, way: float, settings: PathSetting
 
 
 def _ahead(model: Model, start: Solution, way: float, settings: PathSettings
-           ) -> Iterator[Interval]:
+           ) -> Iterator[HeldInterval]:
     """Intervals that a held plate passes on its way from a start, without the one it starts in."""
     force = start.state.force
     places, last = _places(model, model.deflection(start.state), way, settings)
@@ -87,7 +87,8 @@ def _ahead(model: Model, start: Solution, way: float, settings: PathSettings
         for number, (low, high) in enumerate(pairwise(where)):
             ends = slice(number, number + 2)
             if begun:
-                yield Interval(low, high, forces[ends] - force, slopes[ends], step.span.foretold)
+                excess = forces[ends] - force
+                yield HeldInterval(low, high, excess, slopes[ends], step.span.foretold)
             begun = True
         held_back = way * (forces[-1] - force) > 0 and way * (where[-1] - last) >= 0
         if held_back or step.span.end.thinning_margin(model) < 0:

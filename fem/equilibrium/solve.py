@@ -9,7 +9,7 @@ from tympan.fem.equilibrium.held import first_shape
 from tympan.fem.equilibrium.held import held as held
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import SLACK, Outcome, Ramp, still_slack, without_mechanism
+from tympan.fem.equilibrium.ramp import SLACK, LoadRamp, Outcome, still_slack, without_mechanism
 from tympan.fem.equilibrium.snap import landed, snapped
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
@@ -58,7 +58,8 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
             unloads = abs(targets[load]) < abs(outcome.state.load(load))
             stepping = _unloading(settings) if unloads and model.slack_when_mounted else settings
             before = outcome.snapped
-            outcome = _ramped(Ramp(model, load, targets[load], stepping, ends), outcome.solution)
+            ramp = LoadRamp(model, load, targets[load], stepping, ends)
+            outcome = _ramped(ramp, outcome.solution)
             outcome = replace(outcome, snapped=outcome.snapped or before)
     changed = outcome.status == "equilibrium" and outcome.solution is not solution
     if changed and still_slack(model, outcome.state):
@@ -79,7 +80,7 @@ def _begun(model: Model, settings: PathSettings, sense: int) -> Solution:
     return first_shape(model, settings, sense)
 
 
-def _ramped(ramp: Ramp, start: Solution) -> Outcome:
+def _ramped(ramp: LoadRamp, start: Solution) -> Outcome:
     """A load changed to its target; where a mechanism makes the plate jump, on from there."""
     outcome = ramp.run(start)
     while outcome.critical is not None and not outcome.thins:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import Outcome, Ramp
+from tympan.fem.equilibrium.ramp import LoadRamp, Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.span import GivenLoad, Span
 from tympan.fem.membrane.model import Model
@@ -64,7 +64,7 @@ def leapt(model: Model, start: Solution, voltages: Sequence[float],
     An empty list if there is no such step, or an equilibrium on the way is not found.
     """
     *inner, last = voltages
-    end = Ramp(model, "voltage", last**2, settings).natural(start) if inner else None
+    end = LoadRamp(model, "voltage", last**2, settings).natural(start) if inner else None
     if end is None:
         return []
     span = Span(model, start, end, GivenLoad("voltage"), settings.newton)

@@ -12,7 +12,7 @@ from tympan.base.errors import InputError
 from tympan.base.units import place_text
 from tympan.geometry.specimen import Film, Material
 
-Margin = Callable[[Material, Any, Any], Array]
+LawMargin = Callable[[Material, Any, Any], Array]
 
 #: Ranges are written with four digits, and tests reach their ends: stretches beyond an end by less
 #: than this factor are within.
@@ -135,7 +135,7 @@ def acoustic_margin(c: tuple[Array, Array, Array], stress: Array, tangent: Array
 
 def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
                          highest: float = STRETCH_RANGE[1], *,
-                         margin: Margin = hill_margin, nearest: float = 1.0
+                         margin: LawMargin = hill_margin, nearest: float = 1.0
                          ) -> tuple[float, float] | None:
     """Find the first stretches (λ₁, λ₂) in a range, within the law's reach, where it softens.
 

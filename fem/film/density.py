@@ -59,7 +59,7 @@ class Density:
 
 
 #: A material and its stretches from the virgin state to the mounted film.
-Part = tuple[Any, tuple[Any, Any]]
+EnergyPart = tuple[Any, tuple[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class FilmDensity:
         return maxwell(self.specimen, self.voltage_squared, self.covered / self.thickness**2)
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[EnergyPart]:
         """Parts that add up to the film; those that share principal axes wrinkle together.
 
         Parts that contribute the same are equal, wherever they are.
@@ -103,7 +103,7 @@ class FilmDensity:
         return TensionField(joined, _RESIDUAL * _stiffness(film))
 
     @cached_property
-    def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[Part]]:
+    def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[EnergyPart]]:
         film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
         joined = film.material, self.maxwell
         if not grease:

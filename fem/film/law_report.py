@@ -16,7 +16,7 @@ from tympan.fem.film.admissibility import STRETCH_RANGE, ellipticity_margin, ina
 from tympan.fem.film.library import EXAMINED, MATERIALS, READERS, examine_material
 from tympan.geometry.specimen import Film, Material, Specimen
 
-Pair = tuple[float, float]
+StretchPair = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Examination:
     stretch: Array
     equibiaxial: Array
     strip: Array
-    hill: Pair | None
-    ellipticity: Pair | None
+    hill: StretchPair | None
+    ellipticity: StretchPair | None
     peaks: tuple[float | None, float | None]
 
     def json(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def _peak(stretch: Array, stress: Array, mounted: float) -> float | None:
     return float(stretch[first[0]]) if len(first) else None
 
 
-def _failure(what: str, stretches: Pair | None, mounted: float) -> str:
+def _failure(what: str, stretches: StretchPair | None, mounted: float) -> str:
     low, high = STRETCH_RANGE
     if stretches is None:
         return f"{what} holds for all stretches from {low} to {high}"

@@ -23,7 +23,7 @@ from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.base.units import quantities_text, unit_factor
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
-from tympan.fem.membrane.quintics import ForceCurve
+from tympan.fem.membrane.quintics import QuinticCurve
 from tympan.geometry.specimen import Specimen
 from tympan.tables.columns import LEAST_STEP, Column, Sheet, read_sheet
 
@@ -105,12 +105,12 @@ def acting(biases: Sequence[Bias], deflections: AnyArray) -> AnyArray:
 
 
 @lru_cache(maxsize=32)
-def _curve(bias: Any, reach: float) -> ForceCurve | None:
+def _curve(bias: Any, reach: float) -> QuinticCurve | None:
     """Interpolate a law that takes one deflection up to a reach [m]; None where it never exists.
 
     The curve is kept, since a search evaluates its force in many steps.
     """
-    return ForceCurve.of(bias.derivatives, -reach, reach, getattr(bias, "kinks", ()))
+    return QuinticCurve.of(bias.derivatives, -reach, reach, getattr(bias, "kinks", ()))
 
 
 #: Number of places up to which a law that takes one number is evaluated at each.

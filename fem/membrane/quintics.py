@@ -32,7 +32,7 @@ _QUINTIC = np.linalg.inv(np.array([
 #: A place [m], the force [N] and the stiffness [N/m] there.
 Known = tuple[float, float, float]
 #: Both ends of a piece, with its middle between them.
-Piece = tuple[Known, Known, Known]
+QuinticPiece = tuple[Known, Known, Known]
 
 
 def cubic_miss(first: Known, middle: Known, last: Known) -> float:
@@ -64,7 +64,7 @@ def values(powers: Any, share: Any, span: Any) -> tuple[Any, Any, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class ForceCurve:
+class QuinticCurve:
     """A force between ``breaks`` [m], ascending; ``powers`` (6, pieces), ``stored`` (pieces,) [J].
 
     It takes arrays of deflections, and is nan beyond its ends.
@@ -91,7 +91,7 @@ class ForceCurve:
         places = np.unique([*np.linspace(low, high, _PIECES + 1), *within, through])
         pieces = [piece for first, last in pairwise(map(known, places.tolist()))
                   for piece in _halved(known, first, last, HALVINGS)]
-        runs: list[list[Piece]] = [[]]
+        runs: list[list[QuinticPiece]] = [[]]
         for piece in pieces:
             if runs[-1] and runs[-1][-1][-1] is not piece[0]:
                 runs.append([])
@@ -122,7 +122,7 @@ class ForceCurve:
 
 
 def _halved(known: Callable[[float], Known], first: Known, last: Known, halvings: int
-            ) -> Iterator[Piece]:
+            ) -> Iterator[QuinticPiece]:
     """Halve an interval into pieces, each with its middle, where the force exists."""
     middle = known((first[0] + last[0]) / 2)
     whole = np.isfinite([*first, *middle, *last]).all()

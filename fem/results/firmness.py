@@ -49,7 +49,7 @@ def rough_firmness(model: Model, state: State) -> AnyArray:
 
 
 @dataclass(frozen=True)
-class Source:
+class StrainSource:
     """Points whose strains, times weights, add up to one: ``elements``, (elements, points).
 
     ``gradients`` are ∂φ/∂X at the points, (elements, points, local, 2).
@@ -60,13 +60,13 @@ class Source:
     weights: AnyArray
 
     @classmethod
-    def recovered(cls, mesh: Discretisation, element: int, corner: int) -> Source:
+    def recovered(cls, mesh: Discretisation, element: int, corner: int) -> StrainSource:
         """Use the strain recovered at a corner."""
         around, weights = mesh.recovery.at(element, corner)
         return cls(around, mesh.gradients[around], weights)
 
     @classmethod
-    def averaged(cls, mesh: Discretisation, elements: AnyArray, locals_: AnyArray) -> Source:
+    def averaged(cls, mesh: Discretisation, elements: AnyArray, locals_: AnyArray) -> StrainSource:
         """Use the mean of elements' own strains at nodes of theirs."""
         count = len(elements)
         return cls(elements, mesh.nodal_gradients[elements, locals_][:, None],
@@ -86,11 +86,11 @@ class Spot:
     thinning: bool
     recovered: bool
 
-    def sources(self, mesh: Discretisation) -> list[Source]:
+    def sources(self, mesh: Discretisation) -> list[StrainSource]:
         """Find the sources of the strains that determine the firmness here."""
         if self.recovered:
-            return [Source.recovered(mesh, self.element, self.local)]
-        return [Source.averaged(mesh, np.array([self.element]), np.array([self.local]))]
+            return [StrainSource.recovered(mesh, self.element, self.local)]
+        return [StrainSource.averaged(mesh, np.array([self.element]), np.array([self.local]))]
 
     def value(self, model: Model, voltage_squared: Any, strains: Sequence[Strain]) -> Any:
         """Compute the firmness where the strain is C, numbers or arrays of one, maybe complex."""
@@ -108,10 +108,10 @@ class EdgeSpot:
 
     number: int
 
-    def sources(self, mesh: Discretisation) -> list[Source]:
+    def sources(self, mesh: Discretisation) -> list[StrainSource]:
         """Find the sources of the strains that determine the firmness here."""
         edge = mesh.electrode_edge
-        return [Source.averaged(mesh, *places[rows == self.number].T)
+        return [StrainSource.averaged(mesh, *places[rows == self.number].T)
                 for places, rows in zip(edge.places, edge.rows, strict=True)]
 
     def value(self, model: Model, voltage_squared: Any, strains: Sequence[Strain]) -> Any:

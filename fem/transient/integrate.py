@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.circuit import Circuit, Signal
+from tympan.fem.circuit import Circuit, SourceSignal
 from tympan.fem.equilibrium.constraints import (
     Constraint,
     difference,
@@ -149,13 +149,13 @@ class Transient:
 
     model: Model
     force: float
-    signal: Signal
+    signal: SourceSignal
     plate: RigidPlate | None = None
     damper: float = 0.0
     circuit: Circuit = field(default_factory=Circuit)
     settings: StepSettings = StepSettings()
     pressure: float = 0.0
-    heave: Signal | None = None
+    heave: SourceSignal | None = None
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
         """Moments from the signal's beginning, at a state, to its end; a jump repeats its time.

@@ -8,7 +8,6 @@ s τ/(1 + s τ) times its stiffness at once. The film charges through its circui
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,6 +17,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from tympan.base.arrays import AnyArray
+from tympan.base.progress import Progress
 from tympan.base.system import silent
 from tympan.fem.circuit import Circuit
 from tympan.fem.film.memory import Memory
@@ -51,7 +51,7 @@ class Harmonic:
     circuit: Circuit = field(default_factory=Circuit)
 
     def response(self, frequencies: AnyArray,
-                 progress: Callable[[str], None] = lambda words: None) -> tuple[AnyArray, AnyArray]:
+                 progress: Progress = lambda words: None) -> tuple[AnyArray, AnyArray]:
         """Heave [m/V] and film voltage [V/V] over the source's, complex, of frequencies [Hz]."""
         numbers = np.empty((2, len(frequencies)), complex)
         for number, frequency in enumerate(frequencies.tolist()):

@@ -39,7 +39,7 @@ Gaps = list[tuple[int, int, float]]
 
 
 @dataclass(frozen=True)
-class Sheet:
+class DrawingSheet:
     """Curves as they were read [m], remarks on the reading, and advice on units for messages."""
 
     pieces: list[Piece]

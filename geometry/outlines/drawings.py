@@ -20,7 +20,7 @@ from tympan.base.reader_process import read_apart
 from tympan.base.system import missing_library
 from tympan.base.toml_reader import Rule, Table
 from tympan.base.units import quantity
-from tympan.geometry.outlines.contours import MOST_CURVES, Sheet, closed_curves, piece_ends
+from tympan.geometry.outlines.contours import MOST_CURVES, DrawingSheet, closed_curves, piece_ends
 from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import OUTLINES, SIZE
 from tympan.geometry.outlines.pieces import MOST_PIECES, PIECES, PLACE, Line, Piece
@@ -67,7 +67,7 @@ class Drawing(ABC):
         return {name: value for name, value in vars(self).items() if name != "file"}
 
     @abstractmethod
-    def sheet(self, file: Path) -> Sheet:
+    def sheet(self, file: Path) -> DrawingSheet:
         """All its curves, in any order."""
 
 
@@ -81,7 +81,7 @@ class StepFile(Drawing):
         "which flat face of a solid: the largest, or the highest or lowest of those parallel to "
         "it")] = "largest"
 
-    def sheet(self, file: Path) -> Sheet:
+    def sheet(self, file: Path) -> DrawingSheet:
         from tympan.geometry.outlines.step import step_sheet
 
         return step_sheet(file, self.face)
@@ -108,7 +108,7 @@ class DxfFile(Drawing):
                                   unit) from None
         return super().from_table(table)
 
-    def sheet(self, file: Path) -> Sheet:
+    def sheet(self, file: Path) -> DrawingSheet:
         from tympan.geometry.outlines.dxf import dxf_sheet
 
         _few(_curves(file.read_bytes()))
@@ -169,7 +169,7 @@ def record(kind: str, file: str, keys: dict[str, Any]) -> dict[str, Any]:
                          "another kind; export it again from the program that drew it"}
 
 
-def _in_range(sheet: Sheet) -> None:
+def _in_range(sheet: DrawingSheet) -> None:
     """Refuse numbers too large or too small for computing a curve."""
     try:
         for piece in sheet.pieces:

@@ -15,7 +15,7 @@ from ezdxf.enums import InsertUnits
 
 from tympan.base.errors import InputError
 from tympan.base.units import quantity
-from tympan.geometry.outlines.contours import MOST_CURVES, Sheet
+from tympan.geometry.outlines.contours import MOST_CURVES, DrawingSheet
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
 
@@ -35,7 +35,7 @@ _NOTES = frozenset((
     "IMAGE", "WIPEOUT", "VIEWPORT", "XLINE", "RAY", "OLE2FRAME", "ACAD_TABLE", "SHAPE", "LIGHT"))
 
 
-def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
+def dxf_sheet(file: Path, layer: str, unit: str | None) -> DrawingSheet:
     """Read the curves of a layer, or of all visible ones (``*``); ``unit`` overrides the file's."""
     document = ezdxf.filemanagement.readfile(file)
     remarks = list[str]()
@@ -70,7 +70,7 @@ def dxf_sheet(file: Path, layer: str, unit: str | None) -> Sheet:
                        "overrides that" + _guess(pieces))
     if reading.off:
         remarks.append(f"left out layers that are switched off: {', '.join(sorted(reading.off))}")
-    return Sheet(pieces, tuple(remarks), source)
+    return DrawingSheet(pieces, tuple(remarks), source)
 
 
 def _guess(pieces: list[Piece]) -> str:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 Point = tuple[Any, Any]
-Local = tuple[AnyArray, AnyArray, AnyArray]
+LocalFrame = tuple[AnyArray, AnyArray, AnyArray]
 
 #: Kinds of pieces that files may spell out.
 PIECES: Registry[Any] = Registry("kind")
@@ -62,7 +62,7 @@ class Line:
         """Parameters between which the piece is a polynomial, or nearly one."""
         return np.array([0.0, 1.0])
 
-    def at(self, t: AnyArray) -> Local:
+    def at(self, t: AnyArray) -> LocalFrame:
         """Points, first and second derivatives, shape (n, 2) each [m]."""
         start, slope = np.array(self.start), np.array(self.end) - np.array(self.start)
         slopes = np.broadcast_to(slope, (len(t), 2))
@@ -109,7 +109,7 @@ class Curved(ABC):
     def breaks(self) -> AnyArray: ...
 
     @abstractmethod
-    def at(self, t: AnyArray) -> Local: ...
+    def at(self, t: AnyArray) -> LocalFrame: ...
 
     def nearest(self, places: AnyArray) -> AnyArray:
         """Parameters of the nearest points, by Newton's method from the two nearest samples."""
@@ -190,7 +190,7 @@ class Arc(Curved):
     def breaks(self) -> AnyArray:
         return np.linspace(0, 1, int(np.ceil(abs(np.real(self.sweep)) / _PANEL - 1e-9)) + 1)
 
-    def at(self, t: AnyArray) -> Local:
+    def at(self, t: AnyArray) -> LocalFrame:
         a, b = self.radii
         angle = self.start + t * self.sweep
         x = np.array([a * np.cos(angle), b * np.sin(angle)])
@@ -255,7 +255,7 @@ class Spline(Curved):
         knots = np.real(np.array(self.knots))
         return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
 
-    def at(self, t: AnyArray) -> Local:
+    def at(self, t: AnyArray) -> LocalFrame:
         """Evaluate the spline; between two knots, complex ones too, ``t`` is a share of the way."""
         coefficients, widths = self._cubics
         k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(widths) - 1)

@@ -26,7 +26,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from tympan.base.errors import InputError
 from tympan.base.reader_process import at_most
-from tympan.geometry.outlines.contours import Sheet
+from tympan.geometry.outlines.contours import DrawingSheet
 from tympan.geometry.outlines.nurbs import pieces_of_spline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
 
@@ -41,7 +41,7 @@ _LEAST = 0.25
 _PER_MEGABYTE = 8.0
 
 
-def step_sheet(file: Path, which: str) -> Sheet:
+def step_sheet(file: Path, which: str) -> DrawingSheet:
     """Read all edges of flat faces or wires, or those of one flat face of a solid; in any plane."""
     with at_most(_LEAST + _PER_MEGABYTE * file.stat().st_size / 1e6):
         reader = STEPControl_Reader()
@@ -61,7 +61,7 @@ def step_sheet(file: Path, which: str) -> Sheet:
             whole, plane, remarks = _flat_face(whole, which)
         whole = _laid_down(whole, plane)
     edges = [TopoDS.Edge_s(shape) for shape in _parts(whole, TopAbs_EDGE)]
-    return Sheet([piece for edge in edges for piece in edge_pieces(edge)], tuple(remarks))
+    return DrawingSheet([piece for edge in edges for piece in edge_pieces(edge)], tuple(remarks))
 
 
 def _common_plane(whole: TopoDS_Shape, thickness: float) -> gp_Pln | None:

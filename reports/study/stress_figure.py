@@ -51,7 +51,7 @@ _ROOM = 1.02
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class FigureLayout:
     """Every number of the figure: one scale of paper, colours and view for all membranes.
 
     ``paper`` is mm of paper per mm of membrane, ``columns`` the widths of each row's columns on
@@ -79,7 +79,7 @@ def specimen_picture(specimen: SpecimenView, view: View) -> style.Picture:
                         specimen.semi_axes[1] > specimen.semi_axes[0])
 
 
-def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> Layout:
+def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> FigureLayout:
     """Lay the figure out for films whose stress lies between two values [kPa]."""
     widths = [2 * max(item.semi_axes) for item in specimens]
     rows = rows_of(len(specimens))
@@ -93,10 +93,11 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
     # Pixels are those of the print, each the average of four, which makes smooth edges.
     view = View(style.DPI * style.MM * paper, style.DPI * 0.7 / 72, round_scale(*stress),
                 bar_length(max(widths)) / 2, samples=2)
-    return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
+    return FigureLayout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 
-def compose_stress(run: StudyView, design: Layout, pictures: Sequence[style.Picture]) -> Figure:
+def compose_stress(run: StudyView, design: FigureLayout, pictures: Sequence[style.Picture]
+                   ) -> Figure:
     """Put pictures, colour bar and curves on one page."""
     sizes = [upper - lower for _, (_, _, lower, upper) in pictures]
     heights = [max(sizes[index] for index in row) * design.paper for row in design.rows]
@@ -160,7 +161,7 @@ def _spread(positions: Sequence[float], least: float) -> list[float]:
     return [middle + up * least / 2, middle - up * least / 2]
 
 
-def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None:
+def _explain(figure: Figure, run: StudyView, design: FigureLayout, top: float) -> None:
     """Draw the row below the pictures: scale bar, colour bar, load and meaning of the lines."""
     view, length = design.view, 2 * design.view.net
     bar = style.place_axes(figure, _LEFT, top + 3.5, length * design.paper, 1.0)
@@ -196,7 +197,7 @@ def stress_label(scale: AxisScale) -> str:
     return f"largest principal true stress (kPa{start})"
 
 
-def _panel(axes: Axes, specimen: SpecimenView, design: Layout, reach: float) -> None:
+def _panel(axes: Axes, specimen: SpecimenView, design: FigureLayout, reach: float) -> None:
     """Draw stress along both axes up to a distance ``reach`` [mm], and label the plate's edge."""
     limits = design.view.scale
     for line, colour, dashes in ((specimen.short, style.SHORT, "-"),

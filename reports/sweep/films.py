@@ -37,7 +37,7 @@ _LETTERS = 22  #: letters in a line as wide as a column
 _DPI = 220
 
 #: Lines of keys in which a specimen differs from the others, its deflection [m] and film.
-Film = tuple[list[str], float, FilmSurface]
+DrawnFilm = tuple[list[str], float, FilmSurface]
 
 
 def draw_films(result: SweepResult, folder: Path) -> list[Path]:
@@ -46,7 +46,7 @@ def draw_films(result: SweepResult, folder: Path) -> list[Path]:
         return _sheets(_films(result, folder), folder)
 
 
-def _sheets(films: list[Film], folder: Path) -> list[Path]:
+def _sheets(films: list[DrawnFilm], folder: Path) -> list[Path]:
     if not films:
         return []
     widths = [float(np.ptp(film.mounted, axis=0).max()) * 1e3 for *_, film in films]
@@ -65,7 +65,7 @@ def _sheets(films: list[Film], folder: Path) -> list[Path]:
     return files
 
 
-def _films(result: SweepResult, folder: Path) -> list[Film]:
+def _films(result: SweepResult, folder: Path) -> list[DrawnFilm]:
     """List the films of all specimens with an equilibrium under the first mass and voltage."""
     first = result.table.isel({load: 0 for load in ("mass", "voltage") if load in
                                result.table.dims})
@@ -79,7 +79,7 @@ def _films(result: SweepResult, folder: Path) -> list[Film]:
             for _, row in cases[cases["status"] == "equilibrium"].iterrows()]
 
 
-def _sheet(films: list[Film], view: View, paper: float) -> Figure:
+def _sheet(films: list[DrawnFilm], view: View, paper: float) -> Figure:
     pictures = []
     for *_, film in films:
         x, y, _ = np.ptp(film.mounted, axis=0)

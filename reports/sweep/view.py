@@ -14,7 +14,7 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.run import SweepResult
-from tympan.studies.sweep.table import LOADS, beyond_limits
+from tympan.studies.sweep.table import LOAD_UNITS, beyond_limits
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class SweepView:
     @cached_property
     def loads(self) -> tuple[str, ...]:
         """Mass and voltage, if they are the same for all specimens."""
-        return tuple(load for load in LOADS if load in self.table.dims)
+        return tuple(load for load in LOAD_UNITS if load in self.table.dims)
 
     @cached_property
     def columns(self) -> tuple[Measure, ...]:
@@ -123,7 +123,8 @@ class SweepView:
         """Rows of the table, one per case; ``label`` names its specimen."""
         axes = [str(axis) for axis in self.table["status"].dims]
         rows = self.table.to_dataframe(dim_order=axes).reset_index()
-        grid = [Measure.of(self.table[axis]) for axis in axes if axis not in ("specimen", *LOADS)]
+        varied = [axis for axis in axes if axis not in ("specimen", *LOAD_UNITS)]
+        grid = [Measure.of(self.table[axis]) for axis in varied]
         values = zip(*(rows[key.name].map(key.text) for key in grid), strict=True)
         labels = [f"{name} ({', '.join(those)})" for name, those in zip(
             rows["specimen"], values, strict=True)] if grid else rows["specimen"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.progress import Progress
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle, Ellipse
@@ -88,7 +89,7 @@ class Formula:
 
 
 @dataclass(frozen=True)
-class Reading:
+class MapReading:
     """Place on the map with its results, by the columns of alpha-map.csv.
 
     ``aspect`` and ``plate_over_short`` are long semi-axis and plate radius over the short
@@ -137,21 +138,21 @@ class MapSettings:
     far: tuple[float, float] = (5.0, 0.8)
     seed: int = 2026
 
-    def places(self) -> dict[str, list[Reading]]:
+    def places(self) -> dict[str, list[MapReading]]:
         """Choose the places of each set: the formula is fitted on the grid, tested on the others.
 
         Places outside are longer, have a larger plate, or both.
         """
-        grid = [Reading(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
+        grid = [MapReading(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
         rng = np.random.default_rng(self.seed)
         names = sorted(name for name, entry in MATERIALS.items() if entry.law_range is None)
-        inside = [Reading(rng.uniform(self.aspects[0], self.aspects[-1]),
+        inside = [MapReading(rng.uniform(self.aspects[0], self.aspects[-1]),
                           rng.uniform(self.ratios[0], self.ratios[-1]),
                           names[rng.integers(len(names))]) for _ in range(self.inside)]
         rng = np.random.default_rng(self.seed + 1)
-        outside: list[Reading] = []
+        outside: list[MapReading] = []
         while len(outside) < self.outside:
-            place = Reading(rng.uniform(self.aspects[0], self.far[0]),
+            place = MapReading(rng.uniform(self.aspects[0], self.far[0]),
                             rng.uniform(self.ratios[0], self.far[1]))
             if place.aspect > self.aspects[-1] or place.plate_over_short > self.ratios[-1]:
                 outside.append(place)
@@ -202,7 +203,7 @@ class AlphaMap:
 
 
 def alpha_map(film: Film, settings: MapSettings, workers: int = 1,
-              progress: Callable[[str], None] = lambda _: None) -> AlphaMap:
+              progress: Progress = lambda _: None) -> AlphaMap:
     """Make a map of a film, but for its material: read all places, fit the formula to the grid."""
     rows = [{"where": name, **asdict(reading)} for name, places in settings.places().items()
             for reading in map_readings(film, places, settings, workers, progress)]
@@ -213,9 +214,9 @@ def alpha_map(film: Film, settings: MapSettings, workers: int = 1,
     return AlphaMap(settings, formula, {**readings, "formula": formula(aspect, ratio)})
 
 
-def map_readings(film: Film, places: Sequence[Reading], map_settings: MapSettings,
-                 workers: int = 1, progress: Callable[[str], None] = lambda _: None
-                 ) -> list[Reading]:
+def map_readings(film: Film, places: Sequence[MapReading], map_settings: MapSettings,
+                 workers: int = 1, progress: Progress = lambda _: None
+                 ) -> list[MapReading]:
     """Read every place, in order; give the reason where nothing is in equilibrium."""
     readings = []
     with closing(mapped(partial(_read, film, map_settings), places, workers)) as made:
@@ -225,7 +226,7 @@ def map_readings(film: Film, places: Sequence[Reading], map_settings: MapSetting
     return readings
 
 
-def _read(film: Film, map_settings: MapSettings, place: Reading) -> Reading:
+def _read(film: Film, map_settings: MapSettings, place: MapReading) -> MapReading:
     specimen, settings = place.specimen(film), Settings()
     loads = AlphaSettings(map_settings.loads, LoadGrid((), ()))
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +12,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
+from tympan.base.progress import Progress
 from tympan.geometry.outlines import Circle, Outline, area, examples
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
@@ -87,7 +88,7 @@ _PLATE = 10e-3
 
 
 def outline_table(film: Film, loads: AlphaSettings, settings: Settings,
-                  progress: Callable[[str], None] = lambda _: None) -> OutlineTable:
+                  progress: Progress = lambda _: None) -> OutlineTable:
     """Row for every registered outline that has an example, with a film and a round plate in it.
 
     ``loads`` are those of the fit, and others to test at.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.progress import Progress
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import Circle
@@ -31,7 +32,6 @@ from tympan.studies.files import from_json, read_json, stored_file, to_json, wri
 from tympan.studies.limits.loads import LoadGrid, usual_masses, usual_voltages
 
 Basis = Literal["membrane", "cone", "cone_scaled"]
-Progress = Callable[[str], None]
 
 #: Smallest and largest of each weight.
 Ranges = tuple[tuple[float, float], ...]

@@ -18,7 +18,7 @@ from tympan.studies.columns import Sheet
 from tympan.studies.data.checked_runs import Hum
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset, channels
-from tympan.studies.data.findings import Copies, Finding, at_sensor_end
+from tympan.studies.data.findings import CopiedRows, Finding, at_sensor_end
 from tympan.studies.data.noise import coarse_step, repeat_groups, repeat_noise, stated_ratio
 from tympan.studies.data.outliers import outliers
 from tympan.studies.files import to_json, words_beside
@@ -248,7 +248,7 @@ FINDERS: tuple[Callable[[Dataset, Sheet], Iterator[Finding]], ...] = (
     _pasted, _off_their_ramps, _at_the_end, _backwards, _moved_zeros)
 
 
-def _blocks(copies: Copies) -> Iterator[tuple[Numbers, Numbers]]:
+def _blocks(copies: CopiedRows) -> Iterator[tuple[Numbers, Numbers]]:
     """Copies one after the other, and what they are copies of."""
     rows, of = copies.rows, copies.of
     breaks = np.flatnonzero((np.diff(rows) != 1) | (np.abs(np.diff(of)) > 1)) + 1

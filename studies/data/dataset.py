@@ -24,7 +24,7 @@ from tympan.studies.data import coupon
 from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
-from tympan.studies.data.findings import Copies, RunZeros, at_sensor_end
+from tympan.studies.data.findings import CopiedRows, RunZeros, at_sensor_end
 from tympan.tables.columns import LEAST_STEP
 from tympan.tables.formats import FORMATS, Format, format_of, suffixes
 from tympan.tables.layouts import Layout
@@ -238,10 +238,12 @@ class Dataset:
         return () if self.transients is None else checked_runs(self.transients)
 
     @cached_property
-    def copies(self) -> Copies:
+    def copies(self) -> CopiedRows:
         """Static readings that are copies of others."""
         none = np.empty(0, np.int64)
-        return Copies(none, none) if self.static is None else Copies.among(self.static, self.noise)
+        if self.static is None:
+            return CopiedRows(none, none)
+        return CopiedRows.among(self.static, self.noise)
 
     @property
     def unused(self) -> Mask:

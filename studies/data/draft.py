@@ -20,7 +20,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.coupon import MODES, named_mode
 from tympan.studies.data.dataset import FILES, GUESS
-from tympan.studies.data.guesses import SHOWN, Choice, Guesses
+from tympan.studies.data.guesses import SHOWN, ColumnChoice, Guesses
 from tympan.studies.data.preamble import stated_specimen
 from tympan.studies.files import write_text
 from tympan.tables.column import NUMBER, Column
@@ -179,7 +179,7 @@ class Draft:
             elif column.required and not (column.name == "mass" and self.guesses.bare):
                 yield self._absent(column)
 
-    def _chosen(self, choice: Choice, source: Source | None) -> str:
+    def _chosen(self, choice: ColumnChoice, source: Source | None) -> str:
         """The line that reads a column from a heading, with its sign where it may have one."""
         column, title = choice.column, self.header.titles[choice.place]
         unit = self.guesses.unit_of(choice)

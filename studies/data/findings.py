@@ -72,14 +72,14 @@ def step_of(values: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Copies:
+class CopiedRows:
     """Rows that are copies, by their numbers, and which rows they are copies of."""
 
     rows: Numbers
     of: Numbers
 
     @classmethod
-    def among(cls, static: Sheet, noise: float | None) -> Copies:
+    def among(cls, static: Sheet, noise: float | None) -> CopiedRows:
         """Find later rows of a file that equal earlier ones more closely than the noise permits.
 
         Mask of one state, or several rows one after the other, of whatever states, in the same or

@@ -81,7 +81,7 @@ _FROM_FLAT = ("static", "transient")
 
 
 @dataclass(frozen=True)
-class Choice:
+class ColumnChoice:
     """A column of numbers that is taken for one of ours: its place, and by what.
 
     "words": those of its heading and its unit, "no unit": its words alone, "unit": its unit alone,
@@ -247,9 +247,9 @@ class Guesses:
                 if self._dimensions[place] in wanted and self._reads(place)]
 
     @cached_property
-    def choices(self) -> dict[str, Choice]:
+    def choices(self) -> dict[str, ColumnChoice]:
         """Columns of numbers that are taken for ours, by name."""
-        found = {name: Choice(source.column, source.place, "words")
+        found = {name: ColumnChoice(source.column, source.place, "words")
                  for name, source in self.sources.items()
                  if source.place is not None and source.column.choices is None}
         for column in self._missing:
@@ -259,11 +259,11 @@ class Guesses:
             without = next((place for place in named if not self._headings[place].unit), None)
             by_unit = self._by_unit(column, free)
             if without is not None:
-                found[column.name] = Choice(column, without, "no unit")
+                found[column.name] = ColumnChoice(column, without, "no unit")
             elif by_unit is not None:
-                found[column.name] = Choice(column, by_unit, "unit")
+                found[column.name] = ColumnChoice(column, by_unit, "unit")
             elif named:
-                found[column.name] = Choice(column, named[0], "other unit")
+                found[column.name] = ColumnChoice(column, named[0], "other unit")
         return found
 
     def _named(self, column: Column, free: Sequence[int]) -> list[int]:
@@ -368,7 +368,7 @@ class Guesses:
         return [*stated_quantities((*self.above, *titles, *between), dimension),
                 *named_quantities(self.file, dimension)]
 
-    def unit_beside(self, choice: Choice) -> tuple[str, str]:
+    def unit_beside(self, choice: ColumnChoice) -> tuple[str, str]:
         """The unit of a column without one in its heading that stands in it, and where."""
         rows = [*self.above[-1:], *(row for row in self.below
                                     if row[1][choice.place] in self.labels(choice.place))]
@@ -379,12 +379,12 @@ class Guesses:
                 return unit, f"line {line} has {cell!r}"
         return "", ""
 
-    def unit_of(self, choice: Choice) -> str:
+    def unit_of(self, choice: ColumnChoice) -> str:
         """The unit of a column's numbers, "" where only the key says it."""
         return (usual_unit(self._headings[choice.place].unit) or ""
                 if choice.by in ("words", "unit") else self.unit_beside(choice)[0])
 
-    def doubts(self, choice: Choice) -> Iterator[str]:
+    def doubts(self, choice: ColumnChoice) -> Iterator[str]:
         """Reasons against a choice, or for another one."""
         column, place = choice.column, choice.place
         title, words = self.header.titles[place], self._headings[place].words
@@ -415,7 +415,7 @@ class Guesses:
         if column.name == "displacement" and self.kind in _FROM_FLAT:
             yield from self._doubts_of_zero(choice)
 
-    def _rivals(self, choice: Choice) -> Iterator[int]:
+    def _rivals(self, choice: ColumnChoice) -> Iterator[int]:
         """Places of other columns in a unit of the same kind that may be meant."""
         dimension = self._dimensions[choice.place]
         taken = {other.place for other in self.choices.values()}
@@ -427,7 +427,7 @@ class Guesses:
                         or OTHER_READINGS.alluded(words))))):
                 yield place
 
-    def _doubts_of_mass(self, choice: Choice) -> Iterator[str]:
+    def _doubts_of_mass(self, choice: ColumnChoice) -> Iterator[str]:
         """A mass that stands outside of the column, and is none of it."""
         factor = choice.column.also[0].factor(self._headings[choice.place].unit) or 1.0
         values = factor * self.numbers(choice.place)
@@ -436,7 +436,7 @@ class Guesses:
                 yield f"{one.text}: look whether it is in the masses of this column"
                 return
 
-    def _doubts_of_strain(self, choice: Choice) -> Iterator[str]:
+    def _doubts_of_strain(self, choice: ColumnChoice) -> Iterator[str]:
         heading, values = self._headings[choice.place], self.numbers(choice.place)
         if heading.words in STRETCHES[0].words and np.nanmin(
                 np.append(values * (STRETCHES[0].factor(heading.unit) or 1.0), 1.0)) < _SHORT:
@@ -446,7 +446,7 @@ class Guesses:
             yield ("the strain has no unit: taken as a number, 0.5 for 50 %; if it is in per cent, "
                    "write (%) into its heading")
 
-    def _doubts_of_zero(self, choice: Choice) -> Iterator[str]:
+    def _doubts_of_zero(self, choice: ColumnChoice) -> Iterator[str]:
         """Doubts whether deflections are counted from the flat film."""
         values, mass = self.numbers(choice.place), self._of("mass")
         loaded = values if mass is None else np.where(mass == 0, np.nan, values)
@@ -462,7 +462,7 @@ class Guesses:
         elif mass is not None and self.kind in _FROM_FLAT:
             yield from self._doubts_of_size(choice)
 
-    def _doubts_of_size(self, choice: Choice) -> Iterator[str]:
+    def _doubts_of_size(self, choice: ColumnChoice) -> Iterator[str]:
         """Deflections that the masses cannot make of any of the films, whatever is uncertain."""
         heavy = self.choices["mass"]
         voltage = self._of("voltage")
@@ -483,7 +483,7 @@ class Guesses:
                    f"where this mass pulls {films[0].name} down by some "
                    f"{1e3 * usual[0][first]:.2g} mm: look at zero, unit and mass")
 
-    def _si(self, choice: Choice) -> Array:
+    def _si(self, choice: ColumnChoice) -> Array:
         """Numbers of a choice in SI."""
         unit = self.unit_of(choice)
         title = f"{choice.column.name}_{unit}" if unit.isalpha() else choice.column.title
@@ -507,7 +507,7 @@ class Guesses:
         """Whether no film near has a plate: gas holds them, and no mass hangs on one."""
         return bool(self.specimens) and all(film.plate is None for film in self.specimens.values())
 
-    def sign(self, choice: Choice) -> tuple[str, str]:
+    def sign(self, choice: ColumnChoice) -> tuple[str, str]:
         """The sign of a column's numbers, and a doubt about it.
 
         Deflections rise with the voltage and with the mass, forces with the deflection.
@@ -530,7 +530,7 @@ class Guesses:
             return ("down" if rising else "up"), "a height: look from where and which way it counts"
         return "down", ""
 
-    def _rising(self, choice: Choice) -> bool | None:
+    def _rising(self, choice: ColumnChoice) -> bool | None:
         """Whether the numbers rise with what they rise along; None where that is not clear."""
         values = self.numbers(choice.place)
         for along in _RISES.get((self.kind, choice.column.name), ()):

@@ -27,7 +27,7 @@ def groups(*columns: Array) -> Numbers:
 
 
 @dataclass(frozen=True, eq=False)
-class Ramp:
+class VoltageRamp:
     """Readings on one way up or down: their rows, what was read [m] and smooth columns."""
 
     rows: Numbers
@@ -49,9 +49,9 @@ class Ramp:
         left = 1 - np.sum(self._basis**2, axis=1)
         return np.where(left > _MET, self.off / np.sqrt(np.maximum(left, _MET)), 0.0)
 
-    def without(self, place: int) -> Ramp:
+    def without(self, place: int) -> VoltageRamp:
         keep = np.arange(len(self.rows)) != place
-        return Ramp(self.rows[keep], self.read[keep], self.columns[keep])
+        return VoltageRamp(self.rows[keep], self.read[keep], self.columns[keep])
 
     def expected(self, place: int) -> float:
         """Value of the curve of all others at a reading's place [m]."""
@@ -59,7 +59,7 @@ class Ramp:
         return float(self.read[place] - self.off[place] / left)
 
 
-def ramps(static: Sheet, rows: Numbers) -> Iterator[Ramp]:
+def ramps(static: Sheet, rows: Numbers) -> Iterator[VoltageRamp]:
     """The ways up or down that have more readings than a smooth curve takes."""
     ramp = groups(static.specimen[rows], static.mass[rows], static.run[rows], static.repeat[rows])
     for number in range(int(ramp.max(initial=-1)) + 1):
@@ -72,5 +72,5 @@ def ramps(static: Sheet, rows: Numbers) -> Iterator[Ramp]:
             degree = min(DEGREE, len(np.unique(squared)) - 2)
             if degree < 1 or len(here) < degree + 2:
                 continue
-            yield Ramp(here, static.displacement[here],
+            yield VoltageRamp(here, static.displacement[here],
                        np.vander(squared / squared.max(), degree + 1))

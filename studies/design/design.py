@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -14,6 +14,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.points import drawn_points
+from tympan.base.progress import Progress
 from tympan.base.units import DIMENSIONS, quantity_text
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -145,7 +146,7 @@ class _Kind:
 
 
 def design(requirements: Requirements, settings: Settings = Settings(),
-           progress: Callable[[str], None] = lambda words: None, workers: int = 1) -> DesignResult:
+           progress: Progress = lambda words: None, workers: int = 1) -> DesignResult:
     """The best film of each kind; that a requirement cannot be met is a result, too.
 
     So many ``workers`` search kinds side by side, a process each.

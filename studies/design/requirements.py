@@ -34,13 +34,13 @@ from tympan.studies.wanted import (
 #: Words for the one quantity that shall be as good as can be.
 _BEST = {True: "largest", False: "least"}
 #: Loads that may vary; without them there is nothing to be designed.
-LOADS: dict[str, Rule] = {
+VARIED_LOADS: dict[str, Rule] = {
     "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
     "voltage": (lambda x: 0 < x <= MOST_VOLTAGE,
                 f"must be above 0 and at most {MOST_VOLTAGE / 1e3:g} kV")}
 #: All that may vary beside numbers of the specimen: dimensions and rules.
 _BESIDE: dict[str, tuple[str, Rule]] = {
-    **{key: (key, rule) for key, rule in LOADS.items()},
+    **{key: (key, rule) for key, rule in VARIED_LOADS.items()},
     SPRING: ("stiffness per length", NON_NEGATIVE)}
 
 #: Keys of `tympan optimise` and of the search by finite elements alone, and what takes their place.
@@ -87,9 +87,9 @@ class RequirementsFile:
     vary: Annotated[Table, Key(
         "lowest and highest value of each number that may vary: of the specimen by its path, such "
         "as \"plate.radius\", of mass, voltage or rig.spring")]
-    mass: Annotated[float | None, Key("load on the plate", "mass", LOADS["mass"],
+    mass: Annotated[float | None, Key("load on the plate", "mass", VARIED_LOADS["mass"],
                                       default="required where it does not vary")] = None
-    voltage: Annotated[float | None, Key("of the supply", "voltage", LOADS["voltage"],
+    voltage: Annotated[float | None, Key("of the supply", "voltage", VARIED_LOADS["voltage"],
                                          default="required where it does not vary")] = None
     name: Annotated[str, Key("of the result and its files", default="the file's name")] = ""
     share: Annotated[float, Key("of the films that keep all bounds", rule=_SHARE)] = 0.95

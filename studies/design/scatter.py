@@ -23,8 +23,8 @@ from tympan.studies.design.search import KEPT, Search, value_of
 from tympan.studies.design.sqp import (
     Descent,
     DescentSettings,
+    DescentStatus,
     Linearisation,
-    Status,
     kkt,
     maximise,
 )
@@ -237,7 +237,7 @@ class KeptByMost:
 
     def ended(self, here: Linearisation) -> Descent:
         """End of a search at the design, with its values there."""
-        status: Status = "optimum" if here.violation <= KEPT else "infeasible"
+        status: DescentStatus = "optimum" if here.violation <= KEPT else "infeasible"
         return Descent(status, self.about, here, kkt(self.about, here))
 
     def prices(self, end: Descent) -> Array:

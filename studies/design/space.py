@@ -22,7 +22,7 @@ from tympan.studies.films.box import SPRING, Box
 from tympan.studies.films.family import FamilySettings, FilmFamily
 from tympan.studies.films.population import LoadedFilms, Population
 from tympan.studies.tolerance.drawn import Scattered
-from tympan.studies.tolerance.given import Cause
+from tympan.studies.tolerance.given import ScatterCause
 
 #: Random films among which searches begin, a power of two.
 _RANDOM = 512
@@ -56,7 +56,7 @@ class DesignSpace(Ranges):
 
     requirements: Requirements
     family: FilmFamily
-    scatter: tuple[Cause, ...] = field(default=())
+    scatter: tuple[ScatterCause, ...] = field(default=())
 
     @classmethod
     def of(cls, requirements: Requirements, specimen: Specimen, settings: Settings,

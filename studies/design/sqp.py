@@ -21,7 +21,7 @@ from tympan.base.arrays import Array
 #: A limit nearer to 0 than this is active: a search ends a little before it.
 _ACTIVE = 1e-3
 
-Status = Literal["optimum", "no_progress", "infeasible", "no_start"]
+DescentStatus = Literal["optimum", "no_progress", "infeasible", "no_start"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Multipliers:
 class Descent:
     """End of a search."""
 
-    status: Status
+    status: DescentStatus
     x: Array
     here: Linearisation | None
     multipliers: Multipliers | None
@@ -121,7 +121,7 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
             bend.update(ahead - x, change)
         x, here = ahead, there
     multipliers = kkt(x, here)
-    ended: Status = "optimum" if multipliers.residual <= settings.residual else "no_progress"
+    ended: DescentStatus = "optimum" if multipliers.residual <= settings.residual else "no_progress"
     return Descent(ended if here.violation <= settings.violation else "infeasible", x, here,
                    multipliers)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
+from tympan.base.progress import PartsDone
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, build_model
@@ -256,7 +257,7 @@ def by_ramp(setup: Setup, table: ReadingTable, rows: Mask) -> list[str]:
     return words
 
 
-def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
+def with_effects(calibration: Simulation, progress: PartsDone,
                  workers: int) -> Simulation:
     """The same simulation with the effects of the library."""
     grids = [law.grid for law in calibration.laws]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tympan.base.errors import InputError
+from tympan.base.progress import PartsDone
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.bench_errors import with_bench_errors, with_model_error
 from tympan.studies.diagnosis.calibration import (
@@ -55,7 +56,7 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0) -> Diagnosis:
 
 
 def conclude(dataset: Dataset, workers: int = 1, seed: int = 0,
-             progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Conclusions:
+             progress: PartsDone = lambda done, all_of_them: None) -> Conclusions:
     """Diagnose a dataset's static readings, ranges, frequencies and scans of films, and coupons.
 
     Coupons are judged by themselves, by the same rules, and weighed with the readings of actuators
@@ -89,7 +90,7 @@ def conclude(dataset: Dataset, workers: int = 1, seed: int = 0,
 
 
 def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
-                  progress: Callable[[int, int], None] = lambda done, all_of_them: None
+                  progress: PartsDone = lambda done, all_of_them: None
                   ) -> tuple[PreparedReadings, Judgement, float]:
     """The readings with the reduced model's errors in their noise, the verdict, and these errors.
 
@@ -117,7 +118,7 @@ def calibrated_readings(dataset: Dataset) -> tuple[PreparedReadings, Calibration
 
 
 def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judgement] | None,
-                     workers: int, seed: int, progress: Callable[[int, int], None]
+                     workers: int, seed: int, progress: PartsDone
                      ) -> tuple[PreparedReadings, Judgement, float]:
     """Judge as :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
     _require_lengths(dataset)
@@ -203,7 +204,7 @@ def judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgem
 
 
 def plan_readings(dataset: Dataset, workers: int = 1,
-                  progress: Callable[[int, int], None] = lambda done, all_of_them: None
+                  progress: PartsDone = lambda done, all_of_them: None
                   ) -> tuple[dict[str, Any], Bench]:
     """Effects that a dataset's readings can show, whatever was or will be read, as a JSON object.
 

@@ -7,7 +7,7 @@ counts as noise. So this is the optimistic side.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.progress import PartsDone
 from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesis, parameter_at
 from tympan.studies.diagnosis.inference.verdict import judge
@@ -200,7 +201,7 @@ class SelfCheck:
 
 
 def self_checked(bench: Bench, count: int, workers: int = 1,
-                 progress: Callable[[int, int], None] = lambda done, all_of_them: None
+                 progress: PartsDone = lambda done, all_of_them: None
                  ) -> SelfCheck:
     """So many synthetic sets judged."""
     sets, tasks = [], [(bench, number) for number in range(count)]

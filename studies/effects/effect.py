@@ -145,7 +145,7 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
-class Family:
+class EffectFamily:
     """Effects that readings often cannot distinguish.
 
     ``measure`` is what they have in common, ``of(specimen, rig)`` its value. ``alike``: other
@@ -194,7 +194,7 @@ class Effect:
     edit: Callable[..., Setup]
     on_one: bool = False
     shows_in: tuple[Observable, ...] = ()
-    family: Family | None = None
+    family: EffectFamily | None = None
     twice: bool = False
 
     @property
@@ -235,7 +235,7 @@ EFFECTS: Registry[Effect] = Registry("name")
 
 
 def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Observable, ...] = (),
-           family: Family | None = None, twice: bool = False
+           family: EffectFamily | None = None, twice: bool = False
            ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 

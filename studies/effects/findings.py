@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import floor, inf, log10
 from string import Formatter
 
-from tympan.studies.effects.effect import Effect, EffectParameter, Family
+from tympan.studies.effects.effect import Effect, EffectFamily, EffectParameter
 
 #: Most significant digits of a number in a sentence. No effect is known more accurately.
 _DIGITS = 3
@@ -109,7 +109,7 @@ def finding(effect: Effect, sizes: Mapping[str, FoundSize], which: str | None) -
     return effect.finding.format(which=which, **sizes)
 
 
-def family_finding(family: Family, size: FoundSize, which: str | None = None) -> str:
+def family_finding(family: EffectFamily, size: FoundSize, which: str | None = None) -> str:
     """Write the sentence of a family with an effect found: its measure is given by its limits."""
     return family.finding.format(share=size.range or size, size=size, which=which)
 

@@ -58,7 +58,7 @@ def akaike(mean_square: float, count: float, constants: int, sigma: float | None
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class CorrelatedSpread:
     """Uncertainty of the unknowns under errors that are correlated along series.
 
     ``noise`` of a reading has the effective degrees of freedom (Satterthwaite, Biometrics Bull. 2,
@@ -94,7 +94,7 @@ class Spread:
 
     @classmethod
     def of(cls, jacobian: Array, residual: Array, series: Series,
-           given: float | None = None) -> Spread:
+           given: float | None = None) -> CorrelatedSpread:
         """Estimate the uncertainty from the residuals at a minimum and their derivative there.
 
         The correlation is the one with which residuals after a fit of as many unknowns would

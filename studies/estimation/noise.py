@@ -106,7 +106,7 @@ class Shared:
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
+class NoiseMemory:
     """Errors of runs of which a part remembers those before.
 
     An Ornstein–Uhlenbeck process and white noise beside it; a first-order autoregression where all
@@ -122,11 +122,11 @@ class Memory:
     share: Array
     correlation: float = float(np.exp(-1.0))
 
-    def of(self, correlation: float, share: float) -> Memory:
+    def of(self, correlation: float, share: float) -> NoiseMemory:
         """The same readings, of which each remembers as much."""
         return replace(self, correlation=correlation, share=np.full(len(self.rows), share))
 
-    def among(self, readings: Numbers) -> Memory:
+    def among(self, readings: Numbers) -> NoiseMemory:
         """Memory of some readings by their numbers, with the places they have there."""
         here = np.isin(readings, self.rows)
         order = np.argsort(self.rows)
@@ -134,7 +134,7 @@ class Memory:
         return replace(self, rows=np.flatnonzero(here), run=self.run[place],
                        clock=self.clock[place], share=self.share[place])
 
-    def without(self, rows: Numbers) -> Memory:
+    def without(self, rows: Numbers) -> NoiseMemory:
         """Memory without that of some readings by their numbers."""
         kept = ~np.isin(self.rows, rows)
         return replace(self, rows=self.rows[kept], run=self.run[kept], clock=self.clock[kept],
@@ -201,7 +201,7 @@ class Memory:
 
 
 #: Part of a noise beside what each reading is off by alone.
-Term = Off | Shared | Memory
+NoiseTerm = Off | Shared | NoiseMemory
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +210,9 @@ class Noise:
 
     The covariance is S R S + C Cᵀ: S of the own errors' standard deviations, in which rounding
     counts, and what readings are :class:`Off`; R of what an error remembers of those before it
-    (:class:`Memory`); C of all that lasts along a run, and of its zero and gain (:class:`Shared`).
-    All that is missed is weighed by :meth:`whitened` alone, where the terms are put together.
+    (:class:`NoiseMemory`); C of all that lasts along a run, and of its zero and gain
+    (:class:`Shared`). All that is missed is weighed by :meth:`whitened` alone, where the terms are
+    put together.
 
     ``own``: standard deviation of each reading's own error, shape (readings,), in its unit.
     ``freedom``: degrees of freedom with which the noise is known of each part of the readings,
@@ -221,7 +222,7 @@ class Noise:
     """
 
     own: Array
-    terms: tuple[Term, ...] = ()
+    terms: tuple[NoiseTerm, ...] = ()
     source: Source = "stated"
     freedom: Array = field(default_factory=lambda: np.array([STATED]))
     part: Numbers = field(default_factory=lambda: np.empty(0, np.int64))
@@ -296,7 +297,7 @@ class Noise:
         beforehand = STATED if source in ("stated", "assumed") else 0.0
         return cls(sigma, source=source, freedom=np.array([beforehand]))
 
-    def plus(self, *terms: Term) -> Noise:
+    def plus(self, *terms: NoiseTerm) -> Noise:
         """The same noise and more terms."""
         return replace(self, terms=(*self.terms, *terms))
 
@@ -349,9 +350,9 @@ class Noise:
         return np.hypot(self.own, self.off)
 
     @cached_property
-    def memories(self) -> tuple[Memory, ...]:
+    def memories(self) -> tuple[NoiseMemory, ...]:
         """Memories of the readings that are not off by themselves."""
-        memories = tuple(term for term in self.terms if isinstance(term, Memory))
+        memories = tuple(term for term in self.terms if isinstance(term, NoiseMemory))
         if not self.off.any():
             return memories
         return tuple(memory.without(np.flatnonzero(self.off)) for memory in memories)

@@ -41,7 +41,7 @@ _PLATE_THICKNESS = 2.0
 #: Modulus of the plate [MPa]: rigid compared with a film of some 0.1 MPa.
 _PLATE_MODULUS = 1e6
 
-Term = tuple[int, int, float]
+EquationTerm = tuple[int, int, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,7 +383,7 @@ class _Assembly:
         if spread:
             yield from ("*DLOAD, OP=NEW", *spread)
 
-    def _forces(self, step: Step) -> Iterator[Term]:
+    def _forces(self, step: Step) -> Iterator[EquationTerm]:
         """List forces [N] on nodes, half of each electric one on either face."""
         if self.has_plate:
             yield self.centre, 3, step.force - step.pressure * self.plate_area
@@ -417,7 +417,7 @@ def _nodes(points: Array, first: int) -> Iterator[str]:
         yield f"{number}, " + ", ".join(f"{x:.12g}" for x in point)
 
 
-def _equation(terms: Sequence[Term]) -> Iterator[str]:
+def _equation(terms: Sequence[EquationTerm]) -> Iterator[str]:
     nonzero = [term for term in terms if term[2]]
     yield from ("*EQUATION", str(len(nonzero)))
     yield ", ".join(f"{node}, {direction}, {factor:.12g}" for node, direction, factor in nonzero)

@@ -16,7 +16,7 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.biases import Bias
 from tympan.fem.transient.collocation import CollocationRule, radau
 from tympan.studies.films.film import FilmLoads, ReducedFilm
-from tympan.studies.signals import Signal, Supplied, Together
+from tympan.studies.signals import JointSignal, Signal, Supplied
 
 #: Stages of a step of one run. Calls are what it costs, so many stages are cheap.
 _STAGES = 5
@@ -72,8 +72,8 @@ class ReducedMoment:
 class DrivenFilm:
     """A reduced film under a force [N] and a source's signal of voltages, or several runs.
 
-    These have forces of shape (runs,), or signals :class:`~tympan.studies.signals.Together`; they
-    share their steps.
+    These have forces of shape (runs,), or signals
+    :class:`~tympan.studies.signals.JointSignal`; they share their steps.
 
     ``biases``: mechanisms on the plate; its ``mass`` [kg], None for one that follows the film at
     once; ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and
@@ -83,7 +83,7 @@ class DrivenFilm:
 
     film: ReducedFilm
     force: Any
-    signal: Signal | Supplied | Together
+    signal: Signal | Supplied | JointSignal
     biases: tuple[Bias, ...] = ()
     mass: float | None = None
     damper: float = 0.0

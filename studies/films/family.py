@@ -42,8 +42,8 @@ from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import (
     ENDS,
     WITHIN,
+    FilmMargins,
     FirstLimits,
-    Margins,
     first_limits,
     kinds,
     strained,
@@ -504,7 +504,7 @@ class FilmFamily:
 
     def margins(self, films: Films, at: FilmsAt, forces: AnyArray, strengths: AnyArray,
                 wanted: Collection[str], number: AnyArray, squared: AnyArray,
-                near: AnyArray | None) -> Margins:
+                near: AnyArray | None) -> FilmMargins:
         """Margins of ``wanted`` kinds of some of the films, by their numbers, at a U² of each."""
         force, strength = forces[number], strengths[number]
         if near is None:
@@ -525,7 +525,7 @@ class FilmFamily:
         by_kind |= {state.kind: films.least(state.field, at, number, q, squared)
                     for state in strained() if state.kind in wanted}
         unasked = not set(WITHIN) & set(wanted)
-        return Margins(by_kind, extremes.sound | unasked, extremes.lawful, q)
+        return FilmMargins(by_kind, extremes.sound | unasked, extremes.lawful, q)
 
     def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """States of films in equilibrium, by their numbers, under loads of each."""

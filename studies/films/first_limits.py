@@ -76,7 +76,7 @@ class FirstLimits:
 
 
 @dataclass(frozen=True, eq=False)
-class Margins:
+class FilmMargins:
     """States q of films at some U²: margins by their kinds, (films,), nan without a state.
 
     ``firm``: whether the film is firm there and its law holds; ``lawful``: whether its law does.
@@ -99,7 +99,7 @@ class Margins:
 
 
 #: States of some films, by their numbers, at a U² of each, near states q where these are given.
-Find = Callable[[AnyArray, AnyArray, AnyArray | None], Margins]
+Find = Callable[[AnyArray, AnyArray, AnyArray | None], FilmMargins]
 
 
 def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits:
@@ -143,7 +143,7 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
     return FirstLimits(voltage, kind)
 
 
-def _reasons(found: Margins) -> tuple[Mask, AnyArray]:
+def _reasons(found: FilmMargins) -> tuple[Mask, AnyArray]:
     """Mask of states before all limits, and the kind that the others are beyond."""
     there, positive = np.isfinite(found.values).all(1), (found.values > 0).all(1)
     infirm = np.where(found.lawful, *WITHIN).astype(object)

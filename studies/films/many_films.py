@@ -449,7 +449,7 @@ class Films:
             result[some] = field(LocalPoint(here)).min(1)
         return result
 
-    def local(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> Local:
+    def local(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> LocalState:
         """Stretches, stresses and fields of states at points."""
         strained, film = self.strain(at, films, q), self.some(films).membrane
         first, second = strained.stretches
@@ -471,7 +471,7 @@ class Films:
         strength = np.full_like(electric, np.inf)
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)
-        return Local(first, second, stress_1, stress_2, electric, strength, sound, within)
+        return LocalState(first, second, stress_1, stress_2, electric, strength, sound, within)
 
     def balanced(self, films: AnyArray, force: AnyArray, squared: AnyArray, guess: AnyArray,
                  held: bool = False, share: float = 1.0) -> Balance:
@@ -684,7 +684,7 @@ class Volume:
 
 
 @dataclass(frozen=True, eq=False)
-class Local:
+class LocalState:
     """Principal stretches, true stresses [Pa], field and the film's strength [V/m] at points.
 
     And whether the film is firm there and its law holds, and whether its law does; all of shape
@@ -710,10 +710,10 @@ class Local:
 class LocalPoint:
     """Films as limit states of stretches and stresses look at them."""
 
-    fields: Local
+    fields: LocalState
 
     @property
-    def pressed(self) -> Local:
+    def pressed(self) -> LocalState:
         """The fields: films of a family are taut."""
         return self.fields
 
@@ -744,7 +744,7 @@ class Extremes:
     lawful: Mask
 
     @classmethod
-    def of(cls, here: Local) -> Self:
+    def of(cls, here: LocalState) -> Self:
         """Extremes of states at points."""
         weakest = here.share.argmax(1)
         at = np.arange(len(weakest)), weakest

@@ -303,7 +303,7 @@ class LoadedFilms:
 
 
 @dataclass(frozen=True, eq=False)
-class LoadGrid:
+class FilmGrid:
     """Films of a population under every mass and every voltage, masses first.
 
     ``masses`` [kg] and nominal ``voltages`` [V] are those of each film, (films, masses) and (films,

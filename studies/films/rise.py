@@ -17,8 +17,8 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from tympan.base.arrays import AnyArray
 from tympan.studies.films.family import FilmFamily
-from tympan.studies.films.first_limits import ENDS, WITHIN, Margins, first_limits
-from tympan.studies.films.many_films import Charged, Films, FilmsAt, Local
+from tympan.studies.films.first_limits import ENDS, WITHIN, FilmMargins, first_limits
+from tympan.studies.films.many_films import Charged, Films, FilmsAt, LocalState
 
 #: Points of a curve, closer at both ends: there the deflection bends most against the voltage.
 _POINTS = 25
@@ -106,9 +106,9 @@ def rise(family: FilmFamily, row: AnyArray, force: float, last: FamilyRise | Non
 
 def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
     """The way of a film, what ends it, and at which deflection; by a search for its limits."""
-    family, seen = film.family, list[tuple[AnyArray, Margins]]()
+    family, seen = film.family, list[tuple[AnyArray, FilmMargins]]()
 
-    def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> Margins:
+    def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> FilmMargins:
         # Breakdown is looked for later: films go on beyond it.
         margins = family.margins(film.films, film.places, np.array([film.force]), np.ones(1),
                                  (*ENDS, *WITHIN), some, squared, near)
@@ -227,7 +227,7 @@ class _Film:
                        for squared in (0.0, scale))
         return np.asarray(scale * (self.force - without) / (by - without))
 
-    def local(self, states: AnyArray) -> Local:
+    def local(self, states: AnyArray) -> LocalState:
         """Stretches, stresses and fields of states, (states, 1 + shapes): U² and q."""
         return self.films.local(self.places, np.zeros(len(states), dtype=np.int64), states[:, 1:],
                                 states[:, 0])

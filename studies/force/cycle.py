@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.equilibrium.held_path import Interval, crossings
+from tympan.fem.equilibrium.held_path import HeldInterval, crossings
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.biases import Bias, acting
@@ -26,7 +26,7 @@ from tympan.fem.results.fields import film_integrals
 from tympan.fem.results.firmness import firmness
 from tympan.fem.rig import Rig
 from tympan.fem.transient.energy import load_work
-from tympan.studies.force.follow import Followed, at_displacement, near
+from tympan.studies.force.follow import FollowedForce, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
 
 #: Distance of a crossing from the curve's interval in which its cubic has it, relative to the
@@ -38,7 +38,7 @@ _FAR = 1.0
 class _Equilibrium:
     """A film under a load at a voltage: where its curve crosses the load line."""
 
-    curve: Followed
+    curve: FollowedForce
     solution: Solution
     stable: bool
 
@@ -66,7 +66,7 @@ class PlateLoad:
         return self.weight * (end - start) - (after - before)
 
 
-def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
+def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[FollowedForce],
               displacements: Sequence[float], settings: PathSettings) -> LoadLine:
     """The equilibria of a mass [kg] on a rig, and a cycle from the first to the last curve.
 
@@ -94,7 +94,7 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[Followed],
     return _with_cycle(line, load, first, last, _snaps(found, reached), settings)
 
 
-def _equilibria(model: Model, load: PlateLoad, curve: Followed, settings: PathSettings
+def _equilibria(model: Model, load: PlateLoad, curve: FollowedForce, settings: PathSettings
                 ) -> list[_Equilibrium]:
     """Crossings of a curve and a load line, in order of displacement."""
     crossed = crossings(model, _intervals(load, curve), load.weight, settings, _FAR)
@@ -102,14 +102,14 @@ def _equilibria(model: Model, load: PlateLoad, curve: Followed, settings: PathSe
     return sorted(found, key=lambda each: each.displacement)
 
 
-def _intervals(load: PlateLoad, curve: Followed) -> Iterator[Interval]:
+def _intervals(load: PlateLoad, curve: FollowedForce) -> Iterator[HeldInterval]:
     """Intervals between neighbouring displacements of a curve under a load."""
     where = curve.displacement
     pull, slope = load.pull(where)
     excess, rise = curve.force - pull, np.array(curve.stiffness) - slope
     for number, (low, high) in enumerate(pairwise(where)):
         ends = slice(number, number + 2)
-        yield Interval(low, high, excess[ends], rise[ends], partial(near, curve))
+        yield HeldInterval(low, high, excess[ends], rise[ends], partial(near, curve))
 
 
 def _stable(model: Model, solution: Solution) -> bool:
@@ -119,7 +119,7 @@ def _stable(model: Model, solution: Solution) -> bool:
     return solution.tangent.negative == 0 and firm
 
 
-def _reached(load: PlateLoad, curves: Sequence[Followed], found: Sequence[list[_Equilibrium]]
+def _reached(load: PlateLoad, curves: Sequence[FollowedForce], found: Sequence[list[_Equilibrium]]
              ) -> list[_Equilibrium | None]:
     """Equilibrium a plate without inertia reaches on each curve, flat on the first at first."""
     place = 0.0

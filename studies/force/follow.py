@@ -39,7 +39,7 @@ _TOGETHER = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class FollowedForce:
     """The equilibria of a model whose plate is displaced, at a nominal ``voltage`` [V].
 
     ``stiffness`` is the slope of the force [N/m]. ``firm``: whether each is stable with the plate
@@ -90,14 +90,14 @@ class Followed:
 
 
 def follow(model: Model, voltage: float, displacements: Sequence[float], start: Solution,
-           settings: PathSettings) -> Followed:
+           settings: PathSettings) -> FollowedForce:
     """Follow a film from a state held at the first of some displacements [m], ascending."""
     first = with_tangent(model, start, settings)
-    curve = Followed(model, voltage, [first.state], [held_stiffness(first)], [_firm(first)])
+    curve = FollowedForce(model, voltage, [first.state], [held_stiffness(first)], [_firm(first)])
     before = HeldPoint.of(model, first)
     curve.limits.extend(_limit(before, state) for state in begun(before))
     if any(limit.kind == INSTABILITY.kind for limit in curve.limits):
-        return Followed(model, voltage, ended=curve.limits[-1])
+        return FollowedForce(model, voltage, ended=curve.limits[-1])
     for step in held_path(model, displacements[1:], first, settings):
         after = HeldPoint.of(model, step.span.end)
         events = [(_limit(film, state), film.point.solution)
@@ -124,7 +124,7 @@ def follow(model: Model, voltage: float, displacements: Sequence[float], start: 
     return curve
 
 
-def at_displacement(curve: Followed, displacement: float, settings: PathSettings
+def at_displacement(curve: FollowedForce, displacement: float, settings: PathSettings
                     ) -> Solution | None:
     """The film held at a displacement [m] within its curve; None beyond that."""
     where = curve.displacement
@@ -135,7 +135,7 @@ def at_displacement(curve: Followed, displacement: float, settings: PathSettings
     return solution if solution.converged else None
 
 
-def near(curve: Followed, displacement: float) -> State:
+def near(curve: FollowedForce, displacement: float) -> State:
     """The state of a curve at a displacement, straight between two of its own."""
     where = curve.displacement
     number = int(np.clip(np.searchsorted(where, displacement), 1, len(where) - 1))
@@ -147,7 +147,7 @@ def near(curve: Followed, displacement: float) -> State:
                    force=before.force + share * (after.force - before.force))
 
 
-def _add(curve: Followed, step: HeldSpan, gone: tuple[ForceLimit, Solution] | None) -> None:
+def _add(curve: FollowedForce, step: HeldSpan, gone: tuple[ForceLimit, Solution] | None) -> None:
     """Add a step to a curve, up to where the film is gone."""
     span, model = step.span, curve.model
     solutions = list(step.solutions)

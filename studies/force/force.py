@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,18 +11,19 @@ import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
+from tympan.base.progress import Progress
 from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
-from tympan.fem.rig import AGAINST_THE_WAY, MASSES, OF_TESTER, VOLTAGES, Rig
+from tympan.fem.rig import AGAINST_THE_WAY, MASS_RULE, OF_TESTER, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.force.cycle import load_line
-from tympan.studies.force.follow import Followed, at_displacement, follow
-from tympan.studies.force.loops import Motion, loop
+from tympan.studies.force.follow import FollowedForce, at_displacement, follow
+from tympan.studies.force.loops import HeldMotion, loop
 from tympan.studies.force.result import NOT_FOLLOWED, ForceLimit, ForceLoop, ForceResult
 
 #: Displacements of a curve where their number is not given: a smooth line.
@@ -42,11 +43,12 @@ class ForceCase:
 
     specimen: Specimen
     _: KW_ONLY
-    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGES)] = (0.0,)
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE)] = (
+        0.0,)
     start: Annotated[float, Key("first displacement", "length", name="from")] = 0.0
     to: Annotated[float, Key("last displacement", "length")]
     points: Annotated[int, Key("number of displacements", rule=_COUNTS)] = USUAL_POINTS
-    masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASSES,
+    masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASS_RULE,
                                              name="load")] = ()
     rate: Annotated[float | None, Key("speed of the plate in loops; without it there are none",
                                       "speed", POSITIVE)] = None
@@ -87,7 +89,7 @@ class ForceCase:
 
 
 def force(case: ForceCase, settings: Settings,
-          progress: Callable[[str], None] = lambda words: None) -> ForceResult:
+          progress: Progress = lambda words: None) -> ForceResult:
     """Displace the plate at each voltage, and put loads on it; ``progress`` before each voltage.
 
     The tester holds the plate's deflection: the film's own curve passes every limit point of load
@@ -126,8 +128,8 @@ def force(case: ForceCase, settings: Settings,
 
 
 def followed_curves(case: ForceCase, model: Model, path: PathSettings,
-                    progress: Callable[[str], None]
-            ) -> Iterator[Followed]:
+                    progress: Progress
+            ) -> Iterator[FollowedForce]:
     """The curve at each voltage; each begins where that of the voltage before did."""
     displacements = case.displacements
     start: Solution | None = None
@@ -141,17 +143,17 @@ def followed_curves(case: ForceCase, model: Model, path: PathSettings,
             outcome = held(model, case.start, film_voltage, outcome.solution, path)
         if outcome.status != "equilibrium":
             state = outcome.state
-            yield Followed(model, voltage, ended=ForceLimit(
+            yield FollowedForce(model, voltage, ended=ForceLimit(
                 kind=NOT_FOLLOWED, displacement_m=model.deflection(state), force_N=state.force))
             continue
         start = outcome.solution
         yield follow(model, voltage, displacements, start, path)
 
 
-def _loop(case: ForceCase, curve: Followed, progress: Callable[[str], None]) -> ForceLoop:
+def _loop(case: ForceCase, curve: FollowedForce, progress: Progress) -> ForceLoop:
     assert case.rate is not None
     progress(f"{case.specimen.name}: {curve.voltage / 1e3:g} kV in time")
-    motion = Motion(case.start, case.to, case.rate, case.cycles, case.points)
+    motion = HeldMotion(case.start, case.to, case.rate, case.cycles, case.points)
     return loop(curve.model, curve.voltage, curve.states[0], motion)
 
 
@@ -193,7 +195,7 @@ def blocked_force(model: Model, rest: Solution, voltage: float, path: PathSettin
     return float(rest.state.force - outcome.state.force)
 
 
-def _blocked(curves: Sequence[Followed], rest: float | None, path: PathSettings
+def _blocked(curves: Sequence[FollowedForce], rest: float | None, path: PathSettings
              ) -> tuple[float | None, float | None]:
     """Place of the held plate [m], and by how much its force falls from first to last curve [N]."""
     first, last = curves[0], curves[-1]

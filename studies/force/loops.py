@@ -28,7 +28,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Motion:
+class HeldMotion:
     """A plate that moves between two displacements [m] at a speed [m/s], out and back.
 
     ``cycles`` times; the force is told at so many ``points`` of each way.
@@ -58,7 +58,7 @@ class Motion:
         return np.linspace(0.0, 2 * self.cycles * self.leg, 2 * self.cycles * steps + 1)
 
 
-def loop(model: Model, voltage: float, start: State, motion: Motion) -> ForceLoop:
+def loop(model: Model, voltage: float, start: State, motion: HeldMotion) -> ForceLoop:
     """Move the plate of a film that rests at the first displacement, at a nominal voltage [V].
 
     It has rested there for ever, unless the film says when it was mounted: then it is displaced at
@@ -74,7 +74,7 @@ def loop(model: Model, voltage: float, start: State, motion: Motion) -> ForceLoo
     return found
 
 
-def _loop(model: Model, voltage: float, start: State, motion: Motion, steps: StepSettings
+def _loop(model: Model, voltage: float, start: State, motion: HeldMotion, steps: StepSettings
           ) -> ForceLoop:
     heave = motion.heave
     charged = Pieces(heave.time, np.full(len(heave.time), max(start.voltage_squared, 0.0) ** 0.5))

@@ -14,7 +14,7 @@ from tympan.base.arrays import Array
 from tympan.base.fields import Key, Printed
 from tympan.base.units import place_text
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
-from tympan.studies.case import Band, SpecimenRecord, Unknowns, WallTime, Warnings
+from tympan.studies.case import Band, SpecimenRecord, UnknownCount, WallTime, Warnings
 from tympan.studies.columns import Column, rows_in, write_rows, write_sheet
 from tympan.studies.files import remove
 
@@ -184,7 +184,7 @@ class ForceResult(SpecimenRecord):
     blocked_displacement_m: Annotated[float | None, Key(
         "where: at the first load's equilibrium at the lowest voltage; without a load, where it is "
         "largest")] = None
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings = ()
 

@@ -22,8 +22,8 @@ from tympan.studies.estimation.identifiability import (
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.noise import Noise
 from tympan.studies.identify.correlation import variance_inflation
-from tympan.studies.identify.responses import Record
-from tympan.studies.identify.static import Constant, StaticFit, Tell
+from tympan.studies.identify.responses import ResponseRecord
+from tympan.studies.identify.static import ModelConstant, StaticFit, Tell
 from tympan.studies.lumped.actuator import BORROWED, Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest, settle
@@ -31,9 +31,9 @@ from tympan.studies.lumped.remarks import of_loads, remark
 from tympan.studies.signals import Pieces
 
 #: The viscous constants; their search begins at the source paper's, in natural logarithms.
-CONSTANTS = (Constant("k_1", "Pa", BORROWED.k1, 1.0, 1e2, 1e12),
-             Constant("eta_1", "Pa s", BORROWED.eta1, 1.0, 1e1, 1e14),
-             Constant("eta_2", "Pa s", BORROWED.eta2, 1.0, 1e0, 1e9))
+CONSTANTS = (ModelConstant("k_1", "Pa", BORROWED.k1, 1.0, 1e2, 1e12),
+             ModelConstant("eta_1", "Pa s", BORROWED.eta1, 1.0, 1e1, 1e14),
+             ModelConstant("eta_2", "Pa s", BORROWED.eta2, 1.0, 1e0, 1e9))
 _STILL = 1e-6  # of a logarithm that does not move
 _STAYED = 0.01  # of a logarithm that has not moved far
 _BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
@@ -102,7 +102,7 @@ class DynamicProblem:
     """
 
     statics: Statics
-    records: tuple[Record, ...]
+    records: tuple[ResponseRecord, ...]
     noise: float | None = None
     followed: bool = True
 
@@ -132,11 +132,11 @@ class DynamicProblem:
         """Logarithms of the viscous constants, turns of the statics, delays of the runs."""
         return np.split(z, [len(CONSTANTS), len(CONSTANTS) + self.statics.turns])
 
-    def actuator(self, record: Record, z: Array) -> Actuator:
+    def actuator(self, record: ResponseRecord, z: Array) -> Actuator:
         logs, turn, _ = self.split(z)
         return self.statics.actuator(record.specimen, record.mass, turn, Viscous(*np.exp(logs)))
 
-    def by_constants(self, record: Record, z: Array, state: Array, voltage: Array) -> Array:
+    def by_constants(self, record: ResponseRecord, z: Array, state: Array, voltage: Array) -> Array:
         """Derivatives of a run's rates by viscous constants and turns, (…, size, 3 + turns)."""
         actuator, y = self.actuator(record, z), state[..., 0]
         turned = np.zeros((*state.shape, self.statics.turns))
@@ -157,7 +157,7 @@ class DynamicProblem:
             solvers.append(CollocationSolver(longer))
         return tuple(solvers)
 
-    def _start(self, record: Record, z: Array, began: float, near: float | None) -> Array:
+    def _start(self, record: ResponseRecord, z: Array, began: float, near: float | None) -> Array:
         """The rest a run begins from, and its derivatives by viscous constants and turns."""
         actuator = self.actuator(record, z)
         y = settle(lambda at: actuator.balance(at, began),
@@ -175,7 +175,7 @@ class DynamicProblem:
         """The voltages [V] of the rests that runs began from: their first, or none, if nearer."""
         return tuple(map(self._began, self.records))
 
-    def _began(self, record: Record) -> float:
+    def _began(self, record: ResponseRecord) -> float:
         first = float(record.drive.voltage[0])
         if first == 0:
             return first

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tympan.base.errors import InputError
+from tympan.base.progress import Progress
 from tympan.fem.rig import AGAINST_THE_WAY
 from tympan.studies.case import Settings
 from tympan.studies.data.dataset import Dataset
@@ -20,8 +21,8 @@ from tympan.studies.identify.responses import records_of
 from tympan.studies.identify.result import IdentifyResult
 from tympan.studies.identify.static import (
     Law,
-    Objective,
     Sharing,
+    StaticObjective,
     StaticProblem,
     identify_static,
     nelder_mead,
@@ -31,7 +32,6 @@ from tympan.studies.lumped.actuator import Actuator, paper_cones
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.suited import suited_model
 
-Progress = Callable[[str], None]
 #: Called with the kind of an estimate, its values, and what else is known, while limits are sought.
 Teller = Callable[[str, dict[str, float], dict[str, Any]], None]
 
@@ -53,7 +53,7 @@ class IdentifySettings:
     law: Law | None = None
     alpha: Sharing | None = None
     weights: tuple[float, ...] | None = None
-    objective: Objective = "deflection"
+    objective: StaticObjective = "deflection"
     limits: bool = True
     nelder_mead: bool = False
 

@@ -17,7 +17,7 @@ _LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded volt
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class ResponseRecord:
     """Displacements read [m] at times [s] of a run of a specimen (by number) and its voltage.
 
     ``interval`` is the time between two readings as it is most often [s], ``first`` the first of
@@ -40,7 +40,7 @@ class Record:
         changed = np.flatnonzero(volts != volts[0])
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
 
-    def calm(self, wait: float) -> Record:
+    def calm(self, wait: float) -> ResponseRecord:
         """Record without what was read within so long after a jump of the voltage [s]."""
         points, volts = self.drive.time, self.drive.voltage
         jumps = points[1:][(np.diff(points) == 0) & (np.diff(volts) != 0)]
@@ -48,7 +48,7 @@ class Record:
         kept = ~((since >= 0) & (since < wait)).any(axis=1)
         return replace(self, time=self.time[kept], displacement=self.displacement[kept])
 
-    def until(self, time: float) -> Record:
+    def until(self, time: float) -> ResponseRecord:
         kept = self.time <= time
         points, volts = self.drive.time, self.drive.voltage
         inside = points < time
@@ -80,7 +80,7 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
     return through(points, volts)
 
 
-def records_of(dataset: Any) -> tuple[Record, ...]:
+def records_of(dataset: Any) -> tuple[ResponseRecord, ...]:
     """The responses of a dataset, one for each specimen, mass and run."""
     table = dataset.transients
     if table is None:
@@ -95,6 +95,7 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
                              key=f"transient.csv, {name}, run {run}", given=len(rows))
         ordered = rows.sort_values("t", kind="stable")
         time, voltage, read = ordered[["t", "voltage", "displacement"]].to_numpy().T
-        records.append(Record(names.index(name), mass, run, time, read, drive_of(time, voltage),
-                              float(np.median(np.diff(time))), float(read[0])))
+        interval = float(np.median(np.diff(time)))
+        records.append(ResponseRecord(names.index(name), mass, run, time, read,
+                                      drive_of(time, voltage), interval, float(read[0])))
     return tuple(records)

@@ -36,7 +36,7 @@ from tympan.studies.lumped.remarks import is_cone, of_loads, remark, softness
 
 Law = Literal["eq8", "film"]
 Sharing = Literal["each", "shared", "given"]
-Objective = Literal["deflection", "force", "printed"]
+StaticObjective = Literal["deflection", "force", "printed"]
 #: Hears values by name as soon as they are there.
 Tell = Callable[[dict[str, float]], None]
 
@@ -46,7 +46,7 @@ _UNNOTICED = 100.0  # scales: a combination determined no better moves no respon
 
 
 @dataclass(frozen=True)
-class Constant:
+class ModelConstant:
     """A number to find: name, unit, where the search begins, the size it is judged by, bounds."""
 
     name: str
@@ -109,20 +109,20 @@ class StaticProblem:
         return self.actuators[0].rig
 
     @cached_property
-    def constants(self) -> tuple[Constant, ...]:
+    def constants(self) -> tuple[ModelConstant, ...]:
         first = self.specimens[0].membrane
-        constants: list[Constant] = []
+        constants: list[ModelConstant] = []
         if self.law == "eq8":
             began = table_1_law()
             for name, starts in (("beta", began.beta), ("gamma", began.gamma)):
-                constants += [Constant(f"{name}_{i}", "Pa", start, 50e3, -_HIGHEST_STRESS,
+                constants += [ModelConstant(f"{name}_{i}", "Pa", start, 50e3, -_HIGHEST_STRESS,
                                        _HIGHEST_STRESS) for i, start in enumerate(starts, 1)]
         else:
-            constants.append(Constant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
+            constants.append(ModelConstant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
         # Those that a film may have: 1 is vacuum.
-        constants.append(Constant("relative_permittivity", "1", first.relative_permittivity, 5.0,
-                                  1.0, 1e3))
-        constants += [Constant(name, "1", 0.5, 0.5, 0.0, 1.0)
+        constants.append(ModelConstant("relative_permittivity", "1", first.relative_permittivity,
+                                       5.0, 1.0, 1e3))
+        constants += [ModelConstant(name, "1", 0.5, 0.5, 0.0, 1.0)
                       for name in dict.fromkeys(self._alphas) if name]
         return tuple(constants)
 
@@ -238,7 +238,7 @@ class StaticProblem:
         _, stiffness, slopes = self.force(values, y)
         return y, -slopes / stiffness[:, None]
 
-    def residual(self, values: Array, objective: Objective) -> tuple[Array, Array]:
+    def residual(self, values: Array, objective: StaticObjective) -> tuple[Array, Array]:
         """Residual of a search, and its derivative: deflections [m] or Eq. (11)'s forces [N].
 
         ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where
@@ -349,7 +349,7 @@ class StaticFit:
         return warnings
 
 
-def identify_static(problem: StaticProblem, objective: Objective = "deflection",
+def identify_static(problem: StaticProblem, objective: StaticObjective = "deflection",
                     profiles: bool = True, tell: Tell = lambda _: None) -> StaticFit:
     """Fit the constants by bounded least squares, and judge what the readings determine.
 
@@ -365,7 +365,7 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
         raise InputError(f"needs more readings than constants: {len(z)} are to be found",
                          key="static.csv", given=f"{len(problem.read)} readings")
     # In force the problem is nearly linear: its fit is a safe place to begin from.
-    safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
+    safe: list[StaticObjective] = ["force", "force"] if objective == "deflection" else []
     for seek in [*safe, *[objective] * 6]:
         rows, determined = unseen(_misfit(problem, "deflection", size), z, len(z))
         minimum = minimise(_misfit(problem, seek, size).with_rows(rows, start), z)
@@ -385,7 +385,7 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
                      time.perf_counter() - began)
 
 
-def _misfit(problem: StaticProblem, objective: Objective, size: float) -> LeastSquares:
+def _misfit(problem: StaticProblem, objective: StaticObjective, size: float) -> LeastSquares:
     """Residuals over the constants in their scales, in a reading's noise [m] or its force."""
     scale = problem.column("scale")
     stiffness = float(np.mean(problem.load / np.abs(problem.read)))

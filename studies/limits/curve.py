@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
+from tympan.base.progress import Progress
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.rig import Rig
@@ -24,7 +25,7 @@ from tympan.studies.case import (
     Limits,
     Settings,
     SpecimenRecord,
-    Unknowns,
+    UnknownCount,
     WallTime,
     Warnings,
     summaries,
@@ -83,7 +84,7 @@ class CurveResult(SpecimenRecord):
     drawn = ("png", "svg")
 
     curves: Annotated[tuple[MassCurve, ...], Key("one curve for each mass")]
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings = ()
     table: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
@@ -110,7 +111,7 @@ class CurveResult(SpecimenRecord):
 
 
 def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: Rig = Rig(),
-          voltages: Sequence[float] = (), progress: Callable[[str], None] = lambda words: None,
+          voltages: Sequence[float] = (), progress: Progress = lambda words: None,
           beyond: bool = False) -> CurveResult:
     """Follow a film under each mass [kg] as its voltage rises to its limit.
 

@@ -12,7 +12,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key, number
 from tympan.base.toml_reader import Rule
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.rig import MOST_MASS, VOLTAGES, Rig
+from tympan.fem.rig import MOST_MASS, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits.voltages import first_limit, rise
@@ -31,7 +31,7 @@ class LoadGrid:
     """Masses and voltages, every combination."""
 
     masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", _BORNE, "mass")]
-    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGES,
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE,
                                                "voltage")] = ()
 
     @property

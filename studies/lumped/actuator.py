@@ -14,7 +14,7 @@ from scipy.constants import epsilon_0
 from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.membrane.loading import Guide, Loading
-from tympan.fem.membrane.quintics import ForceCurve
+from tympan.fem.membrane.quintics import QuinticCurve
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
@@ -178,7 +178,7 @@ class Actuator:
         return weight - self.rig.gas_pressure * area
 
     @cached_property
-    def mechanisms(self) -> tuple[ForceCurve | None, ...]:
+    def mechanisms(self) -> tuple[QuinticCurve | None, ...]:
         """Mechanisms of the rig on arrays of deflections; None of one that is not at 0."""
         rig = self.rig
         biases: tuple[Any, ...] = rig.biases
@@ -388,7 +388,7 @@ def _by_voltage(of: Callable[[Any], Any], voltage: Any, squared: bool) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _curve(bias: Any, far: float, guide: Guide, gravity: float) -> ForceCurve | None:
+def _curve(bias: Any, far: float, guide: Guide, gravity: float) -> QuinticCurve | None:
     """A mechanism's curve as far as deflections [m] of both signs, kept for the next actuator.
 
     A film that a rod joins is solved on the usual mesh.
@@ -396,7 +396,7 @@ def _curve(bias: Any, far: float, guide: Guide, gravity: float) -> ForceCurve | 
     if isinstance(bias, JoinedFilm):
         far = min(far, _JOINED * max(bias.specimen.frame.semi_axes))
         bias, = solved_loading(Loading((bias,), guide=guide, gravity=gravity), Settings()).biases
-    return ForceCurve.of(bias.derivatives, -far, far, getattr(bias, "kinks", ()))
+    return QuinticCurve.of(bias.derivatives, -far, far, getattr(bias, "kinks", ()))
 
 
 def paper_cones(specimens: Sequence[Specimen], weights: Sequence[float] | None = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ import pandas as pd
 
 from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError, VoltageError
+from tympan.base.progress import Progress
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen
@@ -29,8 +30,6 @@ from tympan.studies.lumped.equilibria import pull_in, rest, rest_curve
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
-
-Progress = Callable[[str], None]
 
 #: The kinematics compared, and what each took from the field model.
 KINEMATICS = {"cone": "the paper's cones with the α best for them",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
+from tympan.base.progress import Progress
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import Settings
@@ -63,7 +64,7 @@ class LumpedCase:
                                  "and a film of their own", key=key, given=getattr(self, key))
 
     def chosen(self, voltage: float, settings: Settings,
-               progress: Callable[[str], None] = lambda words: None) -> ChosenActuators:
+               progress: Progress = lambda words: None) -> ChosenActuators:
         """The actuators, good up to a voltage [V].
 
         Raises

@@ -49,7 +49,7 @@ _LEAST = 24  # of a piece of a signal of few
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class CollocatedMotion:
     """States at the nodes of a mesh, dense in time by Hermite's quintics of y, ẏ, ÿ.
 
     ``ends`` are y, ẏ, ÿ at both ends of every step, shape (2, 3, steps), and ``slopes`` their
@@ -132,13 +132,14 @@ class CollocationSolver:
 
     signal: Signal
     precision: float = _PRECISION
-    last: Motion | None = None
+    last: CollocatedMotion | None = None
     constants: Array | None = None
     evaluations: int = 0
     most: float = np.inf
 
     def solve(self, actuator: Actuator, start: Array, mesh: Array | None = None,
-              constants: Array | None = None, by_constants: Slopes | None = None) -> Motion:
+              constants: Array | None = None, by_constants: Slopes | None = None
+              ) -> CollocatedMotion:
         """The motion from a state and its derivatives by constants, ``start``, shape (size, 1 + p).
 
         ``mesh`` are the times to begin with [s], by default those of the last motion, or of
@@ -212,7 +213,7 @@ class CollocationSolver:
                 return stages, nodes[-1, :, 0]
         return None
 
-    def _moved(self, motion: Motion, errors: Array, growth: float) -> Array:
+    def _moved(self, motion: CollocatedMotion, errors: Array, growth: float) -> Array:
         """A mesh whose steps all err alike: as many as each piece of the voltage needs for it.
 
         No step grows by more than ``growth``.
@@ -334,7 +335,8 @@ def _chained(across: Array, added: Array, start: Array) -> Array:
     return nodes
 
 
-def _finished(mesh: _Mesh, stages: Array, start: Array, by_constants: Slopes | None) -> Motion:
+def _finished(mesh: _Mesh, stages: Array, start: Array, by_constants: Slopes | None
+              ) -> CollocatedMotion:
     count = start.shape[1] - 1
     sources = np.zeros((*stages.shape, 0)) if by_constants is None \
         else by_constants(stages, mesh.volts)
@@ -351,5 +353,5 @@ def _finished(mesh: _Mesh, stages: Array, start: Array, by_constants: Slopes | N
             driven = by_constants(state, volts)[:, 1]
             end_slopes[side, 2] = np.einsum("nl,nlp->np", by_state[:, 1], at[..., 1:]) + driven
     breaks = np.isin(mesh.time[1:-1], mesh.signal.breaks)
-    return Motion(mesh.time, nodes[..., 0], ends, end_slopes, breaks, stages[..., 0],
+    return CollocatedMotion(mesh.time, nodes[..., 0], ends, end_slopes, breaks, stages[..., 0],
                   stages[..., 1:], creep)

@@ -15,7 +15,7 @@ from tympan.base.errors import VoltageError
 from tympan.fem.roots import root_between
 from tympan.studies.lumped.actuator import Actuator
 
-Balance = Callable[[Any], tuple[Any, Any]]
+LumpedBalance = Callable[[Any], tuple[Any, Any]]
 _GRID = 4001
 _TOUCHING = 1e-9  # of the weight: a minimum of |balance| below it is a root the curve touches
 _ROUNDS = 60
@@ -61,7 +61,7 @@ def _end(actuator: Actuator, way: float) -> float:
     return actuator.reach if way > 0 else actuator.lowest
 
 
-def settle(balance: Balance, start: Any = 0.0, farthest: Any = None) -> Any:
+def settle(balance: LumpedBalance, start: Any = 0.0, farthest: Any = None) -> Any:
     """Deflections at rest [m] by Newton's method, of any shape the balance has.
 
     ``balance`` answers force less weight [N] and its derivative [N/m] at deflections. From the flat

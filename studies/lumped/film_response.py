@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import pandas as pd
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.progress import ShareDone
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.ends import Followed, Stopped, status_of
@@ -19,7 +20,7 @@ from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import ModelResponse
-from tympan.studies.signals import Signal, Supplied, Together, lagging, nominal
+from tympan.studies.signals import JointSignal, Signal, Supplied, lagging, nominal
 from tympan.studies.trace import Trace, unclosed
 
 
@@ -39,7 +40,7 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
     first, *others = motions
     together = first if not others else replace(
         first, force=np.array([motion.force for motion in motions]),
-        signal=Together([motion.signal for motion in motions]))
+        signal=JointSignal([motion.signal for motion in motions]))
     try:
         followed = Followed(together.moments())
     except NoBalance:
@@ -88,7 +89,7 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
                   period: float | None = None, step: bool = False, inertia: bool = False,
-                  progress: Callable[[float], None] = lambda share: None) -> ModelResponse:
+                  progress: ShareDone = lambda share: None) -> ModelResponse:
     """The response of a model with a film in time, sampled with an interval [s].
 
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.progress import ShareDone
 from tympan.fem.rig import Rig
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.actuator import Actuator, Viscous
@@ -19,8 +19,6 @@ from tympan.studies.lumped.plants import FilmPlant, LumpedPlant, Plant
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.lumped.simulate import ModelResponse, sample, simulate
 from tympan.studies.signals import Signal, Wave
-
-Progress = Callable[[float], None]
 
 
 class InTime(Protocol):
@@ -45,7 +43,7 @@ class InTime(Protocol):
             Where it does not come to the signal's end.
         """
 
-    def response(self, wave: Wave, signal: Signal, swing: bool, progress: Progress
+    def response(self, wave: Wave, signal: Signal, swing: bool, progress: ShareDone
                  ) -> ModelResponse:
         """Response to the signal of a wave, sampled with its interval.
 
@@ -77,7 +75,7 @@ class CirclesInTime:
             raise _pulls_in(self.actuator.label, signal)
         return motion.deflection(time)
 
-    def response(self, wave: Wave, signal: Signal, swing: bool, progress: Progress
+    def response(self, wave: Wave, signal: Signal, swing: bool, progress: ShareDone
                  ) -> ModelResponse:
         motion = simulate(self.actuator, signal, progress=progress)
         return sample(motion, wave.interval, wave.period, wave.kind == "step", self.remarks)
@@ -133,7 +131,7 @@ class FilmInTime:
             raise _pulls_in(self.film.specimen.name, signal)
         return np.asarray(deflections)
 
-    def response(self, wave: Wave, signal: Signal, swing: bool, progress: Progress
+    def response(self, wave: Wave, signal: Signal, swing: bool, progress: ShareDone
                  ) -> ModelResponse:
         return film_response(self.model, signal, self.mass, self.rig, wave.interval, wave.period,
                              wave.kind == "step", swing, progress)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
@@ -14,10 +14,11 @@ from scipy.integrate import solve_ivp
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import MAY_MISS, Key
+from tympan.base.progress import ShareDone
 from tympan.fem.roots import root_between
 from tympan.fem.transient.ends import Stopped, status_of
 from tympan.studies.lumped.actuator import Actuator, flat_capacitance
-from tympan.studies.lumped.collocation import CollocationSolver, Motion, first_mesh
+from tympan.studies.lumped.collocation import CollocatedMotion, CollocationSolver, first_mesh
 from tympan.studies.lumped.equilibria import (
     highest,
     limit_words,
@@ -53,7 +54,7 @@ class LumpedMotion:
     actuator: Actuator
     signal: Signal
     ends: Array
-    motions: tuple[Motion, ...]
+    motions: tuple[CollocatedMotion, ...]
     evaluations: int
     stopped: Stopped | None = None
 
@@ -132,7 +133,7 @@ class ModelResponse(Response):
 
 def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
              precision: float = _PRECISION,
-             progress: Callable[[float], None] = lambda share: None) -> LumpedMotion:
+             progress: ShareDone = lambda share: None) -> LumpedMotion:
     """The response to a signal, by default from rest at its first voltage, to a precision [m].
 
     By collocation over many steps at once. ``progress`` is called with the share of the signal that
@@ -154,7 +155,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     solver = CollocationSolver(signal, precision, most=_WORK)
     solver.check(len(signal.breaks) - 1)
     mesh = first_mesh(actuator, state, signal)
-    ends, motions = [0.0], list[Motion]()
+    ends, motions = [0.0], list[CollocatedMotion]()
     steps, gone = _WINDOW, None
     while gone is None and len(mesh) > 1:
         window = mesh[:steps + 1]
@@ -180,7 +181,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
                         stopped)
 
 
-def _leaves(motion: Motion, reach: float) -> float | None:
+def _leaves(motion: CollocatedMotion, reach: float) -> float | None:
     beyond = np.flatnonzero(np.abs(motion.nodes[:, 0]) >= reach)
     if not len(beyond):
         return None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
+from tympan.base.progress import Progress
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies import alpha
@@ -19,7 +19,7 @@ _STORE = Store("lumped", 1000)
 
 
 def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Settings,
-                 rig: Rig = Rig(), progress: Callable[[str], None] = lambda _: None
+                 rig: Rig = Rig(), progress: Progress = lambda _: None
                  ) -> LumpedModel:
     """Model that ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
 

@@ -20,14 +20,14 @@ from tympan.base.arrays import AnyArray
 from tympan.base.errors import InputError
 from tympan.geometry.specimen import ViscousBranch
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import Spread, akaike, independent_count
+from tympan.studies.estimation.correlation import CorrelatedSpread, akaike, independent_count
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
 from tympan.studies.estimation.profile import profile
-from tympan.studies.material.families import FAMILIES, Family, largest_excess
+from tympan.studies.material.families import FAMILIES, LawFamily, largest_excess
 from tympan.studies.material.fit import (
     NOTES,
     LawFit,
-    Limits,
+    ParameterLimits,
     far_off,
     judged,
     named_family,
@@ -93,7 +93,7 @@ class BranchFit:
 
     law: LawFit
     values: AnyArray
-    limits: tuple[Limits, ...]
+    limits: tuple[ParameterLimits, ...]
     foretold: float | None
     correlation: float
     stress: AnyArray
@@ -131,7 +131,7 @@ class BranchFit:
             "held_out_Pa_by_branches": {str(count): value for count, value in self.tried.items()}}
 
     @property
-    def _halves(self) -> list[list[tuple[float, Limits]]]:
+    def _halves(self) -> list[list[tuple[float, ParameterLimits]]]:
         pairs = list(zip(self.values.tolist(), self.limits, strict=True))
         return [pairs[:self.count], pairs[self.count:]]
 
@@ -162,7 +162,7 @@ def compare_in_time(coupons: Coupons, names: Sequence[str] | None = None,
     if branches is None and not time_in_runs(coupons, stress).shown:
         branches = 0
 
-    def fitted(family: Family) -> BranchFit:
+    def fitted(family: LawFamily) -> BranchFit:
         return _chosen(TimedTests(coupons, stress, family), noise, branches)
 
     fits = with_simpler([fitted(family) for family in families], fitted, lambda fit: fit.law)
@@ -260,7 +260,7 @@ class TimedTests:
 
     coupons: Coupons
     stress: BranchStress
-    family: Family
+    family: LawFamily
     rows: Any = ...
 
     @cached_property
@@ -455,7 +455,7 @@ def fit_branches(tests: TimedTests, count: int, noise: float | None = None,
     # Exact readings get the noise of rounding.
     floor = 1e-9 * tests.size
     seen = np.where(np.abs(residual) > floor, residual, floor)
-    errors_of = Spread.of(jacobian, seen, list(tests.coupons.series.values()), noise)
+    errors_of = CorrelatedSpread.of(jacobian, seen, list(tests.coupons.series.values()), noise)
     natural = tests.natural(values)
     limits = _limits(tests, values, errors_of)
     law = _law_at_rest(tests, natural, limits, errors_of, residual, jacobian, errors or {})
@@ -499,7 +499,8 @@ def _extrapolated(tests: TimedTests, values: AnyArray) -> Iterator[str]:
         yield NOTES["extrapolated"].format(longest=max(ends), share=100 * carried / abs(rest))
 
 
-def _limits(tests: TimedTests, values: AnyArray, noise: Spread) -> tuple[Limits, ...]:
+def _limits(tests: TimedTests, values: AnyArray, noise: CorrelatedSpread
+            ) -> tuple[ParameterLimits, ...]:
     """Find 95 % limits by profiles, for correlated errors; none for a law without meaning."""
     count = (len(values) - tests.laws) // 2
     if judged(tests.family, values[:tests.laws], tests.coupons)[1] is None:
@@ -514,8 +515,8 @@ def _limits(tests: TimedTests, values: AnyArray, noise: Spread) -> tuple[Limits,
     return tuple(limits)
 
 
-def _law_at_rest(tests: TimedTests, values: AnyArray, limits: tuple[Limits, ...],
-                 noise: Spread, residual: AnyArray, jacobian: AnyArray,
+def _law_at_rest(tests: TimedTests, values: AnyArray, limits: tuple[ParameterLimits, ...],
+                 noise: CorrelatedSpread, residual: AnyArray, jacobian: AnyArray,
                  errors: Mapping[str, float | None]) -> LawFit:
     law = slice(0, tests.laws)
     _, material, failing = judged(tests.family, values[law], tests.coupons)
@@ -533,7 +534,7 @@ def _law_at_rest(tests: TimedTests, values: AnyArray, limits: tuple[Limits, ...]
         dropped=useless_constant(tests.family, values[law], tests.coupons, noise.noise.size))
 
 
-def _notes(coupons: Coupons, law: LawFit, noise: Spread) -> Iterator[str]:
+def _notes(coupons: Coupons, law: LawFit, noise: CorrelatedSpread) -> Iterator[str]:
     if law.dropped:
         yield law.dropped
     if law.material is None:

@@ -18,7 +18,7 @@ Bounds = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Family:
+class LawFamily:
     """A law with free constants: stress is linear in ``linear`` ones [Pa], not in ``shape`` ones.
 
     ``bounds`` are those of a shape constant, and searches begin between ``starts``; both depend on
@@ -82,9 +82,9 @@ def _plain(values: Array) -> tuple[Any, ...]:
     return tuple(value.item() for value in np.asarray(values))
 
 
-def _ogden(terms: int) -> Family:
+def _ogden(terms: int) -> LawFamily:
     numbers = range(1, terms + 1)
-    return Family(f"ogden_{terms}", tuple(f"mu_{n}" for n in numbers),
+    return LawFamily(f"ogden_{terms}", tuple(f"mu_{n}" for n in numbers),
                   lambda c, s: Ogden(c, tuple(power or 1e-9 for power in s)),
                   tuple(f"alpha_{n}" for n in numbers),
                   lambda excess: (-20.0, 20.0), lambda excess: (-5.0, 8.0), alike=True,
@@ -93,12 +93,12 @@ def _ogden(terms: int) -> Family:
 
 #: Families by the names that ``tympan material fit --law`` takes.
 FAMILIES = {family.name: family for family in (
-    Family("neo_hooke", ("mu",), lambda c, _: NeoHooke(*c)),
-    Family("mooney_rivlin", ("c10", "c01"), lambda c, _: MooneyRivlin(*c)),
-    Family("yeoh", ("c10", "c20", "c30"), lambda c, _: Yeoh(c)),
-    Family("gent", ("mu",), lambda c, s: Gent(*c, *s), ("j_lim",),
+    LawFamily("neo_hooke", ("mu",), lambda c, _: NeoHooke(*c)),
+    LawFamily("mooney_rivlin", ("c10", "c01"), lambda c, _: MooneyRivlin(*c)),
+    LawFamily("yeoh", ("c10", "c20", "c30"), lambda c, _: Yeoh(c)),
+    LawFamily("gent", ("mu",), lambda c, s: Gent(*c, *s), ("j_lim",),
            lambda excess: (1.0001 * excess, 1e4), lambda excess: (1.05 * excess, 10 * excess + 10)),
-    Family("arruda_boyce", ("mu",), lambda c, s: ArrudaBoyce(*c, *s), ("lambda_lock",),
+    LawFamily("arruda_boyce", ("mu",), lambda c, s: ArrudaBoyce(*c, *s), ("lambda_lock",),
            lambda excess: (1.0001 * (excess / 3 + 1) ** 0.5, 100.0),
            lambda excess: (1.05 * (excess / 3 + 1) ** 0.5, 3 * (excess / 3 + 1) ** 0.5)),
     _ogden(1), _ogden(2), _ogden(3),

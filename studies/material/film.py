@@ -25,11 +25,11 @@ from tympan.fem.results.fields import node_fields
 from tympan.geometry.specimen import Material
 from tympan.studies.case import Case, Settings, solve, solved
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import Spread
+from tympan.studies.estimation.correlation import CorrelatedSpread
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.material.branches import BranchFit, TimedTests
-from tympan.studies.material.families import Family
+from tympan.studies.material.families import LawFamily
 from tympan.studies.material.fit import LawFit, best_offered, coupon_noise, coupon_problem
 from tympan.studies.material.relaxation import BranchStress
 
@@ -92,10 +92,10 @@ class FilmDeflection:
 class _Candidate:
     """A fitted law: its unknowns, the law's first, with everything fitted at the same time."""
 
-    family: Family
+    family: LawFamily
     best: AnyArray
     problem: LeastSquares
-    noise: Spread
+    noise: CorrelatedSpread
     jacobian: AnyArray
     range: tuple[float, float]
 
@@ -117,7 +117,7 @@ class _Visited:
     volume: AnyArray
     mounted: tuple[AnyArray, AnyArray]
 
-    def energies(self, family: Family, shape: AnyArray) -> AnyArray:
+    def energies(self, family: LawFamily, shape: AnyArray) -> AnyArray:
         """Compute the energy stored by the deflection per linear constant [J/Pa]."""
         unit = np.eye(len(family.linear))
         laws = [family.make(tuple(row), tuple(value.item() for value in np.asarray(shape)))
@@ -126,7 +126,7 @@ class _Visited:
                                                - law.derivatives(*self.mounted)[0]))
                          for law in laws])
 
-    def energy(self, family: Family, constants: AnyArray) -> tuple[float, AnyArray]:
+    def energy(self, family: LawFamily, constants: AnyArray) -> tuple[float, AnyArray]:
         """Compute the energy [J] and its derivative by every constant."""
         linear, shape = np.split(constants, [len(family.linear)])
         columns = self.energies(family, shape)
@@ -217,7 +217,8 @@ def _candidate(coupons: Coupons, fit: LawFit | BranchFit, noise: float | None) -
     moduli, times = np.split(fit.values, 2)
     best = np.concatenate([law.values, moduli, np.log(times)])
     jacobian = tests.jacobian(best)
-    errors = Spread.of(jacobian, tests.residual(best), list(coupons.series.values()), noise)
+    series = list(coupons.series.values())
+    errors = CorrelatedSpread.of(jacobian, tests.residual(best), series, noise)
     problem = tests.problem(fit.count, errors.noise.size)
     return _Candidate(law.family, best, problem, errors, jacobian, law.range)
 

@@ -15,20 +15,20 @@ from tympan.base.fields import fields_of
 from tympan.fem.film.admissibility import inadmissible_stretch
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.estimation.correlation import Spread, akaike, independent_count
+from tympan.studies.estimation.correlation import CorrelatedSpread, akaike, independent_count
 from tympan.studies.estimation.identifiability import covariance
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
 from tympan.studies.estimation.noise import Noise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.files import words_beside
-from tympan.studies.material.families import FAMILIES, Family, largest_excess
+from tympan.studies.material.families import FAMILIES, LawFamily, largest_excess
 
 T = TypeVar("T")
 #: Notes for the reader, by key.
 NOTES = words_beside(__file__)
 
 #: 95 % limits, None where the readings set none.
-Limits = tuple[float | None, float | None]
+ParameterLimits = tuple[float | None, float | None]
 
 #: Constants, the material they make, if any, and the first stretches where it is inadmissible.
 Judged = tuple[Array, Material | None, tuple[float, float] | None]
@@ -78,10 +78,10 @@ class LawFit:
     the law is far from the others; each is "" if there is none.
     """
 
-    family: Family
+    family: LawFamily
     material: Material | None
     values: Array
-    limits: tuple[Limits, ...]
+    limits: tuple[ParameterLimits, ...]
     covariance: Array
     noise: Noise
     rmse: float
@@ -153,7 +153,7 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None, noise: float |
         raise InputError("none of the readings is stretched", key="stretch",
                          given=coupons.stretch_range[1])
 
-    def fitted(family: Family) -> LawFit:
+    def fitted(family: LawFamily) -> LawFit:
         return fit_law(coupons, family, noise, starts, hold_out=not quick, profiles=not quick)
 
     fits = with_simpler([fitted(family) for family in families], fitted, lambda fit: fit)
@@ -164,7 +164,7 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None, noise: float |
     return _ranked([replace(fit, far=far.get(fit.family.name, "")) for fit in fits])
 
 
-def with_simpler(fits: list[T], fitted: Callable[[Family], T], law: Callable[[T], LawFit]
+def with_simpler(fits: list[T], fitted: Callable[[LawFamily], T], law: Callable[[T], LawFit]
                  ) -> list[T]:
     """Add fits of simpler laws in place of those with constants that have no effect."""
     every = list(fits)
@@ -201,13 +201,13 @@ def _common_correlation(coupons: Coupons, fits: Sequence[LawFit], noise: float |
     return coupon_noise(coupons, least.family, least.values, noise).correlation
 
 
-def coupon_noise(coupons: Coupons, family: Family, values: Array, noise: float | None = None
-                 ) -> Spread:
+def coupon_noise(coupons: Coupons, family: LawFamily, values: Array, noise: float | None = None
+                 ) -> CorrelatedSpread:
     """Estimate errors of a law's readings, correlated along the stretch of each run of a mode."""
     residual = _residual(family, coupons, values)
     floor = 1e-13 * _size(coupons)
     seen = np.where(np.abs(residual) > floor, residual, floor)
-    return Spread.of(family.jacobian(*coupons.in_plane, values), seen,
+    return CorrelatedSpread.of(family.jacobian(*coupons.in_plane, values), seen,
                               list(runs_of_modes(coupons).values()), noise)
 
 
@@ -224,7 +224,7 @@ def runs_of_modes(coupons: Coupons) -> dict[tuple[str, str], Numbers]:
     return runs
 
 
-def _foretold(coupons: Coupons, family: Family) -> float | None:
+def _foretold(coupons: Coupons, family: LawFamily) -> float | None:
     """Compute the root mean square error [Pa] on runs held out, some of each mode.
 
     None where a mode has a single run: without it no reading of the mode remains.
@@ -332,7 +332,7 @@ def _overfitted(best: LawFit, offered: Sequence[LawFit]) -> Iterator[str]:
                 rival=rival)
 
 
-def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts: int = 12,
+def fit_law(coupons: Coupons, family: LawFamily, noise: float | None = None, starts: int = 12,
             hold_out: bool = True, profiles: bool = True) -> LawFit:
     """Fit one law: the best minimum that is admissible over the tests' stretches, else the best.
 
@@ -372,7 +372,7 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     return replace(result, notes=tuple(_notes(result, coupons, worse)) if profiles else ())
 
 
-def coupon_problem(family: Family, coupons: Coupons, unit: float) -> LeastSquares:
+def coupon_problem(family: LawFamily, coupons: Coupons, unit: float) -> LeastSquares:
     """Set up least squares for a family's constants, stress in units of ``unit`` [Pa]."""
     l1, l2 = coupons.in_plane
     least, most = family.bounds(largest_excess(l1, l2))
@@ -384,12 +384,12 @@ def coupon_problem(family: Family, coupons: Coupons, unit: float) -> LeastSquare
         np.array([np.inf] * linear + [most] * shaped), tuple(range(linear)))
 
 
-def _residual(family: Family, coupons: Coupons, values: Array) -> Array:
+def _residual(family: LawFamily, coupons: Coupons, values: Array) -> Array:
     """Subtract measured from predicted stress [Pa]."""
     return family.stress(*coupons.in_plane, values) - coupons.stress
 
 
-def _squares(family: Family, coupons: Coupons, values: Array) -> float:
+def _squares(family: LawFamily, coupons: Coupons, values: Array) -> float:
     """Sum the squared residuals [Pa²]; no less than the rounding of the readings."""
     return max(float(np.sum(_residual(family, coupons, values) ** 2)),
                len(coupons) * (1e-13 * _size(coupons)) ** 2)
@@ -399,7 +399,7 @@ def _size(coupons: Coupons) -> float:
     return float(np.sqrt(np.mean(coupons.stress**2))) or 1.0
 
 
-def _minima(family: Family, coupons: Coupons, count: int) -> list[Array]:
+def _minima(family: LawFamily, coupons: Coupons, count: int) -> list[Array]:
     linear, shaped = len(family.linear), len(family.shape)
     least, most = family.starts(largest_excess(*coupons.in_plane))
     shapes = seeded_starts(least, most, shaped, count * max(1, shaped))
@@ -408,8 +408,8 @@ def _minima(family: Family, coupons: Coupons, count: int) -> list[Array]:
     return [family.ordered(values) for values in minima(problem, starts)]
 
 
-def _limits(family: Family, coupons: Coupons, values: Array, spread: Array,
-            noise: Noise) -> tuple[Limits, ...]:
+def _limits(family: LawFamily, coupons: Coupons, values: Array, spread: Array,
+            noise: Noise) -> tuple[ParameterLimits, ...]:
     """Find 95 % limits of every constant at the best fit.
 
     Where stress is linear in all constants they are value ± quantile · standard deviation, which is
@@ -456,12 +456,12 @@ def material_lines(material: Material, stretch_range: tuple[float, float] | None
     return "\n".join(lines) + "\n"
 
 
-def _needed(family: Family, more: int = 0) -> int:
+def _needed(family: LawFamily, more: int = 0) -> int:
     """Count the readings without which the criterion has no value, with ``more`` constants."""
     return len(family.constants) + more + 3
 
 
-def named_family(name: str, readings: int, more: int = 0) -> Family:
+def named_family(name: str, readings: int, more: int = 0) -> LawFamily:
     """Find a law by its name; an InputError where readings are too few for it with ``more``."""
     if name not in FAMILIES:
         raise InputError(f"must be all or one of {', '.join(FAMILIES)}", key="--law", given=name)
@@ -472,12 +472,12 @@ def named_family(name: str, readings: int, more: int = 0) -> Family:
     return family
 
 
-def _admissible(ends: list[Array], family: Family, coupons: Coupons) -> Judged:
+def _admissible(ends: list[Array], family: LawFamily, coupons: Coupons) -> Judged:
     every = [judged(family, values, coupons) for values in ends]
     return next((item for item in every if item[1] is not None and item[2] is None), every[0])
 
 
-def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
+def judged(family: LawFamily, values: Array, coupons: Coupons) -> Judged:
     """Judge constants: the material they make, if any, and where it is inadmissible."""
     if _cancelling(family, values, coupons):
         return values, None, None
@@ -488,14 +488,14 @@ def judged(family: Family, values: Array, coupons: Coupons) -> Judged:
     return values, material, inadmissible_stretch(material, *coupons.stretch_range)
 
 
-def _terms(family: Family, values: Array, coupons: Coupons) -> Array:
+def _terms(family: LawFamily, values: Array, coupons: Coupons) -> Array:
     """Compute the stress of each term of a law in the readings [Pa], (readings, terms)."""
     linear, shape = np.split(values, [len(family.linear)])
     with np.errstate(all="ignore"):
         return np.nan_to_num(family.columns(*coupons.in_plane, shape) * linear)
 
 
-def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:
+def _cancelling(family: LawFamily, values: Array, coupons: Coupons) -> bool:
     """Check whether two terms of a law almost cancel in the readings."""
     terms = _terms(family, values, coupons)
     sizes = np.linalg.norm(terms, axis=0)
@@ -504,7 +504,7 @@ def _cancelling(family: Family, values: Array, coupons: Coupons) -> bool:
                for first, second in combinations(range(terms.shape[1]), 2))
 
 
-def useless_constant(family: Family, values: Array, coupons: Coupons, sigma: float) -> str:
+def useless_constant(family: LawFamily, values: Array, coupons: Coupons, sigma: float) -> str:
     """Name a constant at its bound, or a term without effect on the readings, else "".
 
     A term has no effect if all of it is no more than one standard deviation ``sigma`` [Pa] of one
@@ -529,7 +529,7 @@ def useless_constant(family: Family, values: Array, coupons: Coupons, sigma: flo
     return ""
 
 
-def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float | None]:
+def _held_out(coupons: Coupons, family: LawFamily, starts: int) -> dict[str, float | None]:
     errors: dict[str, float | None] = {}
     for mode in coupons.modes:
         rest, tested = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
@@ -560,7 +560,7 @@ def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
 
 
 def open_constants(names: Sequence[str], units: Sequence[str], values: Array,
-                   limits: Sequence[Limits], spread: Array) -> Iterator[str]:
+                   limits: Sequence[ParameterLimits], spread: Array) -> Iterator[str]:
     """Note each constant that tests determine poorly, or only in combination with another."""
     for name, unit, value, (low, high) in zip(names, units, values, limits, strict=True):
         words, size = {"Pa": (" kPa", 1e3), "1": ("", 1.0)}.get(unit, (f" {unit}", 1.0))

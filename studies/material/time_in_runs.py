@@ -19,7 +19,7 @@ from scipy.stats import chi2
 
 from tympan.base.arrays import AnyArray
 from tympan.studies.data.coupon import Coupons
-from tympan.studies.estimation.correlation import Spread, independent_count
+from tympan.studies.estimation.correlation import CorrelatedSpread, independent_count
 from tympan.studies.files import words_beside
 from tympan.studies.material.relaxation import BranchStress
 
@@ -164,7 +164,7 @@ def _shown(read: AnyArray, branches: AnyArray, basis: AnyArray, coupons: Coupons
     if after <= 2 * floor or not pulling.shape[1]:
         return bool(before > 2 * after)
     residual = read - branches @ (moduli / lengths)
-    noise = Spread.of(np.column_stack([basis, pulling]), residual,
+    noise = CorrelatedSpread.of(np.column_stack([basis, pulling]), residual,
                                list(coupons.series.values()))
     # Branches of all times count as one or two: their columns are much alike.
     freedom = max(len(read) - basis.shape[1] - _CONSTANTS, 0)

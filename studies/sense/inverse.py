@@ -101,7 +101,7 @@ class Inverse:
 
 
 @dataclass(frozen=True)
-class Sampled:
+class SampledCurve:
     """Capacitances [F] at deflections [m] on the way, ascending, at a nominal voltage [V]."""
 
     voltage: float
@@ -109,8 +109,8 @@ class Sampled:
     capacitance: Array
 
 
-def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Sequence[Sampled]
-                ) -> Inverse:
+def fit_inverse(curves: Sequence[SampledCurve], beside: Sequence[SampledCurve],
+                firsts: Sequence[SampledCurve]) -> Inverse:
     """Fit the polynomial through every other point of curves; those between and ``beside`` test it.
 
     The result is the lowest degree that is accurate enough, or the one with the least error.
@@ -118,7 +118,7 @@ def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Se
     """
     plain = _without_coefficients(curves, firsts)
     count = len(plain.coefficients_m[0])
-    fitted = [Sampled(curve.voltage, curve.deflection[::2], curve.capacitance[::2])
+    fitted = [SampledCurve(curve.voltage, curve.deflection[::2], curve.capacitance[::2])
               for curve in curves]
     root = np.concatenate([plain.root(each.capacitance, each.voltage) for each in fitted])
     charged = np.concatenate([np.full(len(each.deflection), (each.voltage / plain.highest_V) ** 2)
@@ -138,7 +138,8 @@ def fit_inverse(curves: Sequence[Sampled], beside: Sequence[Sampled], firsts: Se
     return replace(best, error_m=error)
 
 
-def _without_coefficients(curves: Sequence[Sampled], firsts: Sequence[Sampled]) -> Inverse:
+def _without_coefficients(curves: Sequence[SampledCurve], firsts: Sequence[SampledCurve]
+                          ) -> Inverse:
     """Fit the capacitance of the first deflection by voltage; leave the coefficients 0."""
     highest = max(abs(curve.voltage) for curve in curves) or 1.0
     every = [*curves, *firsts]
@@ -166,7 +167,7 @@ def _coefficients(root: Array, charged: Array, rise: Array, shape: tuple[int, in
     return coefficients
 
 
-def _error(inverse: Inverse, curve: Sampled) -> float:
+def _error(inverse: Inverse, curve: SampledCurve) -> float:
     """Find the largest error of the polynomial on a curve [m]."""
     sensed = inverse.continued(curve.capacitance, curve.voltage)
     return float(np.abs(sensed - curve.deflection).max())

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
-from tympan.studies.case import SpecimenRecord, Unknowns, WallTime, Warnings
+from tympan.studies.case import SpecimenRecord, UnknownCount, WallTime, Warnings
 from tympan.studies.columns import rows_in, write_rows
 from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
@@ -65,7 +65,7 @@ class SenseResult(SpecimenRecord):
         "largest error of the table between its rows, straight in the root of the capacitance over "
         "its first")]
     states: Annotated[tuple[SensedState, ...], Key("equilibria under the loads")] = ()
-    dofs: Unknowns
+    dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings = ()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,19 +12,20 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import Failure, InputError
 from tympan.base.fields import Key, asks
+from tympan.base.progress import Progress
 from tympan.base.toml_reader import Rule
 from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.fields import film_integrals
-from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solve_grid
-from tympan.studies.force.follow import Followed, at_displacement
+from tympan.studies.force.follow import FollowedForce, at_displacement
 from tympan.studies.force.force import ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
-from tympan.studies.sense.inverse import Inverse, Sampled, fit_inverse
+from tympan.studies.sense.inverse import Inverse, SampledCurve, fit_inverse
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
 
 #: Rows of the table of each voltage by default.
@@ -57,8 +58,9 @@ class SenseCase:
 
     specimen: Specimen
     _: KW_ONLY
-    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGES)] = (0.0,)
-    masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASSES,
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE)] = (
+        0.0,)
+    masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASS_RULE,
                                              name="mass")] = ()
     start: Annotated[float, Key("first deflection", "length", name="from")] = 0.0
     to: Annotated[float | None, Key("last deflection", "length")] = None
@@ -75,7 +77,7 @@ class SenseCase:
 
 
 def sense(case: SenseCase, settings: Settings,
-          progress: Callable[[str], None] = lambda words: None) -> SenseResult:
+          progress: Progress = lambda words: None) -> SenseResult:
     """Displace the plate at each voltage; fit and test the deflection from capacitance."""
     began = time.perf_counter()
     specimen, rig, voltages = case.specimen, case.rig, sorted(case.voltages)
@@ -96,7 +98,7 @@ def sense(case: SenseCase, settings: Settings,
     first, sampled = _sampled(every, voltages)
     given = [sampled[voltage] for voltage in voltages]
     place = float(given[0].deflection[0])
-    firsts = [Sampled(voltage, np.array([place]), np.array([capacitance]))
+    firsts = [SampledCurve(voltage, np.array([place]), np.array([capacitance]))
               for voltage, capacitance in _firsts(every[voltages[0]], place, voltages, rig, path)]
     tests = [sampled[voltage] for voltage in between if voltage in sampled]
     inverse = fit_inverse(given, tests, firsts)
@@ -123,8 +125,8 @@ def _last_deflection(case: SenseCase, states: Sequence[SensedState], even: bool)
     return _ROOM * max(map(abs, deflections) if even else deflections)
 
 
-def _sampled(every: Mapping[float, Followed], voltages: Sequence[float]
-             ) -> tuple[int, dict[float, Sampled]]:
+def _sampled(every: Mapping[float, FollowedForce], voltages: Sequence[float]
+             ) -> tuple[int, dict[float, SampledCurve]]:
     """Sample curves, by voltage, where the capacitance rises, from a first index in common."""
     stored = {voltage: curve.curve for voltage, curve in every.items() if curve.states}
     rising = {voltage: _rising(np.array(curve.displacement_m), np.array(curve.capacitance_F))
@@ -141,7 +143,7 @@ def _sampled(every: Mapping[float, Followed], voltages: Sequence[float]
     for voltage, part in rising.items():
         deflection = np.array(stored[voltage].displacement_m)[first:part.stop]
         capacitance = np.array(stored[voltage].capacitance_F)[first:part.stop]
-        sampled[voltage] = Sampled(voltage, deflection, capacitance)
+        sampled[voltage] = SampledCurve(voltage, deflection, capacitance)
     return first, sampled
 
 
@@ -178,8 +180,8 @@ def _states(case: SenseCase, settings: Settings, masses: Sequence[float]) -> lis
             if outcome.status == "equilibrium" and result.capacitance_F is not None]
 
 
-def _firsts(curve: Followed, place: float, voltages: Sequence[float], rig: Rig, path: PathSettings
-            ) -> Iterator[tuple[float, float]]:
+def _firsts(curve: FollowedForce, place: float, voltages: Sequence[float], rig: Rig,
+            path: PathSettings) -> Iterator[tuple[float, float]]:
     """Solve the first deflection's capacitance from the lowest to the highest voltage."""
     solution = at_displacement(curve, place, path)
     low, high = voltages[0] ** 2, voltages[-1] ** 2
@@ -202,7 +204,7 @@ def _rising(deflection: Array, capacitance: Array) -> slice:
     return slice(first, first + int(falls[0]) + 1 if len(falls) else len(deflection))
 
 
-def _curve(followed: Followed, sampled: Sampled, first: int) -> SenseCurve:
+def _curve(followed: FollowedForce, sampled: SampledCurve, first: int) -> SenseCurve:
     """Select every other point of a curve, with the causes that shift the sensed deflection."""
     curve = followed.curve
     rows = range(first, first + len(sampled.deflection), 2)
@@ -217,7 +219,7 @@ def _curve(followed: Followed, sampled: Sampled, first: int) -> SenseCurve:
         per_percent_permittivity_m=tuple(each[2] for each in moved), ended=curve.ended)
 
 
-def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, float | None]:
+def _moved(followed: FollowedForce, row: int) -> tuple[float | None, float | None, float | None]:
     """Compute the change of the sensed deflection by capacitance, 1 % prestretch, 1 % permittivity.
 
     A held plate keeps its deflection while a film changes: derivatives under a force become those
@@ -244,7 +246,7 @@ def _moved(followed: Followed, row: int) -> tuple[float | None, float | None, fl
     return (1 / rise, sum(map(share, _PRESTRETCH)) / rise, share(_PERMITTIVITY) / rise)
 
 
-def _between_rows(curve: Sampled) -> float:
+def _between_rows(curve: SampledCurve) -> float:
     """Find the largest error of the table between its rows."""
     root = np.sqrt(np.maximum(curve.capacitance / curve.capacitance[0] - 1, 0.0))
     known = np.interp(root, root[::2], curve.deflection[::2])

@@ -19,7 +19,7 @@ from tympan.fem.vibration.modes import plate_motion, vibrations
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings
-from tympan.studies.films.population import LoadGrid
+from tympan.studies.films.population import FilmGrid
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried
@@ -85,7 +85,7 @@ _NO_STROKE = "there is no stroke without voltage"
 Answer = Callable[[Any], Any]
 
 #: What a family answers for its rows, films first: a record, or None where finite elements must.
-FamilyAnswer = Callable[[LoadGrid], list[list[Record | None]]]
+FamilyAnswer = Callable[[FilmGrid], list[list[Record | None]]]
 
 #: The quantity that tolerances are for.
 BANDS = "bands"
@@ -250,7 +250,7 @@ def _modes(asked: SolvedCase) -> Record:
             **dict(zip(("tilt_1_Hz", "tilt_2_Hz"), tilt, strict=False)), "warnings": missing}
 
 
-def _force_by_family(grid: LoadGrid) -> list[list[Record | None]]:
+def _force_by_family(grid: FilmGrid) -> list[list[Record | None]]:
     found, films = strokes(grid), len(grid.films)
     numbers = {"blocked_force_N": found.blocked, "work_J": found.work, "ideal_work_J": found.ideal,
                "electrical_in_J": found.given, "coupling": found.ideal / found.given}

@@ -21,7 +21,7 @@ from tympan.base.toml_reader import one_of
 from tympan.base.units import DIMENSIONS, quantity, unit_of
 from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import voltage_of
-from tympan.studies.sweep.table import LOADS, beyond_limits, column_name
+from tympan.studies.sweep.table import LOAD_UNITS, beyond_limits, column_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -227,7 +227,7 @@ def _on(values: xr.DataArray, place: Mapping[str, Any]) -> dict[str, Any]:
 
 def _ends(table: xr.Dataset, place: Mapping[str, Any]) -> tuple[str, ...]:
     """Keys of a grid, three values and more of each, whose first or last one a case has."""
-    values = {axis: table[axis].values for axis in place if axis not in ("specimen", *LOADS)}
+    values = {axis: table[axis].values for axis in place if axis not in ("specimen", *LOAD_UNITS)}
     return tuple(axis for axis, those in values.items() if len(those) >= _SIDES
                  and those.dtype.kind == "f" and place[axis] in (those.min(), those.max()))
 

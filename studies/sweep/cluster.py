@@ -13,6 +13,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from tympan.base.errors import Failure, InputError
+from tympan.base.progress import Progress
 from tympan.studies.parallel import Item, NoValue, Value, value_or_reason
 from tympan.studies.sweep.task import solver
 
@@ -35,7 +36,7 @@ _MAP_DEFAULT = 128 << 10
 
 
 def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str,
-            wait: float = 60.0, say: Callable[[str], None] = lambda words: None
+            wait: float = 60.0, say: Progress = lambda words: None
             ) -> Generator[tuple[str, Value | NoValue], None, None]:
     """Values by key as they come back from a scheduler, such as at ``tcp://10.0.0.5:8786``.
 
@@ -114,7 +115,7 @@ class _Workers:
     client: Any
     address: str
     wait: float
-    say: Callable[[str], None]
+    say: Progress
     checked: set[str] = field(default_factory=set)
     missed: float | None = None  # since when
 

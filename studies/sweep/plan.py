@@ -69,7 +69,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Span:
+class LoadSpan:
     """Masses or voltages at even distances."""
 
     low: Annotated[Any, Key("the lowest one", name="from")]
@@ -465,8 +465,9 @@ def _loads(table: Table, name: str) -> tuple[float, ...]:
     """All masses [kg], different ones, or all voltages [V], ascending."""
     value = table.value(name)
     if isinstance(value, Mapping):
-        span = read(Span, table.table(name), dict.fromkeys(((Span, "low"), (Span, "high")),
-                                                           partial(_end, name)))
+        read_end = partial(_end, name)
+        span = read(LoadSpan, table.table(name), {(LoadSpan, "low"): read_end,
+                                                  (LoadSpan, "high"): read_end})
         loads = np.linspace(span.low, span.high, span.count).tolist()
     else:
         items = value if isinstance(value, list) else [value]

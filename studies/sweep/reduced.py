@@ -24,7 +24,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, breakdown_warning, remarks_on
 from tympan.studies.films.box import Box, kind_of
 from tympan.studies.films.family import FilmFamily, require_reducible
-from tympan.studies.films.population import LoadGrid, Population
+from tympan.studies.films.population import FilmGrid, Population
 from tympan.studies.films.states import FilmStates
 from tympan.studies.sweep.asked import QUESTIONS, Record
 from tympan.studies.sweep.strokes import TENSE
@@ -165,7 +165,7 @@ class Batch:
         with one_thread():
             began = time.perf_counter()
             rows = np.array([family.box.row(task.specimen) for task in self.tasks])
-            grid = LoadGrid(Population.alike(family, self.tasks[0].rig, rows),
+            grid = FilmGrid(Population.alike(family, self.tasks[0].rig, rows),
                             masses=np.array([task.masses for task in self.tasks]),
                             voltages=np.array([task.voltages for task in self.tasks]))
             answers = {name: answer(grid) for name in self.tasks[0].ask.names

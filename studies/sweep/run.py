@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from tympan.base.errors import InputError
 from tympan.base.process.folder import discard_temporaries
+from tympan.base.progress import PartsDone
 from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.studies.files import (
     from_json,
@@ -46,8 +47,6 @@ if TYPE_CHECKING:
 Pool = Callable[[Callable[[Batch], dict[str, TaskResult]], Mapping[str, Batch]],
                 Generator[tuple[str, dict[str, TaskResult] | NoValue], None, None]]
 
-#: Called with the number of cases that are ready and of those that were so from the start.
-Progress = Callable[[int, int], None]
 
 #: Called after each task with what answers the result so far.
 Watch = Callable[[Callable[[], "SweepResult"]], None]
@@ -216,7 +215,7 @@ def tasks_of(sweep: Sweep) -> dict[str, SweepTask]:
 
 
 def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
-              progress: Progress = lambda done, kept: None,
+              progress: PartsDone = lambda done, kept: None,
               watch: Watch = lambda so_far: None) -> SweepResult:
     """Solve what is not finished in a folder yet, and write its tables.
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray, Mask
 from tympan.studies.films.many_films import Films
-from tympan.studies.films.population import LoadGrid, Population
+from tympan.studies.films.population import FilmGrid, Population
 from tympan.studies.force.cycle import Corner, PlateLoad, exchanged
 
 #: How far deflections are from 0 to that with voltage, at which curves of finite elements end.
@@ -46,7 +46,7 @@ class Strokes:
     sure: Mask
 
 
-def strokes(grid: LoadGrid) -> Strokes:
+def strokes(grid: FilmGrid) -> Strokes:
     """Strokes of all films under all loads, masses first; without voltage there is none."""
     population, films = grid.films, grid.films.every
     rest = population.family.states(films, grid.forces, 0.0, check=False)

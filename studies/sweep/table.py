@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 #: What acts on every specimen, with its unit.
-LOADS = {"mass": "kg", "voltage": "V"}
+LOAD_UNITS = {"mass": "kg", "voltage": "V"}
 
 #: Axis, values along it, attributes.
 Coordinate = tuple[str, np.ndarray, dict[str, str]]
@@ -75,7 +75,7 @@ def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
     import xarray as xr
 
     coordinates = _coordinates(sweep)
-    axes = ("specimen", *sweep.grid, *(load for load in LOADS if coordinates[load][0] == load))
+    axes = ("specimen", *sweep.grid, *(load for load in LOAD_UNITS if coordinates[load][0] == load))
     kept = [_result(sweep, entry, results) for entry in sweep.entries]
 
     def variable(names: tuple[str, ...], values: Any) -> tuple[tuple[str, ...], np.ndarray]:
@@ -91,7 +91,7 @@ def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
     for name in sweep.ask.names:
         quantity = QUESTIONS[name]
         records = [record for result in kept for record in result.answers[name]]
-        along = tuple(axis for axis in axes if axis not in LOADS or axis in quantity.loads)
+        along = tuple(axis for axis in axes if axis not in LOAD_UNITS or axis in quantity.loads)
         data |= {column: variable(along, [record.get(column) for record in records])
                  for column in quantity.names(sweep.ask.circles.circles)}
         data[f"{name}_warnings"] = variable(along, [record["warnings"] for record in records])
@@ -122,7 +122,7 @@ def _result(sweep: Sweep, entry: Entry, results: Mapping[str, PackedResult]) -> 
     """Result of an entry's task, or why there is none."""
     if entry.task is not None and entry.task.id in results:
         return results[entry.task.id]
-    loads = dict(zip(LOADS, (len(entry.masses), len(entry.voltages)), strict=True))
+    loads = dict(zip(LOAD_UNITS, (len(entry.masses), len(entry.voltages)), strict=True))
     if entry.task is None:
         return without_result(_ids(entry), sweep.ask, loads, entry.reason).packed()
     return without_result(_ids(entry), sweep.ask, loads, "", WAITING).packed()
@@ -146,9 +146,9 @@ def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
         labels = [", ".join(map(str, dict(flattened({axis: value})).values())) for value in values]
         coordinates.setdefault(axis, (axis, _column(labels), {}))
     coordinates |= _parameters("specimen", [
-        {key: value for key, value in entry.choice.items() if key not in (*sweep.grid, *LOADS)}
+        {key: value for key, value in entry.choice.items() if key not in (*sweep.grid, *LOAD_UNITS)}
         for entry in specimens])
-    for load, unit in LOADS.items():
+    for load, unit in LOAD_UNITS.items():
         values = [{"mass": entry.masses, "voltage": entry.voltages}[load] for entry in specimens]
         coordinates[load] = (("specimen", np.array(values)[:, 0], {"units": unit})
                              if load in specimens[0].choice

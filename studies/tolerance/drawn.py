@@ -20,11 +20,11 @@ from tympan.studies.tolerance.given import (
     FACTORS,
     LOAD,
     STRENGTH,
-    Cause,
+    ScatterCause,
     Tolerances,
     causes,
 )
-from tympan.studies.tolerance.shares import Design
+from tympan.studies.tolerance.shares import SaltelliDesign
 
 #: How near a family is to finite elements, relative: a quantile of 10,000 films that scatter by
 #: some 5 % is known to 1e-3. With 1e-4 films take a third more time.
@@ -38,7 +38,7 @@ class Scattered:
     """A specimen and the causes by which its numbers scatter; without causes none does."""
 
     specimen: Specimen
-    causes: tuple[Cause, ...] = ()
+    causes: tuple[ScatterCause, ...] = ()
 
     @classmethod
     def of(cls, specimen: Specimen, tolerances: Tolerances | None) -> Self:
@@ -49,7 +49,7 @@ class Scattered:
         return cls(specimen, found)
 
     @property
-    def _inputs(self) -> list[tuple[Cause, str]]:
+    def _inputs(self) -> list[tuple[ScatterCause, str]]:
         """Independent random numbers: the cause, and the number that it moves."""
         return [(cause, target) for cause in self.causes for target in cause.targets]
 
@@ -58,12 +58,12 @@ class Scattered:
         """Count of the random numbers of a film."""
         return len(self._inputs)
 
-    def design(self, count: int, seed: int) -> Design:
+    def design(self, count: int, seed: int) -> SaltelliDesign:
         """Design of about ``count`` films; groups: causes, and all that a batch does not share."""
         inputs = self._inputs
         groups = [[cause is own for own, _ in inputs] for cause in self.causes]
         apart = [own.scope == "film" for own, _ in inputs]
-        return Design.drawn([*groups, apart], count, seed)
+        return SaltelliDesign.drawn([*groups, apart], count, seed)
 
     def values(self, points: Array) -> dict[str, Array]:
         """Numbers at points (films, inputs) from 0 to 1, by name, (films,) each."""
@@ -145,7 +145,7 @@ class Scattered:
         return np.concatenate([np.full((1, self.inputs), 0.5), points])
 
 
-def median_strength(family: FilmFamily, row: Array, found: tuple[Cause, ...]) -> float:
+def median_strength(family: FilmFamily, row: Array, found: tuple[ScatterCause, ...]) -> float:
     """Factor on the electric strength that the area of a film's electrode makes."""
     weibull = next((cause.weibull for cause in found if cause.weibull is not None), None)
     if weibull is None:

@@ -167,7 +167,7 @@ def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:
 
 
 @dataclass(frozen=True)
-class Cause:
+class ScatterCause:
     """Numbers that scatter for one reason, each by itself, with one standard deviation.
 
     ``targets``: names of a family's parameters, or one of :data:`FACTORS`. ``weibull``: the
@@ -198,7 +198,8 @@ class Cause:
         return np.asarray(value * np.exp(change) if self.relative else value + change)
 
 
-def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...], list[str]]:
+def causes(specimen: Specimen, tolerances: Tolerances
+           ) -> tuple[tuple[ScatterCause, ...], list[str]]:
     """All that scatters of a specimen and its rig; sentences about what does not.
 
     Raises
@@ -207,7 +208,7 @@ def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...
         When a number scatters that the specimen has not, or so far that a film cannot be built, or
         nothing scatters.
     """
-    found, words = list[Cause](), list[str]()
+    found, words = list[ScatterCause](), list[str]()
     usual = _defaults(specimen)
     for item in fields(Tolerances):
         name, given = item.name, getattr(tolerances, item.name)
@@ -222,11 +223,11 @@ def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...
             words.append(f"{name} does not scatter: {reason}")
             continue
         if targets and isinstance(scatter, StrengthScatter):
-            found += [Cause(name, "film", scatter.deviation, True, targets, source, reason,
+            found += [ScatterCause(name, "film", scatter.deviation, True, targets, source, reason,
                             scatter)] if scatter.shape else []
         elif targets:
             relative = isinstance(scatter, Scatter)
-            found += [Cause(name, scope, size, relative, targets, source, reason)
+            found += [ScatterCause(name, scope, size, relative, targets, source, reason)
                       for scope in ("film", "batch") if (size := getattr(scatter, scope)) > 0]
     if not found:
         raise InputError("lets nothing scatter: give one number a standard deviation above 0",
@@ -235,7 +236,7 @@ def causes(specimen: Specimen, tolerances: Tolerances) -> tuple[tuple[Cause, ...
     return tuple(found), words
 
 
-def _require_films(specimen: Specimen, found: Sequence[Cause]) -> None:
+def _require_films(specimen: Specimen, found: Sequence[ScatterCause]) -> None:
     """Refuse lengths that scatter so far that a film at the ends cannot be built."""
     lengths = [cause for cause in found if not cause.relative]
     for share in (0.0, 1.0):

@@ -21,7 +21,7 @@ _LIMITS = 1.96
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class SaltelliDesign:
     """Samples of inputs, uniform from 0 to 1, shape (samples, size, inputs): A, B, each group's.
 
     ``groups``: which inputs each has, (groups, inputs).
@@ -31,7 +31,7 @@ class Design:
     groups: Mask
 
     @classmethod
-    def drawn(cls, groups: Sequence[Sequence[bool]], count: int, seed: int) -> Design:
+    def drawn(cls, groups: Sequence[Sequence[bool]], count: int, seed: int) -> SaltelliDesign:
         """Design of about ``count`` points: Sobol's sequence, whose length is a power of two."""
         chosen = np.array(groups, dtype=bool)
         inputs = chosen.shape[1]
@@ -45,7 +45,7 @@ class Design:
         """All points, (samples × size, inputs)."""
         return self.uniform.reshape(-1, self.uniform.shape[2])
 
-    def part(self, share: float) -> tuple[Design, Numbers]:
+    def part(self, share: float) -> tuple[SaltelliDesign, Numbers]:
         """The first of the points, a power of two's part of them, and their numbers."""
         samples, size, _ = self.uniform.shape
         count = max(16, round(share * size))

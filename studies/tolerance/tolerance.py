@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Annotated, Self
 
@@ -12,8 +12,9 @@ import numpy as np
 from tympan.base.arrays import AnyArray, Mask
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
+from tympan.base.progress import Progress
 from tympan.base.toml_reader import Rule
-from tympan.fem.rig import MASSES, VOLTAGES, Rig
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
@@ -22,7 +23,7 @@ from tympan.studies.films.population import LoadedFilms, Population
 from tympan.studies.limits.loads import require_moved, usual_masses, usual_voltages
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Scattered
-from tympan.studies.tolerance.given import Cause, Tolerances, causes
+from tympan.studies.tolerance.given import ScatterCause, Tolerances, causes
 from tympan.studies.tolerance.result import (
     SPREAD,
     Chance,
@@ -34,7 +35,7 @@ from tympan.studies.tolerance.result import (
     VarianceShare,
     WantedBound,
 )
-from tympan.studies.tolerance.shares import Design
+from tympan.studies.tolerance.shares import SaltelliDesign
 from tympan.studies.wanted import BREAKDOWN, LIMIT, TENSION, Bound, scattering
 
 _FILMS: Rule = (lambda x: 100 <= x <= 1_000_000,
@@ -78,8 +79,8 @@ class ToleranceCase:
 
     specimen: Specimen
     _: KW_ONLY
-    mass: Annotated[float | None, Key("nominal load on the plate", "mass", MASSES)] = None
-    voltage: Annotated[float | None, Key("nominal voltage", "voltage", VOLTAGES)] = None
+    mass: Annotated[float | None, Key("nominal load on the plate", "mass", MASS_RULE)] = None
+    voltage: Annotated[float | None, Key("nominal voltage", "voltage", VOLTAGE_RULE)] = None
     tolerances: Tolerances = Tolerances()
     wanted: tuple[Bound, ...] = ()
     films: Annotated[int, Key("how many are drawn, about", rule=_FILMS)] = USUAL_FILMS
@@ -125,7 +126,7 @@ class ToleranceCase:
 
 
 def tolerance(case: ToleranceCase, settings: Settings,
-              progress: Callable[[str], None] = lambda words: None) -> ToleranceResult:
+              progress: Progress = lambda words: None) -> ToleranceResult:
     """Draw films, solve them without and under the voltage, and divide their variance."""
     began = time.perf_counter()
     found, words = causes(case.specimen, case.tolerances)
@@ -133,7 +134,7 @@ def tolerance(case: ToleranceCase, settings: Settings,
     if not voltage > 0:
         raise InputError("must be above 0: films are compared without and under it", key="voltage",
                          given=f"{voltage:g} V")
-    drawn = Drawn.of(case, found, mass, voltage, settings)
+    drawn = DrawnFilms.of(case, found, mass, voltage, settings)
     made = time.perf_counter()
     progress(f"{drawn.count} films")
     solved = drawn.solved()
@@ -154,7 +155,7 @@ def tolerance(case: ToleranceCase, settings: Settings,
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedFilms:
     """Answers of films, the nominal one first, (films,) each.
 
     ``values`` of the quantities by their keys, nan of films that do not reach the voltage;
@@ -189,7 +190,7 @@ class Solved:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class DrawnFilms:
     """Films of a design under the nominal mass [kg] and voltage [V] of a case.
 
     The first of the ``films`` is the nominal one, the others are the design's. ``first``: the
@@ -197,16 +198,16 @@ class Drawn:
     """
 
     films: Population
-    causes: tuple[Cause, ...]
-    design: Design
+    causes: tuple[ScatterCause, ...]
+    design: SaltelliDesign
     mass: float
     voltage: float
     case: ToleranceCase
     first: Limit | None
 
     @classmethod
-    def of(cls, case: ToleranceCase, found: tuple[Cause, ...], mass: float, voltage: float,
-           settings: Settings) -> Drawn:
+    def of(cls, case: ToleranceCase, found: tuple[ScatterCause, ...], mass: float, voltage: float,
+           settings: Settings) -> DrawnFilms:
         """The films of a case, and their family."""
         scattered, rig = Scattered(case.specimen, found), case.rig
         design = scattered.design(case.films, case.seed)
@@ -235,17 +236,17 @@ class Drawn:
         plated = self.case.specimen.plate is not None
         return self.films.under(self.mass, self.voltage, margin, swings=plated)
 
-    def solved(self) -> Solved:
+    def solved(self) -> SolvedFilms:
         """Answers of all films."""
         parts = self.loaded(self.case.margin).parts()
-        return Solved.joined([Solved.of(part, self.case.wanted) for part in parts])
+        return SolvedFilms.joined([SolvedFilms.of(part, self.case.wanted) for part in parts])
 
     def fails(self, reached: Mask) -> tuple[FilmFailure, ...]:
         """First limits of the films that do not reach the voltage."""
         films = self.loaded().part(slice(1, None))
         return FilmFailure.of(films, ~reached, self.voltage, self.design.independent)
 
-    def wanted(self, solved: Solved) -> tuple[tuple[WantedBound, ...], Chance | None]:
+    def wanted(self, solved: SolvedFilms) -> tuple[tuple[WantedBound, ...], Chance | None]:
         """Films that keep each of the bounds that are wanted, and all together, if there are any.
 
         By the same quantities as of films that are searched for; all but the first limit are those
@@ -268,7 +269,7 @@ class Drawn:
         share = states.error / np.abs(states.deflection)
         return float(np.nanmax(share)) if np.isfinite(share).any() else None
 
-    def excuse(self, solved: Solved, settings: Settings) -> list[str]:
+    def excuse(self, solved: SolvedFilms, settings: Settings) -> list[str]:
         """Why the film without scatter does not reach the voltage, by finite elements."""
         if solved.reached[0]:
             return []
@@ -277,7 +278,7 @@ class Drawn:
         return ["the film without scatter does not reach the voltage: "
                 + "; ".join(found.warnings)]
 
-    def spreads(self, solved: Solved) -> dict[str, Spread]:
+    def spreads(self, solved: SolvedFilms) -> dict[str, Spread]:
         """Distributions by key; none where hardly any film reaches the voltage."""
         if solved.reached[1:].sum() < _BINS:
             return {}
@@ -290,7 +291,7 @@ class Drawn:
         voltage, kind = films.first_limits(self.mass)
         return Limited(self, design, voltage, kind)
 
-    def spread(self, values: AnyArray, design: Design) -> Spread:
+    def spread(self, values: AnyArray, design: SaltelliDesign) -> Spread:
         """Scatter of values of the nominal film and those of a design, nan left out."""
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
@@ -309,7 +310,7 @@ class Drawn:
             shares=shares, interactions=rest, bins=tuple(bins.tolist()),
             counts=tuple(counts.tolist()))
 
-    def _shares(self, films: AnyArray, design: Design
+    def _shares(self, films: AnyArray, design: SaltelliDesign
                 ) -> tuple[tuple[VarianceShare, ...], float, float]:
         """Shares of the causes, that of all that films of a batch do not share, and the rest."""
         found = design.shares(films)
@@ -326,8 +327,8 @@ class Drawn:
 class Limited:
     """First limits of films of a design, nominal voltages and kinds, (films,)."""
 
-    drawn: Drawn
-    design: Design
+    drawn: DrawnFilms
+    design: SaltelliDesign
     voltage: AnyArray
     kind: AnyArray
 
@@ -379,7 +380,7 @@ class Limited:
                 "films: first limits are no surer than that"]
 
 
-def _stated(cause: Cause) -> GivenTolerance:
+def _stated(cause: ScatterCause) -> GivenTolerance:
     return GivenTolerance(name=cause.name, scope=cause.scope, source=cause.source,
                           reason=cause.reason,
                           relative=cause.deviation if cause.relative else None,

@@ -25,7 +25,7 @@ from tympan.reports.figures.curve import voltage_curves
 from tympan.studies.case import Settings, solve
 from tympan.studies.films import rise as rises
 from tympan.studies.films.family import FilmFamily
-from tympan.studies.films.first_limits import Margins
+from tympan.studies.films.first_limits import FilmMargins
 from tympan.studies.films.rise import FamilyRise, rise
 from tympan.studies.limits import curve
 from tympan.studies.tolerance import bands
@@ -160,7 +160,7 @@ def test_a_film_that_keeps_its_tension_is_followed_to_its_pull_in(
     view = replace(OVAL, mass=0.015)
     found = FilmFamily.margins
 
-    def taut(family: FilmFamily, *where: Any) -> Margins:
+    def taut(family: FilmFamily, *where: Any) -> FilmMargins:
         margins = found(family, *where)
         never = 0 * margins.by_kind["tension"] + 1
         return replace(margins, by_kind={**margins.by_kind, "tension": never},

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.biases import SAMPLES
 from tympan.fem.membrane.biases import ForceTable, Magnet
-from tympan.fem.membrane.quintics import ForceCurve
+from tympan.fem.membrane.quintics import QuinticCurve
 
 #: A film is solved for a minute as far as others are there; studies/test_joined_films.py has it.
 CLOSED = {name: bias for name, bias in SAMPLES.items() if name != "film"}
@@ -16,7 +16,7 @@ CLOSED = {name: bias for name, bias in SAMPLES.items() if name != "film"}
 @pytest.mark.parametrize("name", CLOSED)
 def test_a_curve_is_the_mechanism_with_its_derivatives(name: str) -> None:
     bias = CLOSED[name]
-    curve = ForceCurve.of(bias.derivatives, -40e-3, 40e-3, getattr(bias, "kinks", ()))
+    curve = QuinticCurve.of(bias.derivatives, -40e-3, 40e-3, getattr(bias, "kinks", ()))
     assert curve is not None
     places = np.linspace(-4.9e-3, 11.9e-3, 301)
     exact = np.array([np.ones(3) * bias.derivatives(place) for place in places.tolist()]).T
@@ -30,12 +30,12 @@ def test_a_curve_is_the_mechanism_with_its_derivatives(name: str) -> None:
 
 def test_a_curve_ends_where_the_mechanism_does() -> None:
     table = ForceTable((-5e-3, 0.0, 4e-3), (-0.1, 0.0, 0.2))
-    curve = ForceCurve.of(table.derivatives, -1.0, 1.0, table.kinks)
+    curve = QuinticCurve.of(table.derivatives, -1.0, 1.0, table.kinks)
     assert curve is not None
     assert curve.breaks[[0, -1]] == pytest.approx([-5e-3, 4e-3])
     assert np.isnan(curve.derivatives(np.array([-6e-3, 4.1e-3]))).all()
     near = Magnet(0.3, 10e-3, 3e-3)
-    met = ForceCurve.of(near.derivatives, -50e-3, 50e-3)
+    met = QuinticCurve.of(near.derivatives, -50e-3, 50e-3)
     assert met is not None
     assert 12e-3 < met.breaks[-1] < 13e-3
-    assert ForceCurve.of(table.derivatives, -1.0, 1.0, table.kinks, through=6e-3) is None
+    assert QuinticCurve.of(table.derivatives, -1.0, 1.0, table.kinks, through=6e-3) is None

@@ -15,7 +15,7 @@ from tympan.base.paths import numbers
 from tympan.fem.derivatives.quantities import FUNCTIONALS, named_functional
 from tympan.fem.derivatives.residual_derivative import Stiffness
 from tympan.fem.derivatives.sensitivity import (
-    LOADS,
+    LOAD_NAMES,
     film_names,
     gradient,
     gradient_many,
@@ -33,7 +33,7 @@ from tympan.fem.membrane.model import Model
 
 FORCE, VOLTAGE, PRESSURE = 0.2, 3000.0, 20.0
 LOADING = Loading((Spring(4.0), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)
-NAMES = (*film_names(skewed()), *LOADS, *numbers(LOADING, "loading"), *shape_names(skewed()))
+NAMES = (*film_names(skewed()), *LOAD_NAMES, *numbers(LOADING, "loading"), *shape_names(skewed()))
 
 
 @pytest.fixture(scope="module")

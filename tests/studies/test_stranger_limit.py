@@ -31,7 +31,7 @@ from tympan.studies.tolerance.given import (
     Tolerances,
     causes,
 )
-from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase
+from tympan.studies.tolerance.tolerance import DrawnFilms, ToleranceCase
 
 NONE, NO_LENGTH = Scatter(), LengthScatter()
 STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
@@ -109,7 +109,7 @@ def test_reduced_films_meet_it_first_too() -> None:
     """A family of films of one scatter, each against finite elements."""
     given = replace(STILL, stiffness=Scatter(film=0.1))
     case = ToleranceCase(SOFT, films=200, tolerances=given)
-    drawn = Drawn.of(case, causes(SOFT, given)[0], MASS, 4e3, COARSE)
+    drawn = DrawnFilms.of(case, causes(SOFT, given)[0], MASS, 4e3, COARSE)
     found = drawn.limits()
     assert found.record().kinds == {"overstretch": 1.0}
     member = drawn.family.box.member(drawn.rows[0])

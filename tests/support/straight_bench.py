@@ -16,7 +16,7 @@ from tympan.base.arrays import Array, Numbers
 from tympan.fem.rig import Rig
 from tympan.studies.diagnosis.evidence.kind import Evidence, ReadingModel, Shown
 from tympan.studies.diagnosis.evidence.registry import REST
-from tympan.studies.diagnosis.fits.first_order import Tangent
+from tympan.studies.diagnosis.fits.first_order import FitTangent
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis, parameters_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
@@ -78,7 +78,7 @@ class StraightBench(ReadingModel):
         rise = there.deflection * (1 - 1 / (1 + RISES[there.specimen] * there.squared))
         columns = [-there.deflection, rise, *(column for cause in hypothesis
                                               for column in self._columns(cause, there))]
-        return Tangent(np.zeros(len(columns)), there.deflection, np.stack(columns, 1), unknowns,
+        return FitTangent(np.zeros(len(columns)), there.deflection, np.stack(columns, 1), unknowns,
                        np.zeros(len(table.states)), 0.0)
 
     def _columns(self, cause: Cause, there: Rows) -> list[Array]:

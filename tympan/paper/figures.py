@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.progress import Progress
 from tympan.paper import published
 from tympan.paper.missing_parameters import (
     MissingParameters,
@@ -23,7 +23,6 @@ from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.signals import Pieces, Sine, random_steps, step
 
-Progress = Callable[[str], None]
 Reading = Literal["rest", "levels"]
 
 #: Voltages of figures 7 and 8 [V].

@@ -6,7 +6,12 @@ import numpy as np
 
 from tympan.base.arrays import Array, Numbers
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.evidence.kind import (
+    CHANNEL,
+    FilmsUnderLoads,
+    PlateEvidence,
+    numbers_of,
+)
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Observable
@@ -31,7 +36,7 @@ class Frequencies(PlateEvidence):
         return [rows(states, "frequency", sigma, read.frequency, file=read.file.name,
                      line=read.line, given=~np.isnan(read.sigma))], []
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         stiffness = films.stiffness(heave)
         squared = stiffness * films.swing(stiffness).real / films.moving
         return np.asarray(np.sqrt(squared) / (2 * np.pi))[films.table.state[rows]]

@@ -10,7 +10,12 @@ import numpy as np
 from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.evidence.kind import CHANNEL, Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.evidence.kind import (
+    CHANNEL,
+    FilmsUnderLoads,
+    PlateEvidence,
+    numbers_of,
+)
 from tympan.studies.diagnosis.patterns.reading_patterns import smooth
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
@@ -41,7 +46,7 @@ class Held(PlateEvidence):
                      run=read.run, file=read.file.name, line=read.line,
                      given=~np.isnan(read.sigma))], []
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         shown = films.rig.gauged(films.force, films.stiffness, heave)
         return np.asarray(shown[films.table.state[rows]])
 

@@ -194,7 +194,7 @@ class StripEvidence(Evidence, Protocol):
         """Predicted readings of a table's rows, all of this kind."""
 
 
-class Films(Protocol):
+class FilmsUnderLoads(Protocol):
     """Films under loads as kinds of evidence ask them, of every state, shape (states,).
 
     ``behind``: share of the last jump by which it is read late; ``moving``: what swings with the
@@ -242,7 +242,7 @@ class PlateEvidence(Evidence, Protocol):
         """
         return [], []
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         """Predicted readings of rows of one of its kinds, at these deflections of states [m]."""
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array

@@ -13,7 +13,7 @@ from tympan.studies.data.dataset import CHANNELS, Dataset
 from tympan.studies.data.noise import range_sigma, reading_sigma
 from tympan.studies.diagnosis.evidence.kind import (
     CHANNEL,
-    Films,
+    FilmsUnderLoads,
     PlateEvidence,
     Split,
     numbers_of,
@@ -49,7 +49,7 @@ class Rest(PlateEvidence):
             tables.append(_ranges(dataset.ranges, setup, range_sigma(dataset)))
         return tables, remarks
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         table, rig = films.table, films.rig
         at, since = table.state[rows], table.since[rows]
         if kind == "range":
@@ -67,7 +67,7 @@ class Rest(PlateEvidence):
         shown[late] -= (1 + rig.sensor_gain) * films.behind[at[late]] * jump
         return shown
 
-    def shares(self, films: Films, rows: Mask) -> tuple[Array, Array]:
+    def shares(self, films: FilmsUnderLoads, rows: Mask) -> tuple[Array, Array]:
         """Shares of the heaves of both states that rows of two show, by the sensor's gain."""
         table = films.table
         ranges, late = table.kind[rows] == "range", films.behind[table.state[rows]]

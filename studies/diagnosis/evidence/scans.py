@@ -13,7 +13,7 @@ from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.ramps import groups
-from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.evidence.kind import FilmsUnderLoads, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.patterns.reading_patterns import among
 from tympan.studies.diagnosis.reading_table import (
@@ -68,7 +68,7 @@ class Scans(PlateEvidence):
             tables.append(_rows(dataset, setup, sheet, kept, sigma))
         return tables, remarks
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         table, shown = films.table, np.empty(len(rows))
         for number in np.unique(table.scan[rows]):
             mine = table.scan[rows] == number

@@ -13,7 +13,7 @@ from tympan.fem.rig import Rig
 from tympan.studies.data.checked_runs import CheckedRun
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.sampled_run import WORDS, SampledRun
-from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.evidence.kind import FilmsUnderLoads, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.transients.block_means import BlockMeans, block_means
 from tympan.studies.effects import Setup
@@ -67,7 +67,7 @@ class Transients(PlateEvidence):
         table = reduce(ReadingTable.joined, tables)
         return [table.with_noise(_with_times_of_jumps(table.noise, table.lengths, parts))], remarks
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         stiffness, mass = films.stiffness(heave), films.moving
         # Branches take energy by the imaginary part of the stiffness.
         loss = stiffness * films.swing(stiffness).imag

@@ -28,7 +28,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 
 
 @dataclass(frozen=True, eq=False)
-class Tangent:
+class FitTangent:
     """Predictions of rows to first order about some unknowns, at others.
 
     ``about`` and ``unknowns``: shape (p,); ``predicted``: at ``about``, (rows,); ``jacobian``:
@@ -45,13 +45,13 @@ class Tangent:
     complete: bool = True
 
     @classmethod
-    def at(cls, fit: Fit, table: ReadingTable) -> Tangent:
+    def at(cls, fit: Fit, table: ReadingTable) -> FitTangent:
         """Tangent of a fit at its unknowns, in the rows of the table that it was fitted to."""
         return cls(fit.unknowns, fit.predicted(table), table.noise.coloured(fit.jacobian),
                    fit.unknowns, fit.heave, fit.cost)
 
     @classmethod
-    def made(cls, shown: Shown, unknowns: Array, cost: float) -> Tangent:
+    def made(cls, shown: Shown, unknowns: Array, cost: float) -> FitTangent:
         """Tangent of what a model shows at some unknowns, at a cost."""
         return cls(unknowns, shown.extended, shown.jacobian, unknowns, shown.heave, cost)
 
@@ -90,7 +90,7 @@ class FirstOrder:
     """
 
     whole: Predicts
-    tangents: Mapping[Hypothesis, Tangent]
+    tangents: Mapping[Hypothesis, FitTangent]
     rows: Mask
     exact: frozenset[Hypothesis] = frozenset()
 
@@ -102,12 +102,12 @@ class FirstOrder:
         Of causes that were not fitted, since they are not seen, without size beside the nominal
         fit.
         """
-        known = {fit.hypothesis: Tangent.at(fit, table) for fit in fits if fit.possible}
+        known = {fit.hypothesis: FitTangent.at(fit, table) for fit in fits if fit.possible}
         for cause in causes:
             if (cause,) not in known:
                 unknowns = with_sizes((cause,), nominal)
-                known[cause,] = Tangent.made(whole.prediction((cause,), unknowns, table), unknowns,
-                                             nominal.cost)
+                shown = whole.prediction((cause,), unknowns, table)
+                known[cause,] = FitTangent.made(shown, unknowns, nominal.cost)
         return cls(whole, known, np.ones(len(table), bool))
 
     def approximates(self, hypothesis: Hypothesis) -> bool:
@@ -132,7 +132,7 @@ class FirstOrder:
                        jacobian=tangent.jacobian[self.rows], unknowns=unknowns,
                        heave=np.full(len(table.states), np.nan))
 
-    def _added(self, hypothesis: Hypothesis) -> Tangent:
+    def _added(self, hypothesis: Hypothesis) -> FitTangent:
         """Tangent at the best of a hypothesis' effects alone, the others without size."""
         alone = [self.tangents[cause,] for cause in hypothesis]
         best = min(alone, key=lambda tangent: tangent.cost)

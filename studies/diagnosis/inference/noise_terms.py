@@ -20,7 +20,7 @@ from scipy.special import expit
 from tympan.base.arrays import Array
 from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.estimation.noise import Memory, Noise, Off, Term
+from tympan.studies.estimation.noise import Noise, NoiseMemory, NoiseTerm, Off
 
 #: Share of readings that are off by themselves, beforehand: careful hands write one in a hundred.
 SLIPS = 0.01
@@ -113,25 +113,25 @@ class Jump:
                             stated) - float(np.log(len(lengths)))
 
 
-def same_terms(terms: Sequence[Term], others: Sequence[Term]) -> bool:
+def same_terms(terms: Sequence[NoiseTerm], others: Sequence[NoiseTerm]) -> bool:
     """Whether the same readings are off, and errors remember as much."""
     return list(map(_meaning, terms)) == list(map(_meaning, others))
 
 
-def _meaning(term: Term) -> tuple[object, ...]:
-    if isinstance(term, Memory):
-        return (Memory, term.correlation, *term.share.tolist())
+def _meaning(term: NoiseTerm) -> tuple[object, ...]:
+    if isinstance(term, NoiseMemory):
+        return (NoiseMemory, term.correlation, *term.share.tolist())
     return (type(term), *term.rows.tolist())
 
 
-def remembers(terms: Sequence[Term]) -> bool:
+def remembers(terms: Sequence[NoiseTerm]) -> bool:
     """Whether some errors remember those before."""
-    return any(isinstance(term, Memory) for term in terms)
+    return any(isinstance(term, NoiseMemory) for term in terms)
 
 
 def noise_terms(noise: Noise, models: Sequence[Missed],
                 rivals: Callable[[], Iterable[Smooth | Jump]] = tuple,
-                chain: Memory | None = None, most: float = np.inf) -> tuple[Term, ...]:
+                chain: NoiseMemory | None = None, most: float = np.inf) -> tuple[NoiseTerm, ...]:
     """Terms that make the residuals of some models most probable; none if ``noise`` is enough.
 
     Parameters
@@ -194,7 +194,7 @@ class _Trial:
     """Terms that are tried, and the logarithm of how probable they make what is missed."""
 
     value: float = -np.inf
-    terms: tuple[Term, ...] = ()
+    terms: tuple[NoiseTerm, ...] = ()
 
 
 def _over_neighbours(correlation: float, share: float) -> float:
@@ -208,7 +208,7 @@ def probability_off(size: Array) -> Array:
     return np.asarray(expit(odds))
 
 
-def chain_of(table: ReadingTable) -> Memory:
+def chain_of(table: ReadingTable) -> NoiseMemory:
     """Readings of lengths at rest as they were made, a step of the clock from one to the next.
 
     By the order that is written, else by the lines of each ramp; by the clock where that runs
@@ -225,7 +225,7 @@ def chain_of(table: ReadingTable) -> Memory:
     elapsed = table.states.elapsed[table.state[rows]]
     if len(rows) > 1 and np.all(np.diff(elapsed) > 0):
         clock = elapsed / float(np.median(np.diff(elapsed)))
-    return Memory(rows, run, clock, np.ones(len(rows)))
+    return NoiseMemory(rows, run, clock, np.ones(len(rows)))
 
 
 def _rest(residual: Array, jacobian: Array) -> tuple[float, int]:

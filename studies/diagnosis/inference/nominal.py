@@ -28,7 +28,7 @@ from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, among, over
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.estimation.noise import STATED, Noise, Term
+from tympan.studies.estimation.noise import STATED, Noise, NoiseTerm
 
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
@@ -71,12 +71,12 @@ class NominalMisfit:
     fit: Fit
     patterns: dict[str, Array]
     stated: Noise
-    terms: tuple[Term, ...] = ()
+    terms: tuple[NoiseTerm, ...] = ()
     scatter: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
-           workers: int = 1, terms: Sequence[Term] | None = None) -> NominalMisfit:
+           workers: int = 1, terms: Sequence[NoiseTerm] | None = None) -> NominalMisfit:
         """Fit a simulation, extended as far as the fit needs.
 
         ``terms`` of the noise, by default those that the misfit shows.
@@ -153,7 +153,7 @@ class NominalMisfit:
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
-    def shown_terms(self, remembers: bool = False, most: float = WANDERS) -> tuple[Term, ...]:
+    def shown_terms(self, remembers: bool = False, most: float = WANDERS) -> tuple[NoiseTerm, ...]:
         """Terms of the noise that readings show beside the model and each cause.
 
         ``remembers``: errors may remember those before; ``most`` as :func:`noise_terms` has it.
@@ -164,7 +164,7 @@ class NominalMisfit:
         return self.terms_by([nominal, *beside], remembers, most)
 
     def terms_by(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS
-                 ) -> tuple[Term, ...]:
+                 ) -> tuple[NoiseTerm, ...]:
         """Terms of the noise by the residuals of models."""
         chain = chain_of(self.table) if remembers else None
         return noise_terms(self.stated, models, self._rivals, chain, most)
@@ -192,11 +192,11 @@ class NominalMisfit:
         colour = self.table.noise.coloured
         return Missed(colour(fit.residual), colour(fit.free_jacobian))
 
-    def with_terms(self, terms: Sequence[Term]) -> NominalMisfit:
+    def with_terms(self, terms: Sequence[NoiseTerm]) -> NominalMisfit:
         """The misfit fitted again with these terms of the noise; the same object if it has them."""
         return self if same_terms(terms, self.terms) else self._fitted_with(terms)
 
-    def _fitted_with(self, terms: Sequence[Term]) -> NominalMisfit:
+    def _fitted_with(self, terms: Sequence[NoiseTerm]) -> NominalMisfit:
         table = self.table.with_noise(self.stated.plus(*terms))
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         patterns = _patterns(self.simulation, table, nominal)

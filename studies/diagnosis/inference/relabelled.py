@@ -43,7 +43,7 @@ Labels = Literal["specimen", "mass", "voltage"]
 
 
 @dataclass(frozen=True)
-class Part:
+class RelabelledPart:
     """Some rows by words: those of a specimen, under a mass, or of some lines of a file.
 
     All if nothing is said.
@@ -67,7 +67,7 @@ class Relabelling:
     column: Labels
     pair: tuple[str, str] | tuple[()]
     rows: int
-    part: Part
+    part: RelabelledPart
     file: str
     lines: tuple[int, ...]
     before: float
@@ -127,7 +127,7 @@ class _Tried:
     """
 
     way: _Way
-    part: Part
+    part: RelabelledPart
     rows: Mask
     reached: Fit
     chi_squared: float
@@ -187,7 +187,7 @@ class _Search:
         step = np.linalg.lstsq(slopes, missed, rcond=None)[0]
         return float(np.sum((missed - slopes @ step) ** 2)) + float((~stay).sum())
 
-    def fit(self, part: Part, rows: Mask) -> _Tried:
+    def fit(self, part: RelabelledPart, rows: Mask) -> _Tried:
         """A part with the other labels, fitted anew; a lost row counts as noise."""
         changed, lost = rows & self.way.changed, rows & self.way.lost
         moved = np.zeros(len(self.table.states), bool)
@@ -300,20 +300,23 @@ def _shifted(table: ReadingTable, rows: Numbers, group: Numbers, column: Labels,
     return _Way(column, (), -shift, states, changed, lost)
 
 
-def _parts(table: ReadingTable, way: _Way, names: Sequence[str]) -> list[tuple[Part, Mask]]:
+def _parts(table: ReadingTable, way: _Way, names: Sequence[str]
+           ) -> list[tuple[RelabelledPart, Mask]]:
     """Parts with a name in which labels may be wrong, among them all."""
     specimens = np.array(names)[table.specimen]
     masses = np.array([_grams(mass) for mass in table.mass.tolist()])
-    parts = [(Part(), np.full(len(table), True))]
-    parts += [(Part(specimen=name), specimens == name) for name in np.unique(specimens).tolist()]
-    parts += [(Part(mass=mass), masses == mass) for mass in np.unique(masses).tolist()]
-    parts += [(Part(name, mass), (specimens == name) & (masses == mass))
+    parts = [(RelabelledPart(), np.full(len(table), True))]
+    parts += [(RelabelledPart(specimen=name), specimens == name)
+              for name in np.unique(specimens).tolist()]
+    parts += [(RelabelledPart(mass=mass), masses == mass)
+              for mass in np.unique(masses).tolist()]
+    parts += [(RelabelledPart(name, mass), (specimens == name) & (masses == mass))
               for name in np.unique(specimens).tolist() for mass in np.unique(masses).tolist()]
     if way.pair:
         # Both labels are in what they are exchanged in.
         parts = [(part, rows) for part, rows in parts
                  if not (part.specimen if way.column == "specimen" else part.mass)]
-    kept, seen = list[tuple[Part, Mask]](), list[Mask]()
+    kept, seen = list[tuple[RelabelledPart, Mask]](), list[Mask]()
     for part, rows in parts:
         changed = rows & way.changed
         if changed.any() and not any(np.array_equal(changed, other) for other in seen):
@@ -322,11 +325,12 @@ def _parts(table: ReadingTable, way: _Way, names: Sequence[str]) -> list[tuple[P
     return kept
 
 
-def _lines(table: ReadingTable, rows: Mask) -> Part:
+def _lines(table: ReadingTable, rows: Mask) -> RelabelledPart:
     """The first and the last line of some rows, in the file of the first."""
     file = str(table.file[rows][0]) if rows.any() else ""
     lines = table.line[rows & (table.file == file)]
-    return Part(file=file, lines=(int(lines.min()), int(lines.max())) if len(lines) else (0, 0))
+    ends = (int(lines.min()), int(lines.max())) if len(lines) else (0, 0)
+    return RelabelledPart(file=file, lines=ends)
 
 
 def _grams(mass: float) -> str:

@@ -32,7 +32,7 @@ from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, ne
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
-from tympan.studies.estimation.noise import UNSTATED, Noise, Term
+from tympan.studies.estimation.noise import UNSTATED, Noise, NoiseTerm
 
 #: Probability by noise alone below which something is wrong, or a cause leaves something
 #: unexplained. Noise of real benches has heavy tails, slips and memory: it goes below this twice as
@@ -283,7 +283,7 @@ def judge(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause]
 
 
 def _judged(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause], widen: float,
-            seed: int, workers: int, terms: Sequence[Term] | None = None,
+            seed: int, workers: int, terms: Sequence[NoiseTerm] | None = None,
             sensor: Wandering = Wandering()) -> Judgement:
     """Judge as :func:`judge` does, with ``terms`` of the noise and a ``sensor`` that are known.
 
@@ -332,7 +332,7 @@ def _wandering(misfit: NominalMisfit, generator: np.random.Generator) -> Wanderi
     return Wandering(size, excluded=not remembers(beside))
 
 
-def _noise_terms(judged: Judgement) -> tuple[Term, ...]:
+def _noise_terms(judged: Judgement) -> tuple[NoiseTerm, ...]:
     """Terms of the noise as all fits together show them."""
     misfit = judged.misfit
     if judged.posterior is None:

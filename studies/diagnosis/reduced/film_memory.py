@@ -38,7 +38,7 @@ from tympan.studies.effects import Setup
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.films.reduction import film_of_runs
-from tympan.studies.signals import Supplied, Together
+from tympan.studies.signals import JointSignal, Supplied
 from tympan.studies.trace import Trace
 
 #: Spacing of the lattice in logarithms, a factor of two. Set by trial.
@@ -246,7 +246,7 @@ class RememberingFilm:
         signals = [Supplied(history.whole, rig) for rig in (self.rig, self.rig, stronger)
                    for history in histories]
         return ReducedMotion(film, np.concatenate([force, (1 + _CHANGE) * force, force]),
-                             Together(signals), self._springs)
+                             JointSignal(signals), self._springs)
 
     @cached_property
     def _tangents(self) -> tuple[Array, Array] | None:

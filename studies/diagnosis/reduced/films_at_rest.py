@@ -27,7 +27,7 @@ from tympan.studies.diagnosis.reduced.sampling import COARSE
 from tympan.studies.effects import Setup
 
 #: Force and its derivative by deflection, at deflections, shape (..., states) each.
-Balance = Callable[[Array], tuple[Array, Array]]
+RestBalance = Callable[[Array], tuple[Array, Array]]
 
 #: Negative deflection down to which a force law is valid, as a share of the largest.
 _BELOW = 0.2
@@ -358,7 +358,7 @@ class _Reach:
                    (1 + BEYOND) * voltage_squared)
 
 
-def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mask]:
+def resting_place(balance: RestBalance, low: Array, high: Array) -> tuple[Array, Mask]:
     """Find the first equilibria of plates released at no deflection, and which of them have one.
 
     ``balance`` is the force that holds the plate minus the load [N]; ``low`` < 0 < ``high`` [m],
@@ -426,7 +426,7 @@ def play(first: Array, last: Array, runs: Iterable[Numbers],
     return at, way
 
 
-def crossing(function: Balance, low: Array, high: Array, start: Array) -> Array:
+def crossing(function: RestBalance, low: Array, high: Array, start: Array) -> Array:
     """Find roots below ``high`` of functions not positive at ``low``: Newton in brackets.
 
     ``function`` computes values and derivatives, shape (n,) each. The search begins at ``start``

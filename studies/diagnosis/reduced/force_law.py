@@ -170,7 +170,7 @@ def _rounded(value: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampledForce:
     """Force [N], capacitance [F], squared tilt [rad²] of a film and, if requested, its shape.
 
     ``values`` have the shape (3, heaves, voltages) or more.
@@ -210,7 +210,7 @@ class ForceLaw:
     solver: Solver
     grid: Grid
     axes: tuple[Axis, ...]
-    samples: Mapping[Sample, Sampled]
+    samples: Mapping[Sample, SampledForce]
 
     def at(self, sizes: Array) -> ForceSurface:
         """Evaluate the law at sizes of the axes' parameters on the nominal film, shape (axes,)."""
@@ -222,28 +222,28 @@ class ForceLaw:
         return self.samples[()].coefficients(self.grid)
 
     @cached_property
-    def terms(self) -> Mapping[tuple[int, ...], Term]:
+    def terms(self) -> Mapping[tuple[int, ...], ForceTerm]:
         """Terms that are added to the nominal film, by the axes that they depend on."""
         groups: dict[tuple[int, ...], list[Sample]] = {}
         for sample in sorted(self.samples, key=len):
             if sample:
                 groups.setdefault(tuple(number for number, _ in sample), []).append(sample)
-        terms: dict[tuple[int, ...], Term] = {}
+        terms: dict[tuple[int, ...], ForceTerm] = {}
         for group, members in groups.items():
             terms[group] = self._term(group, members, terms)
         return terms
 
     def _term(self, group: tuple[int, ...], members: list[Sample],
-              lower: Mapping[tuple[int, ...], Term]) -> Term:
+              lower: Mapping[tuple[int, ...], ForceTerm]) -> ForceTerm:
         at = np.array([[self.axes[number].coordinate(size) for number, size in sample]
                        for sample in members])
         added = np.array([self.samples[sample].coefficients(self.grid, self.nominal)
                           for sample in members])
         for row, coordinates in enumerate(at.tolist()):
             added[row] -= _sum_of(lower, dict(zip(group, coordinates, strict=True)))
-        return Term(group, at, added)
+        return ForceTerm(group, at, added)
 
-    def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, Sampled]) -> ForceLaw:
+    def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, SampledForce]) -> ForceLaw:
         """Add samples to the law; drop those no longer at places of the axes."""
         kept = {sample: values for sample, values in {**self.samples, **more}.items()
                 if len(sample) != 1 or sample[0][1] in axes[sample[0][0]].places}
@@ -251,7 +251,7 @@ class ForceLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
+class ForceTerm:
     """Term that depends on all axes of a ``group`` together, through samples.
 
     ``at`` are their coordinates, shape (samples, axes); ``added`` are coefficients there, shape
@@ -386,7 +386,7 @@ def _force_surface(law: ForceLaw, sizes: tuple[float, ...]) -> ForceSurface:
     return ForceSurface(law.grid, law.nominal + _sum_of(law.terms, coordinates))
 
 
-def _sum_of(terms: Mapping[tuple[int, ...], Term], coordinates: Mapping[int, float]
+def _sum_of(terms: Mapping[tuple[int, ...], ForceTerm], coordinates: Mapping[int, float]
             ) -> Array | float:
     """Sum all terms of some axes and their groups, coordinates by number ascending."""
     groups = (group for count in range(1, len(coordinates) + 1)

@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from tympan.base.arrays import Array
+from tympan.base.progress import PartsDone
 from tympan.base.system import MissingLibrary
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.axes import (
@@ -22,13 +23,12 @@ from tympan.studies.diagnosis.reduced.axes import (
     film_axes,
     sampled_film,
 )
-from tympan.studies.diagnosis.reduced.force_law import FORCE, ForceLaw, Grid, Sampled, Solver
+from tympan.studies.diagnosis.reduced.force_law import FORCE, ForceLaw, Grid, SampledForce, Solver
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, affected
 from tympan.studies.effects import Setup
 from tympan.studies.parallel import mapped
 
 AnyFilms = TypeVar("AnyFilms", bound=ReducedFilms)
-Progress = Callable[[int, int], None]
 Solve = Callable[[HeldFilm, Grid, Sequence[HeldFilm]], Array]
 
 #: Factor by which the largest size sampled grows in one step. Set by trial.
@@ -82,11 +82,11 @@ class Chain:
         return replace(base, samples=tuple(((number, place),) for place in places),
                        behind=((), *(((number, place),) for place in behind)), patient=True)
 
-    def run(self) -> Solved:
+    def run(self) -> SolvedGrid:
         """Solve all samples."""
         return self._followed(self.solver.solved)
 
-    def at_once(self) -> Solved | None:
+    def at_once(self) -> SolvedGrid | None:
         """Look up all samples; None if one of them is not stored."""
         def stored(film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
             values = self.solver.stored(film, grid)
@@ -99,8 +99,8 @@ class Chain:
         except LookupError:
             return None
 
-    def _followed(self, solve: Solve) -> Solved:
-        answers: dict[Sample, Sampled] = {}
+    def _followed(self, solve: Solve) -> SolvedGrid:
+        answers: dict[Sample, SampledForce] = {}
         near = [self._film(sample) for sample in self.behind]
         last, failure = self.behind[-1] if self.behind else (), None
         for sample in self.samples:
@@ -120,17 +120,17 @@ class Chain:
                     break
             if failure:
                 break
-        return Solved(self, answers, failure)
+        return SolvedGrid(self, answers, failure)
 
     def _sampled(self, solve: Solve, film: HeldFilm, grid: Grid,
-                 near: Sequence[HeldFilm]) -> Sampled:
+                 near: Sequence[HeldFilm]) -> SampledForce:
         """Solve a film on the grid, or up to a lower voltage if it fails at the highest."""
         least = _LOWEST * grid.voltage_squared if near else 0.0
         while True:
             values = solve(film, grid, near)
             failing = np.flatnonzero(np.isnan(values[FORCE]).any(axis=0))
             if not len(failing):
-                return Sampled(grid, values)
+                return SampledForce(grid, values)
             squares = grid.nodes[1]
             reached = squares[failing[0] - 1] if failing[0] else 0.0
             # The next attempt ends half way to the failure; the nodes end somewhat below the grid.
@@ -153,11 +153,11 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedGrid:
     """Answer of a chain: values by sample, and the failure that ended it early."""
 
     chain: Chain
-    answers: dict[Sample, Sampled]
+    answers: dict[Sample, SampledForce]
     failure: Exception | None
 
 
@@ -168,12 +168,12 @@ def _between(start: Sample, end: Sample, share: float) -> Sample:
     return ((number, near + share * (far - near)),)
 
 
-def _run(chain: Chain) -> Solved:
+def _run(chain: Chain) -> SolvedGrid:
     return chain.run()
 
 
 def solve_chains(chains: Sequence[Chain], workers: int,
-                 progress: Progress = lambda done, all_of_them: None) -> list[Solved]:
+                 progress: PartsDone = lambda done, all_of_them: None) -> list[SolvedGrid]:
     """Solve chains in processes, except those that are stored."""
     solved = [chain.at_once() for chain in chains]
     missing = [chain for chain, answer in zip(chains, solved, strict=True) if answer is None]
@@ -185,9 +185,9 @@ def solve_chains(chains: Sequence[Chain], workers: int,
     return [answer for answer in solved if answer is not None]
 
 
-def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
+def extended_law(law: ForceLaw, solved: Iterable[SolvedGrid]) -> ForceLaw:
     """Add the answers of chains to a law; an axis whose chain ended early ends there."""
-    axes, more = list(law.axes), dict[Sample, Sampled]()
+    axes, more = list(law.axes), dict[Sample, SampledForce]()
     for answer in solved:
         more |= answer.answers
         for sample in answer.answers:
@@ -202,7 +202,7 @@ def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
 
 
 def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: Progress = lambda done, all_of_them: None, shapes: bool = False
+               progress: PartsDone = lambda done, all_of_them: None, shapes: bool = False
                ) -> tuple[ForceLaw, ...]:
     """Sample the force law of every specimen of a setup, each effect alone at its first sizes.
 
@@ -222,7 +222,7 @@ def regridded(simulation: AnyFilms, grids: Sequence[Grid], workers: int = 1) -> 
 
 def _sampled(setup: Setup, laws: Sequence[ForceLaw],
              joint: Sequence[Sequence[tuple[Sample, ...]]], workers: int,
-             progress: Progress = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
+             progress: PartsDone = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
     """Solve laws at all places of their axes, and joint samples."""
     chains: list[Chain] = []
     for number, (specimen, law) in enumerate(zip(setup.specimens, laws, strict=True)):
@@ -348,7 +348,7 @@ def _chain_of(simulation: ReducedFilms, law: int) -> Chain:
     return _base(simulation.setup, simulation.setup.specimens[law].name, simulation.laws[law])
 
 
-def _with_answers(simulation: AnyFilms, solved: Sequence[Solved]) -> AnyFilms:
+def _with_answers(simulation: AnyFilms, solved: Sequence[SolvedGrid]) -> AnyFilms:
     names = [specimen.name for specimen in simulation.setup.specimens]
     changed = {answer.chain.name for answer in solved if answer.answers or answer.chain.patient}
     if not changed:

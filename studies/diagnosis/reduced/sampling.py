@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tympan.base.arrays import Array
+from tympan.base.progress import PartsDone
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
@@ -26,7 +27,7 @@ from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, COUNT, lattice_of
-from tympan.studies.diagnosis.reduced.force_law import SHAPE, ForceLaw, Grid, Sampled
+from tympan.studies.diagnosis.reduced.force_law import SHAPE, ForceLaw, Grid, SampledForce
 from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 from tympan.studies.kept.store import Store, digest
@@ -277,11 +278,11 @@ def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float,
             if grid.voltage_squared < 1.0:
                 raise
         else:
-            return ForceLaw(solver, grid, (), {(): Sampled(grid, values)})
+            return ForceLaw(solver, grid, (), {(): SampledForce(grid, values)})
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: Callable[[int, int], None] = lambda done, all_of_them: None,
+               progress: PartsDone = lambda done, all_of_them: None,
                shapes: bool = False) -> tuple[ForceLaw, ...]:
     """Sample the force law of every specimen, with the axes of every effect in the library.
 

@@ -27,7 +27,7 @@ from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms, bounds_
 _FURTHER = 1.4
 
 
-class Together:
+class JointPrediction:
     """Readings of rows of several kinds, with the states of the first kind."""
 
     def __init__(self, parts: list[Shown], rows: list[Mask]) -> None:
@@ -39,7 +39,7 @@ class Together:
         """Whether everything that was read is possible."""
         return all(part.complete for part in self.parts)
 
-    def beyond(self, before: Together) -> bool:
+    def beyond(self, before: JointPrediction) -> bool:
         """Check whether a search must not go here."""
         return any(part.beyond(other) for part, other in zip(self.parts, before.parts, strict=True))
 
@@ -83,7 +83,7 @@ class Simulation(ReducedFilms, ReadingModel):
         if len(parts) < 2:
             kind = parts[0][0] if parts else self.evidence[0]
             return self._shown(kind, hypothesis, unknowns, table)
-        return Together([self._shown(kind, hypothesis, unknowns, table[rows])
+        return JointPrediction([self._shown(kind, hypothesis, unknowns, table[rows])
                          for kind, rows in parts], [rows for _, rows in parts])
 
     def _shown(self, kind: Evidence, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable

@@ -9,7 +9,7 @@ import numpy as np
 from tympan.fem.rig import Rig
 from tympan.geometry.sectors import covered_share
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects.effect import EffectParameter, Family, Observable
+from tympan.studies.effects.effect import EffectFamily, EffectParameter, Observable
 
 #: A band, spots or a sector without field: readings of plates alone cannot distinguish them.
 #: Missing quadrants of 12 to 40 % of three shapes, and spots of 30 mm at their frames, have the
@@ -17,7 +17,7 @@ from tympan.studies.effects.effect import EffectParameter, Family, Observable
 #: to 33 % have those of bands with 0.8 to 1.1 of their area. On three round films the fitted
 #: permittivity takes up more of a sector: the rest equals a band of 0.4 to 0.7 of its area, except
 #: for a fifth to a half of χ². There limits are too low.
-BARE_FILM = Family(
+BARE_FILM = EffectFamily(
     "bare_film", "The electrodes cover less of the film than stated: {share} less",
     check="look through the films against a light, or photograph them: the electrode may end short "
           "of the frame, or miss a sector or spots; a line scan over the film tells it too",
@@ -48,7 +48,7 @@ def _carried(specimen: Specimen, rig: Rig) -> float:
 #: film, or with voltages that only rise, their readings agree to within 0.01 in χ² of 20.
 #: Equivalent masses are equal; those of electrodes on a round film, and 0.92 times on an ellipse of
 #: 7.5 by 4.5 cm.
-CARRIED_LOAD = Family(
+CARRIED_LOAD = EffectFamily(
     "carried_load", "The film carries {share} {size:more/less} than the labels of its loads say",
     check="weigh plate, hook, lead and every load on one balance, and a film before and after its "
           "electrodes are brushed on; look whether guide, probe or leads rub the plate, and read "
@@ -70,7 +70,7 @@ def _stiffening(specimen: Specimen, rig: Rig) -> float:
 #: A law that hardens, electrodes that are stiff: their readings agree to within 0.5 in χ² of 10 up
 #: to 30 kPa, ten typical exponents, on three films. Their contribution to the tension of a mounted
 #: film then differs by a factor of 0.86 to 1.63, for the law continues to harden.
-STIFFER_FILM = Family(
+STIFFER_FILM = EffectFamily(
     "stiffer_film", "The film's tension grows {size:more/less} with stretch than stated, by "
                     "{share} for a tenth more along one axis",
     check="wipe the electrodes off one specimen and read its deflections without voltage again; "
@@ -102,7 +102,7 @@ def _unmoved(specimen: Specimen, rig: Rig) -> float:
 #: explains 97 % of the χ² of a permittivity lower by 5 to 10 %, with 0.9 to 1 times its measure,
 #: and 94 % of that of sectors of 15° and 45°, with 1.05 to 1.5 times. A thicker film also deflects
 #: less without voltage: for one thicker by 3 % a slip explains 70 %.
-LESS_MOVED = Family(
+LESS_MOVED = EffectFamily(
     "less_moved", "A voltage takes {share} less tension from the film of {which} than it should: "
                   "this film slipped in its frame, or has less electrode than stated",
     check="of {which}: look for slip where the film is clamped, and measure the marks drawn on it "

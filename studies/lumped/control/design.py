@@ -18,8 +18,8 @@ from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.control.controller import Controller, Made, Method, StaticInverse
 from tympan.studies.lumped.control.loop import (
     Complex,
-    Margins,
-    Sampled,
+    RunMargins,
+    SampledLoop,
     closed_poles,
     frequencies,
 )
@@ -42,11 +42,11 @@ _GAINS = np.geomspace(1e-4, 1e2, 180)
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class ControllerDesign:
     """A controller with what it was designed on: the plant about rests over the range."""
 
     controller: Controller
-    plants: tuple[Sampled, ...]
+    plants: tuple[SampledLoop, ...]
     linear: tuple[Linear, ...]
     sensor_lag: float
 
@@ -69,20 +69,20 @@ class Design:
             about = films.about(linear.voltage)
             state = films.rest(np.nan_to_num(y), about)
             driven = films.by_voltage(state, about, squared=True)[..., None]
-            plant = Sampled.of(films.linear(state, about)[1], driven / linear.gain,
+            plant = SampledLoop.of(films.linear(state, about)[1], driven / linear.gain,
                                self.controller.interval_s, self.sensor_lag)
             pole = closed_poles(plant, self.controller.law).max(axis=-1)
             largest = np.fmax(largest, np.where(np.isfinite(y), pole, np.nan))
         return np.where(largest > 0, largest, np.inf)
 
     @property
-    def margins(self) -> Margins:
+    def margins(self) -> RunMargins:
         """The worst over the range."""
-        return Margins.of(*self.loops())
+        return RunMargins.of(*self.loops())
 
 
 def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0,
-           method: Method = "pi") -> Design:
+           method: Method = "pi") -> ControllerDesign:
     """The controller of an actuator from 0 to a supply's voltage [V], sampled each interval [s].
 
     ``sensor_lag``: time of the sensor's lag [s].
@@ -95,7 +95,7 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
     # Driven by U², which has an effect without voltage, too.
     linear = [linearise(actuator, float(voltage), by="U2")
               for voltage in np.linspace(0.0, supply, _RESTS)]
-    plants = tuple(Sampled.of(each.a, each.b / each.gain, interval, sensor_lag)
+    plants = tuple(SampledLoop.of(each.a, each.b / each.gain, interval, sensor_lag)
                    for each in linear)
     swing = max(abs(pole.value) for each in linear for pole in each.named_poles
                 if pole.name != "charging")
@@ -103,11 +103,11 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
     if found is None:
         raise Failure("no controller of this sampling holds the film: sample it more often "
                       "(--interval)")
-    return Design(found(StaticInverse.of(actuator, supply), supply), plants, tuple(linear),
-                  sensor_lag)
+    controller = found(StaticInverse.of(actuator, supply), supply)
+    return ControllerDesign(controller, plants, tuple(linear), sensor_lag)
 
 
-def _pi(plants: Sequence[Sampled], swing: float) -> Made | None:
+def _pi(plants: Sequence[SampledLoop], swing: float) -> Made | None:
     """Lags, ratio K_p/K_i and gain of plants with a swing [rad/s]; None where none is stable."""
     interval = plants[0].interval
     z = np.exp(1j * frequencies(interval)[::3] * interval)

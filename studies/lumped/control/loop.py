@@ -21,7 +21,7 @@ _LOWEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampledLoop:
     """A plant about a rest, x⁺ = A x + b v, y = c x, once an interval [s]; or an array of them.
 
     v is the deflection at rest that the voltage is for [m], so that y = v at rest.
@@ -33,7 +33,7 @@ class Sampled:
     interval: float
 
     @classmethod
-    def of(cls, a: Array, b: Array, interval: float, sensor_lag: float = 0.0) -> Sampled:
+    def of(cls, a: Array, b: Array, interval: float, sensor_lag: float = 0.0) -> SampledLoop:
         """Small motions ẋ = A x + b v, the voltage held between samples, a sensor's lag [s]."""
         seen = 0
         if sensor_lag:
@@ -60,7 +60,7 @@ def frequencies(interval: float) -> Array:
     return np.geomspace(_LOWEST, 1.0, _FREQUENCIES) * np.pi / interval
 
 
-def closed_poles(plant: Sampled, law: LinearLaw) -> Array:
+def closed_poles(plant: SampledLoop, law: LinearLaw) -> Array:
     """Sizes of the poles of a plant, or of an array of them, that a law drives."""
     a, b, c, d, _ = law.arrays
     b, size, shape = b[:, 1:], len(a), plant.a.shape[:-2]
@@ -72,7 +72,7 @@ def closed_poles(plant: Sampled, law: LinearLaw) -> Array:
 
 
 @dataclass(frozen=True)
-class Margins:
+class RunMargins:
     """Margins of loops, of each the worst.
 
     ``gain``: by which factor the loop's gain may grow; ``phase`` [°]; ``delay`` [s] that may be
@@ -85,7 +85,7 @@ class Margins:
     sensitivity: float
 
     @classmethod
-    def of(cls, loops: Sequence[Complex], omega: Array) -> Margins:
+    def of(cls, loops: Sequence[Complex], omega: Array) -> RunMargins:
         """Margins of open loops L at frequencies [rad/s]."""
         found = np.array([cls._one(loop, omega) for loop in loops])
         gain, phase, delay = found[:, :3].min(axis=0).tolist()

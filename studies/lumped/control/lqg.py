@@ -16,7 +16,7 @@ from scipy.linalg import solve_discrete_are
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.studies.lumped.control.controller import Controller, LinearLaw, Made
-from tympan.studies.lumped.control.loop import Sampled, closed_poles, frequencies
+from tympan.studies.lumped.control.loop import SampledLoop, closed_poles, frequencies
 
 #: Weights of what is asked for, over that of the deflection's error, that are tried.
 _WEIGHTS = np.geomspace(1e-2, 1e2, 7)
@@ -28,7 +28,7 @@ _WALKS = np.geomspace(1e-7, 1e0, 15)
 _COARSE = 5
 
 
-def best_lqg(plants: Sequence[Sampled], sensitivity: float) -> Made | None:
+def best_lqg(plants: Sequence[SampledLoop], sensitivity: float) -> Made | None:
     """The LQG controller of the middle plant with most integral gain on all plants.
 
     All loops must be stable, and their sensitivity at most as given; None where none is.
@@ -56,14 +56,14 @@ def best_lqg(plants: Sequence[Sampled], sensitivity: float) -> Made | None:
         proportional=None, integral_per_s=gain, law=best)
 
 
-def _regulator(plant: Sampled, weight: float) -> Array:
+def _regulator(plant: SampledLoop, weight: float) -> Array:
     """Gain K of v = −K x that is best for y² + weight v², shape (1, size)."""
     a, b = plant.a, plant.b
     left = solve_discrete_are(a, b, plant.c.T @ plant.c, np.array([[weight]]))
     return np.asarray(np.linalg.solve(weight + b.T @ left @ b, b.T @ left @ a))
 
 
-def _filter(plant: Sampled, shaken: float, walk: float) -> tuple[Array, float]:
+def _filter(plant: SampledLoop, shaken: float, walk: float) -> tuple[Array, float]:
     """Gains of a Kalman filter: of the state, shape (size, 1), and of the random walk."""
     size = len(plant.a)
     a, noise, c = np.eye(size + 1), np.zeros((size + 1, size + 1)), np.zeros((1, size + 1))
@@ -77,7 +77,7 @@ def _filter(plant: Sampled, shaken: float, walk: float) -> tuple[Array, float]:
     return gain[:-1], float(gain[-1, 0])
 
 
-def _law(plant: Sampled, regulator: Array, moved: Array, walked: float) -> LinearLaw:
+def _law(plant: SampledLoop, regulator: Array, moved: Array, walked: float) -> LinearLaw:
     """Filter and regulator as one law; its memory is the state and the walk that are foreseen."""
     a, b, c, size = plant.a, plant.b, plant.c, len(plant.a)
     still = np.linalg.solve(np.eye(size) - a, b)  # the state at rest per deflection

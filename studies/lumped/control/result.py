@@ -30,7 +30,7 @@ COLUMNS: tuple[Column, ...] = (
 )
 
 #: What keeps a step from being quicker.
-Limit = Literal["supply", "swing", "creep", "sampling"]
+ControlLimit = Literal["supply", "swing", "creep", "sampling"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class ControlStep:
         "settled_s without feedback over that with it, at least: where the film without feedback "
         "does not settle, the time to the next step stands for it")]
     overshoot: Annotated[float, Key("how far beyond the wanted deflection it goes, over the step")]
-    limited_by: Annotated[Limit, Key(
+    limited_by: Annotated[ControlLimit, Key(
         "what keeps it from being quicker: the supply, which needs half of the time at least; the "
         "plate swings; the film creeps, which feedback must outrun; a settling of few samples")]
 
@@ -81,7 +81,7 @@ class LoopMargins:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScatteredFilms:
+class ControlledFilms:
     """Films that differ from the one of the design, under its controller.
 
     Standard deviations: 10 % of stiffness and of permittivity, 5 % of the mass, 20 % of each
@@ -116,7 +116,7 @@ class ControlledFilm:
     error_rms_m: Annotated[float, Key("root mean square of wanted less reached deflection")]
     open_error_rms_m: Annotated[float, Key("the same without feedback")]
     steps: Annotated[tuple[ControlStep, ...], Key("steps of the wanted deflection")]
-    scattered: Annotated[ScatteredFilms, Key("films that differ from this one")]
+    scattered: Annotated[ControlledFilms, Key("films that differ from this one")]
     sensed: Annotated[Inverse | None, Key("deflection by capacitance, where that is read")]
     disturbance: Annotated[Disturbance, Key("a mass put on the plate in the middle of its travel")]
     warnings: Warnings

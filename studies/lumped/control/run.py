@@ -13,22 +13,23 @@ import pandas as pd
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError, VoltageError
 from tympan.base.fields import Key, asks
+from tympan.base.progress import Progress, ShareDone
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.fem.rig import Rig
 from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method
-from tympan.studies.lumped.control.design import Design, design
-from tympan.studies.lumped.control.loop import Margins
+from tympan.studies.lumped.control.design import ControllerDesign, design
+from tympan.studies.lumped.control.loop import RunMargins
 from tympan.studies.lumped.control.result import (
     ControlledFilm,
+    ControlledFilms,
+    ControlLimit,
     ControlResult,
     ControlStep,
     Disturbance,
-    Limit,
     LoopMargins,
-    ScatteredFilms,
 )
 from tympan.studies.lumped.equilibria import rest_curve
 from tympan.studies.lumped.export.fmu import require_compiler
@@ -36,7 +37,7 @@ from tympan.studies.lumped.in_time import InTime
 from tympan.studies.lumped.linear import Linear, linearise
 from tympan.studies.lumped.plants import Plant
 from tympan.studies.sense.inverse import Inverse, fit_inverse
-from tympan.studies.sense.inverse import Sampled as CapacitanceCurve
+from tympan.studies.sense.inverse import SampledCurve as CapacitanceCurve
 from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import sample_count
 
@@ -141,7 +142,7 @@ class LoopRun:
 
 
 def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Array,
-                sensor_lag: float = 0.0, progress: Callable[[float], None] = lambda share: None,
+                sensor_lag: float = 0.0, progress: ShareDone = lambda share: None,
                 keep: Container[int] = (), sensed: Inverse | None = None) -> LoopRun:
     """A plant that begins at rest, at each sample's wanted deflection [m], and ``before`` them.
 
@@ -173,7 +174,7 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
 
 
 def supplied(case: LumpedCase, control: ControlSettings, settings: Settings,
-             progress: Callable[[str], None] = lambda words: None) -> ChosenActuators:
+             progress: Progress = lambda words: None) -> ChosenActuators:
     """The actuators, good up to the highest voltage of the supply.
 
     Raises
@@ -213,7 +214,7 @@ def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSetting
 
 
 def _controlled(driven: InTime, signal: Signal, settings: ControlSettings, count: int,
-                remarks: tuple[str, ...], progress: Callable[[float], None]) -> ControlledFilm:
+                remarks: tuple[str, ...], progress: ShareDone) -> ControlledFilm:
     """Design a controller on an actuator's circles and run it on the actuator in time."""
     actuator = driven.circles(settings.supply / 2)
     lag = settings.lag(actuator.rig)
@@ -275,9 +276,9 @@ def scattered_films(actuator: Actuator, count: int, seed: int = 0) -> Actuator:
               for each in (viscous.k1, viscous.eta1, viscous.eta2))))
 
 
-def _scattered(designed: Design, actuator: Actuator) -> ScatteredFilms:
+def _scattered(designed: ControllerDesign, actuator: Actuator) -> ControlledFilms:
     poles = designed.largest_pole(scattered_films(actuator, _FILMS))
-    return ScatteredFilms(films=_FILMS, stable=int((poles < 1).sum()))
+    return ControlledFilms(films=_FILMS, stable=int((poles < 1).sum()))
 
 
 def _times(count: int, interval: float) -> Array:
@@ -289,7 +290,7 @@ def _rms(run: LoopRun) -> float:
     return float(np.sqrt(np.mean((run.wanted - run.deflection) ** 2)))
 
 
-def _margins(found: Margins) -> LoopMargins:
+def _margins(found: RunMargins) -> LoopMargins:
     def limit(value: float) -> float | None:
         return value if np.isfinite(value) else None
 
@@ -363,7 +364,8 @@ def _soonest(plant: Plant, target: float, height: float, controller: Controller,
     return None
 
 
-def _limit(missed: Array, time: float | None, soonest: float | None, interval: float) -> Limit:
+def _limit(missed: Array, time: float | None, soonest: float | None, interval: float
+           ) -> ControlLimit:
     """Limit of a step that misses its target so far [m]."""
     if soonest is None or soonest > _NEEDED * (len(missed) * interval if time is None else time):
         return "supply"

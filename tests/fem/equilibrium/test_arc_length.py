@@ -21,7 +21,7 @@ from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import Ramp
+from tympan.fem.equilibrium.ramp import LoadRamp
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden
@@ -287,7 +287,7 @@ def test_hysteresis_of_a_magnet() -> None:
     assert not rising.snapped
     # However far the target, the ramp does not step over the snap to the state beyond.
     for volts in (1.01 * snap, 4600.0, 5000.0, 7000.0):
-        ended = Ramp(film, "voltage", volts**2).run(rising.solution)
+        ended = LoadRamp(film, "voltage", volts**2).run(rising.solution)
         assert (ended.status, ended.limited) == ("no_equilibrium", "voltage")
         assert np.sqrt(ended.limit) == pytest.approx(snap, rel=1e-5)
         snapped = equilibrium(film, LIGHT, volts)
@@ -301,7 +301,7 @@ def test_hysteresis_of_a_magnet() -> None:
     returning = equilibrium(film, LIGHT, middle, start=fallen)
     assert returning.status == "equilibrium"
     assert returning.state.plate.deflection > far
-    ended = Ramp(film, "voltage", (0.98 * back) ** 2).run(fallen)
+    ended = LoadRamp(film, "voltage", (0.98 * back) ** 2).run(fallen)
     assert (ended.status, ended.limited) == ("no_equilibrium", "voltage")
     assert np.sqrt(ended.limit) == pytest.approx(back, rel=1e-5)
     released = equilibrium(film, LIGHT, 0.98 * back, start=fallen)

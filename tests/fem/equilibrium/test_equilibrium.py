@@ -338,11 +338,11 @@ def test_pull_in_is_where_the_ode_has_it() -> None:
 
 def test_unsymmetric_specimen_is_found_from_another_direction(skewed_model: Model) -> None:
     """Load then voltage (the default) and voltage then load end in the same state."""
-    from tympan.fem.equilibrium.ramp import Ramp
+    from tympan.fem.equilibrium.ramp import LoadRamp
 
     start = newton(skewed_model, skewed_model.mounted())
-    charged = Ramp(skewed_model, "voltage", 3000.0**2).run(start)
-    loaded = Ramp(skewed_model, "force", 0.2).run(charged.solution)
+    charged = LoadRamp(skewed_model, "voltage", 3000.0**2).run(start)
+    loaded = LoadRamp(skewed_model, "force", 0.2).run(charged.solution)
     usual = equilibrium(skewed_model, 0.2, 3000.0)
     assert loaded.status == usual.status == "equilibrium"
     assert np.allclose(loaded.state.positions, usual.state.positions, atol=1e-9)

@@ -11,7 +11,7 @@ from tests.support.models import model
 from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.path_following import PathSettings
-from tympan.fem.equilibrium.ramp import Ramp
+from tympan.fem.equilibrium.ramp import LoadRamp
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.span import GivenLoad, Span
 from tympan.fem.equilibrium.voltage_path import leapt, voltage_path
@@ -75,7 +75,7 @@ def test_nothing_is_found_between_where_a_step_is_too_long() -> None:
     film = model(FILMS["pulls in"], refine=0.7)
     start = equilibrium(film, FORCE, 0.0).solution
     assert leapt(film, start, [5e3, 9e3]) == []
-    end = Ramp(film, "voltage", 3e3**2).natural(start)
+    end = LoadRamp(film, "voltage", 3e3**2).natural(start)
     assert end is not None
     span = Span(film, start, end, GivenLoad("voltage"))
     assert span.at(2e3**2) is not None

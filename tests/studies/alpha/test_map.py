@@ -17,7 +17,7 @@ from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import (
     AlphaMap,
     Formula,
-    Reading,
+    MapReading,
     alpha_map,
     map_readings,
 )
@@ -74,7 +74,7 @@ def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: AlphaMap) 
     same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
     expected = (same - long) / (short - long)
     light = replace(COARSE, loads=LoadGrid((1e-5,), (0.0,)))
-    read, = map_readings(FILM, [Reading(aspect, ratio)], light)
+    read, = map_readings(FILM, [MapReading(aspect, ratio)], light)
     assert read.alpha_1 == pytest.approx(expected, abs=2e-3)
     assert made.formula(np.array(aspect), np.array(ratio)) == pytest.approx(expected, abs=5e-3)
 
@@ -96,7 +96,7 @@ def test_workers_change_nothing() -> None:
 
 def test_a_place_without_equilibrium_is_a_reading() -> None:
     charged = replace(COARSE, loads=LoadGrid((17.9e-3,), (20e3,)))
-    read, = map_readings(FILM, [Reading(1.5, 0.3)], charged)
+    read, = map_readings(FILM, [MapReading(1.5, 0.3)], charged)
     assert np.isnan(read.alpha_1)
     assert "no equilibrium" in read.trouble
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import binom, t
 
-from tympan.studies.estimation.correlation import Spread
+from tympan.studies.estimation.correlation import CorrelatedSpread
 
 SERIES = [np.arange(25), np.arange(25, 55), np.array([55])]
 COUNT = 60  # the last four readings are in no series
@@ -32,7 +32,7 @@ def test_covariance_and_freedom_are_those_of_dense_matrices(scale: float) -> Non
     errors = np.linalg.cholesky(correlations(0.6)) @ rng.standard_normal(COUNT)
     _, residual = residual_of(errors)
     jacobian = JACOBIAN * [1.0, scale, 1.0]
-    noise = Spread.of(jacobian, residual, SERIES)
+    noise = CorrelatedSpread.of(jacobian, residual, SERIES)
     assert 0.2 < noise.correlation < 0.8
     matrix, back = correlations(noise.correlation), np.linalg.pinv(jacobian)
     rest = np.eye(COUNT) - jacobian @ back
@@ -59,7 +59,7 @@ def test_quantiles_are_of_how_a_variance_scatters(given: float | None) -> None:
     """By the fluctuation of its logarithm in residuals a little changed, with dense matrices."""
     rng = np.random.default_rng(6)
     _, residual = residual_of(np.linalg.cholesky(correlations(0.7)) @ rng.standard_normal(COUNT))
-    noise = Spread.of(JACOBIAN, residual, SERIES, given)
+    noise = CorrelatedSpread.of(JACOBIAN, residual, SERIES, given)
     rest = np.eye(COUNT) - JACOBIAN @ np.linalg.pinv(JACOBIAN)
     near, spread = shifts(), correlations(noise.correlation)
     remaining = rest @ spread @ rest
@@ -91,7 +91,7 @@ def test_limits_hold_as_often_as_they_say(correlation: float) -> None:
     trials, hits = 400, np.zeros(len(JACOBIAN.T))
     for _ in range(trials):
         values, residual = residual_of(root @ rng.standard_normal(COUNT))
-        noise = Spread.of(JACOBIAN, residual, SERIES)
+        noise = CorrelatedSpread.of(JACOBIAN, residual, SERIES)
         hits += np.abs(values) < noise.quantiles * np.diag(noise.covariance) ** 0.5
     assert (hits >= binom.ppf(0.001, trials, 0.95)).all()
     assert (hits <= binom.ppf(0.999, trials, 0.97)).all()
@@ -99,7 +99,7 @@ def test_limits_hold_as_often_as_they_say(correlation: float) -> None:
 
 def test_residuals_less_alike_than_independent_ones_count_as_independent() -> None:
     _, residual = residual_of((-1.0) ** np.arange(COUNT))
-    noise = Spread.of(JACOBIAN, residual, SERIES)
+    noise = CorrelatedSpread.of(JACOBIAN, residual, SERIES)
     assert noise.correlation == 0.0
     assert noise.noise.freedom == pytest.approx(COUNT - 3)
     assert noise.widening == pytest.approx(np.ones(3))
@@ -109,7 +109,7 @@ def test_residuals_less_alike_than_independent_ones_count_as_independent() -> No
 def test_a_given_noise_stays_and_what_nothing_sees_is_open() -> None:
     _, residual = residual_of(np.sin(np.arange(COUNT) ** 2))
     blind = np.column_stack([JACOBIAN, np.zeros(COUNT)])
-    noise = Spread.of(blind, residual, SERIES, given=2.5)
+    noise = CorrelatedSpread.of(blind, residual, SERIES, given=2.5)
     assert noise.noise.size == 2.5
     assert noise.quantiles == pytest.approx(np.full(4, 1.959964), rel=1e-6)
     assert np.isinf(noise.covariance[3, 3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tympan.studies.estimation.noise import Memory, Noise, Off, Shared, root_of
+from tympan.studies.estimation.noise import Noise, NoiseMemory, Off, Shared, root_of
 
 RANDOM = np.random.default_rng(3)
 COUNT = 12
@@ -19,19 +19,19 @@ GAIN = np.array([0, 10])
 
 
 #: Two runs whose errors remember, their readings in no order; one reading remembers nothing.
-MEMORY = Memory(np.array([0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11]),
+MEMORY = NoiseMemory(np.array([0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11]),
                 np.array([0, 0, 1, 0, 1, 0, 1, 1, 0, 0, 1]),
                 np.array([0.1, 3.0, 0.4, 0.2, 0.7, 2.9, 0.1, 1.9, 0.5, 0.9, 1.0]),
                 np.array([1.0, 0.5, 1.0, 0.9, 0.3, 0.5, 0.7, 1.0, 0.2, 0.6, 1.0]))
 
 
-def noise_of(sigma: np.ndarray, memory: Memory | None = None) -> Noise:
+def noise_of(sigma: np.ndarray, memory: NoiseMemory | None = None) -> Noise:
     """Independent errors, a run whose errors last, and two readings with a gain in common."""
     common = Shared.of(RUN, root_of(LASTING)), Shared.of(GAIN, np.array([[2.0], [3.0]]))
     return Noise(sigma).plus(*common, *([] if memory is None else [memory]))
 
 
-def covariance(sigma: np.ndarray, memory: Memory | None = None) -> np.ndarray:
+def covariance(sigma: np.ndarray, memory: NoiseMemory | None = None) -> np.ndarray:
     """The same, written out."""
     matrix = np.diag(sigma**2)
     if memory is not None:
@@ -49,7 +49,8 @@ def covariance(sigma: np.ndarray, memory: Memory | None = None) -> np.ndarray:
 
 @pytest.mark.parametrize("memory", [None, MEMORY], ids=["forgets", "remembers"])
 @pytest.mark.parametrize("sigma", SIGMAS, ids=["unlike", "alike"])
-def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray, memory: Memory | None) -> None:
+def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray, memory: NoiseMemory | None
+                                              ) -> None:
     """χ² and volume, for residuals and for the columns of a Jacobian; and back again."""
     noise, matrix = noise_of(sigma, memory), covariance(sigma, memory)
     root = np.linalg.cholesky(matrix)
@@ -67,7 +68,7 @@ def test_whitened_errors_weigh_as_by_cholesky(sigma: np.ndarray, memory: Memory 
 
 @pytest.mark.parametrize("memory", [None, MEMORY], ids=["forgets", "remembers"])
 @pytest.mark.parametrize("rows", [np.arange(COUNT) < 5, np.array([11, 4, 0, 10])])
-def test_some_readings_have_the_covariance_of_these(rows: np.ndarray, memory: Memory | None
+def test_some_readings_have_the_covariance_of_these(rows: np.ndarray, memory: NoiseMemory | None
                                                     ) -> None:
     white = noise_of(SIGMAS[0], memory)[rows].whitened(np.eye(len(np.arange(COUNT)[rows])))
     some = np.arange(COUNT)[rows]
@@ -76,7 +77,7 @@ def test_some_readings_have_the_covariance_of_these(rows: np.ndarray, memory: Me
 
 
 @pytest.mark.parametrize("memories", [(MEMORY, None), (None, MEMORY), (MEMORY, MEMORY)])
-def test_joined_readings_remember_only_their_own(memories: tuple[Memory | None, ...]) -> None:
+def test_joined_readings_remember_only_their_own(memories: tuple[NoiseMemory | None, ...]) -> None:
     first, second = (noise_of(SIGMAS[0], memory) for memory in memories)
     both = first.joined(second).whitened(np.eye(2 * COUNT))
     matrix = np.zeros((2 * COUNT, 2 * COUNT))
@@ -154,7 +155,7 @@ def test_parts_stay_parts_only_where_their_noise_was_found() -> None:
 def test_many_readings_forget_as_few_do() -> None:
     """One after the other, where a matrix would be large."""
     count = 900
-    memory = Memory(np.arange(count), np.arange(count) // 300, RANDOM.uniform(0, 30, count),
+    memory = NoiseMemory(np.arange(count), np.arange(count) // 300, RANDOM.uniform(0, 30, count),
                     RANDOM.uniform(0.1, 1.0, count))
     values = RANDOM.normal(size=(count, 2))
     many = memory.forgotten(values)

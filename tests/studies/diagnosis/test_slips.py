@@ -11,7 +11,11 @@ from tests.support.trials import design, read
 from tympan.studies.diagnosis.explanations.registry import explanation_of
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.relabelled import Part, Relabelling, relabelling_of
+from tympan.studies.diagnosis.inference.relabelled import (
+    RelabelledPart,
+    Relabelling,
+    relabelling_of,
+)
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -65,11 +69,11 @@ def exchanged(table: ReadingTable, column: str, within: float | None) -> Reading
 
 
 @pytest.mark.parametrize(("column", "within", "pair", "part"), [
-    ("specimen", None, ("circular", "elliptical-large"), Part()),
-    ("specimen", 17.9e-3, ("circular", "elliptical-large"), Part(mass="17.9 g")),
-    ("mass", None, ("17.9 g", "22.45 g"), Part())])
+    ("specimen", None, ("circular", "elliptical-large"), RelabelledPart()),
+    ("specimen", 17.9e-3, ("circular", "elliptical-large"), RelabelledPart(mass="17.9 g")),
+    ("mass", None, ("17.9 g", "22.45 g"), RelabelledPart())])
 def test_exchanged_labels_are_seen(three_shapes: Simulation, table: ReadingTable, column: str,
-                                   within: float | None, pair: tuple[str, str], part: Part
+                                   within: float | None, pair: tuple[str, str], part: RelabelledPart
                                    ) -> None:
     seen = relabelled(three_shapes, exchanged(table, column, within))
     assert seen is not None
@@ -94,10 +98,11 @@ def moved(table: ReadingTable, column: str, rows: np.ndarray, by: int) -> Readin
 
 @pytest.mark.parametrize("by", [1, -1])
 @pytest.mark.parametrize(("first", "last", "part"), [
-    (30, 45, Part("elliptical-small", "17.9 g")), (60, 90, Part("elliptical-large")),
-    (0, 90, Part())])
+    (30, 45, RelabelledPart("elliptical-small", "17.9 g")),
+    (60, 90, RelabelledPart("elliptical-large")),
+    (0, 90, RelabelledPart())])
 def test_voltages_a_row_off_are_seen(three_shapes: Simulation, table: ReadingTable, by: int,
-                                     first: int, last: int, part: Part) -> None:
+                                     first: int, last: int, part: RelabelledPart) -> None:
     seen = relabelled(three_shapes, moved(table, "voltage", np.arange(first, last), by))
     assert seen is not None
     assert (seen.column, seen.pair, seen.rows, seen.part) == ("voltage", (), by, part)
@@ -121,7 +126,7 @@ def test_masses_exchanged_in_some_lines_are_seen(three_shapes: Simulation, table
     seen = relabelled(three_shapes, replace(table, states=replace(table.states, mass=mass)))
     assert seen is not None
     assert (seen.column, seen.pair) == ("mass", ("17.9 g", "22.45 g"))
-    assert seen.part == Part(file="static.csv", lines=(54, 69))
+    assert seen.part == RelabelledPart(file="static.csv", lines=(54, 69))
 
 
 def test_labels_are_told_beside_a_real_effect(three_shapes: Simulation, table: ReadingTable

@@ -18,7 +18,7 @@ from tympan.paper.table1 import paper_actuators
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Method
-from tympan.studies.lumped.control.result import ControlledFilm, ControlStep, Limit
+from tympan.studies.lumped.control.result import ControlledFilm, ControlLimit, ControlStep
 from tympan.studies.lumped.control.run import ControlSettings, controlled
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.signals import Pieces, random_steps, through
@@ -52,7 +52,7 @@ def hold_of(signal: Pieces) -> float:
 def three_times_as_soon(film: ControlledFilm, hold: float) -> int:
     """How many steps are three times as soon: all that any controller can bring there so soon."""
     for each in film.steps:
-        assert each.limited_by in get_args(Limit)
+        assert each.limited_by in get_args(ControlLimit)
         without = each.open_settled_s or hold
         if each.soonest_s is not None and 3 * each.soonest_s <= without:
             assert each.times_as_soon is not None

@@ -26,7 +26,7 @@ from tympan.studies.identify.dynamic import (
     identify_dynamic,
     nelder_mead_dynamic,
 )
-from tympan.studies.identify.responses import Record, drive_of
+from tympan.studies.identify.responses import ResponseRecord, drive_of
 from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import Actuator, Viscous, paper_cones
 from tympan.studies.lumped.collocation import CollocationSolver
@@ -75,12 +75,13 @@ def response(number: int, mass: float, end: float, interval: float) -> tuple[np.
 
 def record(number: int, mass: float, seed: int, end: float = 6.0, interval: float = 0.01,
            noise: float = NOISE
-           ) -> Record:
+           ) -> ResponseRecord:
     time, clean = response(number, mass, end, interval)
     read = clean + noise * np.random.default_rng([seed, number,
                                                   round(1e6 * mass)]).standard_normal(len(time))
     voltage = np.where(time >= time[np.searchsorted(time, 0.1)], 3.5e3, 0.0)
-    return Record(number, mass, "1", time, read, drive_of(time, voltage), interval, float(read[0]))
+    return ResponseRecord(number, mass, "1", time, read, drive_of(time, voltage), interval,
+                          float(read[0]))
 
 
 def problem(seed: int, statics: Statics = EXACT, noise: float | None = NOISE,

@@ -23,7 +23,7 @@ from tympan.fem.toml_writer import specimen_content, toml
 from tympan.studies.files import write_text
 from tympan.studies.identify.correlation import variance_inflation
 from tympan.studies.identify.dynamic import DynamicProblem, Exact, identify_dynamic
-from tympan.studies.identify.responses import Record, drive_of
+from tympan.studies.identify.responses import ResponseRecord, drive_of
 from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import rest
@@ -206,7 +206,8 @@ def test_limits_hold_the_truth_where_the_noise_is_alike() -> None:
     for seed in range(16):
         white = np.random.default_rng(seed).standard_normal(len(when))
         read = y + 3e-6 * autoregressive(white, 0.95)
-        record = Record(0, 17.9e-3, "1", when, read, drive_of(when, volts), 5e-3, float(read[0]))
+        record = ResponseRecord(0, 17.9e-3, "1", when, read, drive_of(when, volts), 5e-3,
+                                float(read[0]))
         fit = identify_dynamic(DynamicProblem(Exact((NOMINAL.actuator(1.0),)), (record,)), False)
         for combination in fit.judgement.combinations:
             away = abs(np.array(combination.coefficients) @ logs - combination.value)

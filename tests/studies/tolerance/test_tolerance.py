@@ -37,8 +37,8 @@ from tympan.studies.tolerance.given import (
     causes,
 )
 from tympan.studies.tolerance.result import Chance
-from tympan.studies.tolerance.shares import Design
-from tympan.studies.tolerance.tolerance import Drawn, ToleranceCase, tolerance
+from tympan.studies.tolerance.shares import SaltelliDesign
+from tympan.studies.tolerance.tolerance import DrawnFilms, ToleranceCase, tolerance
 from tympan.studies.wanted import Bound
 
 NONE, NO_LENGTH = Scatter(), LengthScatter()
@@ -60,7 +60,7 @@ def oval() -> Specimen:
 
 def test_shares_of_ishigami_s_function() -> None:
     """Ishigami, Homma (1990) with a = 7, b = 0.1: indices in closed form."""
-    design = Design.drawn([[True, False, False], [False, True, False], [False, False, True],
+    design = SaltelliDesign.drawn([[True, False, False], [False, True, False], [False, False, True],
                            [True, False, True]], 6 * 2**13, seed=3)
     x = np.pi * (2 * design.points - 1)
     found = design.shares(np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2
@@ -72,7 +72,7 @@ def test_shares_of_ishigami_s_function() -> None:
 
 
 def test_films_that_are_missing_do_not_count() -> None:
-    design = Design.drawn(np.eye(2, dtype=bool).tolist(), 4 * 2**11, seed=1)
+    design = SaltelliDesign.drawn(np.eye(2, dtype=bool).tolist(), 4 * 2**11, seed=1)
     values = design.points @ [1.0, 2.0]
     values[::50] = np.nan
     np.testing.assert_allclose(design.shares(values).alone, [0.2, 0.8], atol=0.05)
@@ -84,7 +84,7 @@ def test_shares_of_few_films_are_known_to_some_per_cent() -> None:
     whole = np.exp(sizes @ sizes) - 1
     off = []
     for seed in range(10):
-        design = Design.drawn(np.eye(6, dtype=bool).tolist(), 8 * 128, seed)
+        design = SaltelliDesign.drawn(np.eye(6, dtype=bool).tolist(), 8 * 128, seed)
         values = np.exp(ndtri(np.clip(design.points, 1e-6, 1 - 1e-6)) @ sizes)
         values[values > np.quantile(values, 0.998)] = np.nan
         found = design.shares(values)
@@ -229,8 +229,8 @@ def test_films_of_the_library_scatter_as_it_says(name: str) -> None:
 def test_first_limits_are_those_of_finite_elements(strength: float, kind: str) -> None:
     film = oval()
     film = replace(film, membrane=replace(film.membrane, strength=ConstantStrength(strength)))
-    drawn = Drawn.of(ToleranceCase(film, films=1000), causes(film, Tolerances())[0], MASS, VOLTAGE,
-                     COARSE)
+    found, _ = causes(film, Tolerances())
+    drawn = DrawnFilms.of(ToleranceCase(film, films=1000), found, MASS, VOLTAGE, COARSE)
     found = drawn.limits()
     assert next(iter(found.record().kinds)) == kind
     _, numbers = drawn.design.part(1 / 8)
@@ -261,7 +261,7 @@ def test_a_first_limit_that_is_not_that_of_finite_elements_is_told() -> None:
         assert "by finite elements, but loss of tension at" in said
 
 
-def exact(drawn: Drawn, film: int) -> dict[str, float]:
+def exact(drawn: DrawnFilms, film: int) -> dict[str, float]:
     """The quantities of a film by finite elements on a mesh of its own."""
     case = Case(drawn.family.box.member(drawn.films.rows[film]))
     model = build_model(case.specimen, COARSE, case.rig.loading)
@@ -279,10 +279,10 @@ def exact(drawn: Drawn, film: int) -> dict[str, float]:
 
 
 @cache
-def drawn_films() -> tuple[Drawn, dict[str, np.ndarray]]:
+def drawn_films() -> tuple[DrawnFilms, dict[str, np.ndarray]]:
     given = Tolerances(permittivity=Scatter(batch=0.03), offset=LengthScatter(film=5e-4))
     case = ToleranceCase(oval(), tolerances=given, films=1000, seed=4)
-    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, VOLTAGE, COARSE)
+    drawn = DrawnFilms.of(case, causes(oval(), given)[0], MASS, VOLTAGE, COARSE)
     return drawn, dict(drawn.solved().values)
 
 
@@ -342,7 +342,7 @@ def test_what_films_fail_of_is_what_finite_elements_meet_first() -> None:
     assert limit is not None
     given = replace(STILL, stiffness=Scatter(film=0.1), strength=StrengthScatter(shape=10))
     case = ToleranceCase(film, films=200, tolerances=given)
-    drawn = Drawn.of(case, causes(film, given)[0], MASS, limit.voltage_V, COARSE)
+    drawn = DrawnFilms.of(case, causes(film, given)[0], MASS, limit.voltage_V, COARSE)
     reached = drawn.solved().reached[1:]
     fails = {each.kind: each for each in drawn.fails(reached)}
     assert {*fails} == {"tension", "breakdown"}
@@ -368,7 +368,7 @@ def test_a_pressure_loads_each_plate_by_its_own_area_beside_its_own_weight() -> 
     rig = Rig(plate_pressure=-400.0)
     given = replace(STILL, load=Scatter(film=0.05), plate=LengthScatter(film=2e-4))
     case = ToleranceCase(oval(), tolerances=given, films=100, rig=rig)
-    drawn = Drawn.of(case, causes(oval(), given)[0], MASS, 2000.0, COARSE)
+    drawn = DrawnFilms.of(case, causes(oval(), given)[0], MASS, 2000.0, COARSE)
     radii = [drawn.family.box.member(row).needed_plate().outline.semi_axes[0]
              for row in drawn.films.rows]
     forces = 9.80665 * MASS * drawn.films.load - 400.0 * np.pi * np.square(radii)
@@ -425,7 +425,7 @@ def test_limits_of_a_share_leave_room_for_films_that_share_numbers() -> None:
     for share in (0.5, 0.95, 0.99):
         within, narrow = [], []
         for seed in range(60):
-            design = Design.drawn(groups, 1000, seed)
+            design = SaltelliDesign.drawn(groups, 1000, seed)
             some = ndtri(np.clip(design.points, 1e-9, 1 - 1e-9)) @ sizes < ndtri(
                 share) * np.sqrt(sizes @ sizes)
             told, plain = Chance.of(some, design.independent), Chance.of(some)

@@ -20,7 +20,7 @@ from tympan.studies.data.dataset import FILES, SPECIMEN, Dataset, read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.evidence import registry
-from tympan.studies.diagnosis.evidence.kind import Films, PlateEvidence, numbers_of
+from tympan.studies.diagnosis.evidence.kind import FilmsUnderLoads, PlateEvidence, numbers_of
 from tympan.studies.diagnosis.reading_table import UNITS, ReadingTable, States, Unit, rows
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.result import Diagnosis
@@ -50,7 +50,7 @@ class Stiffnesses(PlateEvidence):
         return [rows(states, "stiffness", NOISE * read.stiffness, read.stiffness,
                      file=read.file.name, line=read.line)], []
 
-    def shown(self, films: Films, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         return np.asarray(films.stiffness(heave)[films.table.state[rows]])
 
 

@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.inference.noise_terms import (
 )
 from tympan.studies.diagnosis.inference.smooth_misfit import smooth_columns
 from tympan.studies.diagnosis.reading_table import States, rows
-from tympan.studies.estimation.noise import Memory, Noise, Off
+from tympan.studies.estimation.noise import Noise, NoiseMemory, Off
 
 Array = np.ndarray
 
@@ -30,7 +30,7 @@ SIGMA = 10e-6
 SHARE = np.tile(np.linspace(0, 1, VOLTAGES), RAMPS)
 RAMP = np.repeat(np.arange(RAMPS), VOLTAGES)
 #: Readings one after the other.
-CHAIN = Memory(np.arange(COUNT), np.zeros(COUNT, np.int64), np.arange(COUNT, dtype=float),
+CHAIN = NoiseMemory(np.arange(COUNT), np.zeros(COUNT, np.int64), np.arange(COUNT, dtype=float),
                np.ones(COUNT))
 #: What stiffness and permittivity change, and three effects: a zero, one by mass, one by voltage.
 NUISANCE = 1e-3 * np.column_stack([1 + SHARE**2, SHARE**2 + 0.4 * SHARE**4])
@@ -53,7 +53,7 @@ def rivals() -> Iterator[Smooth]:
     yield from map(Smooth, smooth_columns(TABLE))
 
 
-def noise_of(errors: Array, stated: bool = True, chain: Memory | None = CHAIN) -> Noise:
+def noise_of(errors: Array, stated: bool = True, chain: NoiseMemory | None = CHAIN) -> Noise:
     """Noise as a set of errors shows it beside the unknowns' own and an effect's."""
     noise = Noise.of(np.full(COUNT, SIGMA if stated else 1e-3),
                      "stated" if stated else "from the scatter about smooth curves")
