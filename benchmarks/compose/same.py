@@ -24,7 +24,10 @@ _WITHIN = 1e-9
 #: Numbers this small [SI] are rounding: a deflection of a symmetric film to one side, say.
 _NOTHING = 1e-15
 #: Keys and columns that differ from run to run.
-_OF_THE_RUN = re.compile(r"wall|seconds|elapsed|created|version|revision|written|sha256")
+_OF_THE_RUN = re.compile(r"wall|seconds|made_s|elapsed|created|version|revision|written|sha256")
+#: Keys of shares of a variance, and a share that is none but for rounding.
+_SHARE = re.compile(r"\.shares\.")
+_NO_SHARE = 1e-11
 #: Differences that are printed.
 _MOST = 40
 
@@ -46,10 +49,13 @@ def values(file: Path) -> dict[str, object]:
         rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
         return {f"{number}.{name}": _number(cell) for number, row in enumerate(rows)
                 for name, cell in row.items() if name and not _OF_THE_RUN.search(name)}
-    try:
-        return dict(_leaves(json.loads(text)))
-    except ValueError:  # a question that was refused, or a text
-        return {"text": text}
+    _, _, below_hash = text.partition("\n")  # a sweep's task begins with the hash of its line
+    for content in (text, below_hash):
+        try:
+            return dict(_leaves(json.loads(content)))
+        except ValueError:
+            continue
+    return {"text": text}  # of a question that was refused
 
 
 def _leaves(content: object, place: str = "") -> Iterator[tuple[str, object]]:
@@ -71,7 +77,7 @@ def _number(cell: str | None) -> object:
         return cell
 
 
-def _apart(before: object, after: object) -> float:
+def _apart(before: object, after: object, nothing: float) -> float:
     numbers = (int, float)
     if before == after:
         return 0.0
@@ -80,7 +86,7 @@ def _apart(before: object, after: object) -> float:
     if before != before and after != after:  # neither is a number
         return 0.0
     largest = max(abs(before), abs(after))
-    return 0.0 if largest < _NOTHING else abs(after - before) / largest
+    return 0.0 if largest < nothing else abs(after - before) / largest
 
 
 def differences(before: Path, after: Path) -> Iterator[Difference]:
@@ -90,7 +96,8 @@ def differences(before: Path, after: Path) -> Iterator[Difference]:
         old, new = told.get(place, "absent"), now.get(place, "absent")
         plain = [str(value).replace(str(before.parents[2]), "").replace(str(after.parents[2]), "")
                  if isinstance(value, str) else value for value in (old, new)]
-        if apart := _apart(*plain):
+        nothing = _NO_SHARE if _SHARE.search(place) else _NOTHING
+        if apart := _apart(*plain, nothing):
             yield Difference(place, old, new, apart)
 
 
