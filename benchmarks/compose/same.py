@@ -89,15 +89,22 @@ def _apart(before: object, after: object, nothing: float) -> float:
     return 0.0 if largest < nothing else abs(after - before) / largest
 
 
+def _without_folders(value: object, *files: Path) -> object:
+    if not isinstance(value, str):
+        return value
+    for file in files:
+        value = value.replace(str(file.parents[2]), "")
+    return value
+
+
 def differences(before: Path, after: Path) -> Iterator[Difference]:
     """Compare all values of two files, those first that only one of them has."""
     told, now = values(before), values(after)
     for place in [*told, *(place for place in now if place not in told)]:
         old, new = told.get(place, "absent"), now.get(place, "absent")
-        plain = [str(value).replace(str(before.parents[2]), "").replace(str(after.parents[2]), "")
-                 if isinstance(value, str) else value for value in (old, new)]
+        old_plain, new_plain = (_without_folders(value, before, after) for value in (old, new))
         nothing = _NO_SHARE if _SHARE.search(place) else _NOTHING
-        if apart := _apart(*plain, nothing):
+        if apart := _apart(old_plain, new_plain, nothing):
             yield Difference(place, old, new, apart)
 
 
