@@ -151,7 +151,10 @@ class ResidualTests:
         if self.stated > 0 and freedom > 0:
             most = float(f_distribution.isf(_ROUGH, freedom, self.stated))
             squares = np.minimum(squares, freedom * most)
-        return np.maximum(squares + stated, 1e-12) / (freedom + self.stated)
+        known = freedom + self.stated
+        if not known > 0:  # neither readings nor statements say how large the noise is
+            return np.full_like(squares, np.inf, dtype=float)
+        return np.maximum(squares + stated, 1e-12) / known
 
     def __call__(self, residual: Array, generator: np.random.Generator,
                  found: Noise | None = None) -> TestResult:
