@@ -9,6 +9,7 @@ already imply are left out.
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 
 import grimp
@@ -67,7 +68,7 @@ def reduced(imports: dict[str, set[str]]) -> dict[str, set[str]]:
 
 
 def draw(graph: grimp.ImportGraph) -> Figure:
-    """The whole house, geometry at the bottom."""
+    """Draw the whole house, the base at the bottom."""
     plan = {package: chapters(graph, package) for package in PACKAGES}
     heights = {package: _HEAD + _FLOOR * len(floors(imports)) for package, imports in plan.items()}
     height = sum(heights.values()) + _GAP * (len(plan) + 1)
@@ -77,7 +78,7 @@ def draw(graph: grimp.ImportGraph) -> Figure:
     axes.set(xlim=(0, _WIDTH), ylim=(0, height))
     axes.set_axis_off()
     bottom = _GAP
-    for (package, imports), colour in zip(plan.items(), PALETTE, strict=False):
+    for (package, imports), colour in zip(plan.items(), cycle(PALETTE), strict=False):
         axes.fill_between((_GAP, _WIDTH - _GAP), bottom, bottom + heights[package], color=colour,
                           alpha=0.08, linewidth=0)
         axes.text(2 * _GAP, bottom + heights[package] - 3.4, package, weight="bold", color=colour)
