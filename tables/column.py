@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Any, Self
 
@@ -193,16 +193,16 @@ class Column:
     rule: Rule = FINITE
     required: bool = True
     absent: str = ""
-    choices: tuple[str, ...] | None = None
+    choices: Collection[str] | None = field(default=None, hash=False)
     also: tuple[Meaning, ...] = ()
     example: str = "1"
 
     @classmethod
-    def labels(cls, name: str, choices: Iterable[str] = (), required: bool = True,
+    def labels(cls, name: str, choices: Collection[str] = (), required: bool = True,
                also: str = "") -> Column:
-        """Make a column of texts, of ``choices`` if there are any."""
+        """Make a column of texts, of ``choices`` if there are any; of a registry those it has."""
         meanings = (Meaning.of(also),) if also else ()
-        return cls(name, required=required, choices=tuple(choices), also=meanings)
+        return cls(name, required=required, choices=choices, also=meanings)
 
     @property
     def title(self) -> str:

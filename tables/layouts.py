@@ -604,8 +604,9 @@ class Reader:
             return (f": {title!r} needs the {lack} of the test piece; "
                     + self._write(column, f'{lack} = "{size}"', f'give --{lack} "{size}"'))
         if column.choices:
-            line = f'{column.title} = {{ value = "{column.choices[0]}" }}'
-            return ": " + self._write(column, line, f"give --{column.name} {column.choices[0]}")
+            first, *_ = column.choices
+            line = f'{column.title} = {{ value = "{first}" }}'
+            return ": " + self._write(column, line, f"give --{column.name} {first}")
         if column.choices is not None:
             return ": " + self._write(column, f'{column.title} = {{ value = "{column.example}" }}',
                                       f"call a column {column.title}")

@@ -266,7 +266,7 @@ class Draft:
     def _absent(self, column: Column) -> str:
         """The line of a column that no heading is known for: what stands outside, or a question."""
         if column.choices is not None:
-            value = {"specimen": self.name, "run": "1"}.get(column.name, column.choices[:1])
+            value = {"specimen": self.name, "run": "1"}.get(column.name, tuple(column.choices)[:1])
             value = named_mode(self.file).get(column.name, value)
             line = f"{column.title} = {{ value = {_quoted(''.join(value))} }}  # "
             if column.name == "mode" and len(column.choices) > 1 and not named_mode(self.file):

@@ -22,6 +22,7 @@ from tympan.studies.case import Case, CaseResult, Settings
 from tympan.studies.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits import LimitsResult, limits, solve_within
+from tympan.studies.limits.curve import CurveResult, curve
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import PathResult, path
 from tympan.studies.tolerance.given import (
@@ -105,6 +106,15 @@ def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> Non
     assert ForceResult.load(tmp_path).curves[0].limits == pulled.curves[0].limits
 
 
+def test_curves_are_read_back_beyond_it(tmp_path: Path) -> None:
+    drawn = curve(SOFT, [MASS], COARSE)
+    assert drawn.curves[0].limits.overstretch is not None
+    drawn.save(tmp_path)
+    again = CurveResult.load(tmp_path, SOFT.name)
+    assert again.curves[0].limits == drawn.curves[0].limits
+    assert "overstretch" in set(again.table["beyond"])
+
+
 def test_reduced_films_meet_it_first_too() -> None:
     """A family of films of one scatter, each against finite elements."""
     given = replace(STILL, stiffness=Scatter(film=0.1))
@@ -112,7 +122,7 @@ def test_reduced_films_meet_it_first_too() -> None:
     drawn = DrawnFilms.of(case, causes(SOFT, given)[0], MASS, 4e3, COARSE)
     found = drawn.limits()
     assert found.record().kinds == {"overstretch": 1.0}
-    member = drawn.family.box.member(drawn.rows[0])
+    member = drawn.family.box.member(drawn.films.rows[0])
     first = first_limit(Case(member, mass=MASS), COARSE)
     assert first is not None
     assert first.kind == "overstretch"
