@@ -715,8 +715,12 @@ class Registry(dict[str, T]):
 
     def register(self, kind: Any) -> Any:
         """Make a kind known; serves as decorator. A dataclass then takes units."""
+        name = getattr(kind, self.tag)
+        if name in self and self[name] != kind and getattr(self[name], "__qualname__", "") != (
+                getattr(kind, "__qualname__", None)):
+            raise ValueError(f"{name!r} is registered already: {self[name]!r}")
         takes = isinstance(kind, type) and is_dataclass(kind)
-        self[getattr(kind, self.tag)] = takes_units(kind) if takes else kind
+        self[name] = takes_units(kind) if takes else kind
         return kind
 
     def read(self, table: Table) -> Any:

@@ -461,6 +461,7 @@ def data(dataset: File) -> dict[str, Any]:
     """Contents of a dataset, and what to beware of, as ``tympan data --json`` prints it."""
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.evidence import registry  # noqa: F401  its kinds name the files
 
     return summary(read_dataset(Path(dataset)))
 
@@ -473,6 +474,7 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
     "frequency" or "range", where the guess is wrong.
     """
     from tympan.studies.data.draft import write_draft
+    from tympan.studies.diagnosis.evidence import registry  # noqa: F401  its kinds name the files
 
     return write_draft(Path(file), None if target is None else Path(target), kind)
 

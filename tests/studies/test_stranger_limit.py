@@ -52,11 +52,11 @@ def left(point: BranchPoint) -> np.ndarray:
 
 @pytest.fixture(autouse=True)
 def stranger() -> Iterator[LimitState]:
-    state = LimitState("overstretch", "overstretch", "first stretch of 2.5", left, left,
+    state = LimitState("stranger", "stranger", "first stretch of 2.5", left, left,
                        (least(left),), "*", strained=True)
     LIMIT_STATES.register(state)
     yield state
-    del LIMIT_STATES["overstretch"]
+    del LIMIT_STATES["stranger"]
 
 
 def exact_voltage() -> float:
@@ -70,12 +70,12 @@ def exact_voltage() -> float:
 
 def test_it_is_met_as_the_voltage_rises_and_read_back(tmp_path: Path) -> None:
     found = LimitsResult.of(Case(SOFT, mass=MASS), COARSE)
-    met = found.limits.overstretch
+    met = found.limits.stranger
     assert met is not None
     assert abs(met.voltage_V / exact_voltage() - 1) < met.spread < 0.03
     assert met in found.limits.reached
     record = found.json()
-    assert record["overstretch"]["voltage_V"] == met.voltage_V
+    assert record["stranger"]["voltage_V"] == met.voltage_V
     found.save(tmp_path)
     result = solve_within(Case(SOFT, mass=MASS, voltage=met.voltage_V + 1), COARSE)
     assert result.limits == found.limits
@@ -83,15 +83,15 @@ def test_it_is_met_as_the_voltage_rises_and_read_back(tmp_path: Path) -> None:
     result.save(tmp_path)
     assert CaseResult.load(tmp_path, SOFT.name).limits == result.limits
     keys = {key.path: key for key in class_keys(CaseResult)}
-    assert keys["limits.overstretch"].meaning == "first stretch of 2.5"
-    assert '"overstretch"' in keys["limits.first"].kind
+    assert keys["limits.stranger"].meaning == "first stretch of 2.5"
+    assert '"stranger"' in keys["limits.first"].kind
 
 
 def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> None:
-    met = limits(Case(SOFT, mass=MASS), COARSE).overstretch
+    met = limits(Case(SOFT, mass=MASS), COARSE).stranger
     assert met is not None
     branch = path(Case(SOFT, mass=MASS), COARSE, "voltage")
-    event, = (each for each in branch.events if each.what == "overstretch")
+    event, = (each for each in branch.events if each.what == "stranger")
     assert event.value == pytest.approx(met.voltage_V, rel=1e-9)
     assert event.station.max_stretch == pytest.approx(LARGEST, abs=1e-4)
     branch.save(tmp_path)
@@ -99,7 +99,7 @@ def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> Non
     there = event.station.deflection_m
     pulled = force(ForceCase(SOFT, voltages=(met.voltage_V,), start=there - 3e-3, to=there + 3e-3,
                              points=7), COARSE)
-    passed, = (each for each in pulled.curves[0].limits if each.kind == "overstretch")
+    passed, = (each for each in pulled.curves[0].limits if each.kind == "stranger")
     assert passed.displacement_m == pytest.approx(there, rel=1e-5)
     assert passed.force_N == pytest.approx(MASS * 9.80665, rel=1e-5)
     pulled.save(tmp_path)
@@ -108,11 +108,11 @@ def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> Non
 
 def test_curves_are_read_back_beyond_it(tmp_path: Path) -> None:
     drawn = curve(SOFT, [MASS], COARSE)
-    assert drawn.curves[0].limits.overstretch is not None
+    assert drawn.curves[0].limits.stranger is not None
     drawn.save(tmp_path)
     again = CurveResult.load(tmp_path, SOFT.name)
     assert again.curves[0].limits == drawn.curves[0].limits
-    assert "overstretch" in set(again.table["beyond"])
+    assert "stranger" in set(again.table["beyond"])
 
 
 def test_reduced_films_meet_it_first_too() -> None:
@@ -121,11 +121,11 @@ def test_reduced_films_meet_it_first_too() -> None:
     case = ToleranceCase(SOFT, films=200, tolerances=given)
     drawn = DrawnFilms.of(case, causes(SOFT, given)[0], MASS, 4e3, COARSE)
     found = drawn.limits()
-    assert found.record().kinds == {"overstretch": 1.0}
+    assert found.record().kinds == {"stranger": 1.0}
     member = drawn.family.box.member(drawn.films.rows[0])
     first = first_limit(Case(member, mass=MASS), COARSE)
     assert first is not None
-    assert first.kind == "overstretch"
+    assert first.kind == "stranger"
     assert found.voltage[0] == pytest.approx(first.voltage_V, rel=3e-3)
 
 
@@ -138,6 +138,6 @@ def test_it_is_printed_by_its_label(command: str, tmp_path: Path,
             "force": ["--voltage", "4 kV", "--to", "20 mm"]}[command]
     words = [command, str(specimen), "--refine", "0.5", *more]
     assert main(words) == 0
-    assert "overstretch" in capsys.readouterr().out
+    assert "stranger" in capsys.readouterr().out
     assert main([*words, "--json"]) == 0
-    assert '"overstretch"' in json.dumps(json.loads(capsys.readouterr().out))
+    assert '"stranger"' in json.dumps(json.loads(capsys.readouterr().out))

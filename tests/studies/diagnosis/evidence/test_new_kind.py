@@ -34,15 +34,15 @@ HEAD = "specimen,mass_g,voltage_kV,stiffness\n"
 class Stiffnesses(PlateEvidence):
     """Stiffness of film and rig against small forces on the plate [N/m]."""
 
-    files = ("stiffness.csv",)
+    files = ("strange.csv",)
     kinds = ("stiffness",)
-    columns: ClassVar = {"stiffness.csv": (SPECIMEN, Column("mass", "g"),
+    columns: ClassVar = {"strange.csv": (SPECIMEN, Column("mass", "g"),
                                            Column("voltage", "kV"),
                                            Column("stiffness", rule=POSITIVE))}
     units: ClassVar = {"stiffness": Unit("N/m", 1.0)}
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
-        read = dataset.more.get("stiffness.csv")
+        read = dataset.more.get("strange.csv")
         if read is None:
             return [], []
         states = States.of(numbers_of(setup, read.specimen), read.mass, read.voltage,
@@ -79,12 +79,12 @@ def written(folder: Path, gain: float) -> Path:
     (folder / "static.csv").write_text("\n".join(
         [head, *(f"{state},{gain * float(value):.9g}" for state, _, value in cells)]) + "\n")
     states = [state for state, _, _ in cells[::3]]
-    (folder / "stiffness.csv").write_text(HEAD + "".join(f"{state},5\n" for state in states))
+    (folder / "strange.csv").write_text(HEAD + "".join(f"{state},5\n" for state in states))
     table = prepared_readings(read_dataset(folder)).table
     shown = nominal.simulation.predict((), nominal.fit.unknowns, table)
     exact = shown[table.kind == "stiffness"]
     noisy = exact * (1 + NOISE * np.random.default_rng(4).standard_normal(len(exact)))
-    (folder / "stiffness.csv").write_text(HEAD + "".join(
+    (folder / "strange.csv").write_text(HEAD + "".join(
         f"{state},{value:.6g}\n" for state, value in zip(states, noisy.tolist(), strict=True)))
     return folder
 
@@ -103,7 +103,7 @@ def test_a_new_kind_of_evidence_is_read_weighed_told_and_drawn(tmp_path: Path) -
     assert size.high is not None
     assert size.low < 0.1 < size.high
     missed, = result.misfit.others
-    read = read_dataset(data).more["stiffness.csv"].stiffness
+    read = read_dataset(data).more["strange.csv"].stiffness
     assert (missed.kind, missed.unit, missed.readings) == ("stiffness", "N/m", len(read))
     assert missed.noise == pytest.approx(NOISE * np.sqrt(np.mean(read**2)), rel=0.5)
     result.save(tmp_path / "out")
@@ -116,7 +116,7 @@ def test_a_new_kind_of_evidence_is_read_weighed_told_and_drawn(tmp_path: Path) -
 def test_a_file_of_no_kind_is_remarked_on(tmp_path: Path) -> None:
     """The same file, where nobody registers its kind."""
     data = swinging.write(tmp_path / "d", Hidden(), seed=4, swings=False)
-    (data / "stiffness.csv").write_text(HEAD)
+    (data / "strange.csv").write_text(HEAD)
     dataset = read_dataset(data)
     assert not dataset.more
-    assert any(remark.startswith("stiffness.csv is not read") for remark in dataset.remarks)
+    assert any(remark.startswith("strange.csv is not read") for remark in dataset.remarks)
