@@ -1,6 +1,7 @@
 """Results on disk: files are written under a temporary name and renamed, so they are never partial.
 
-Files are read strictly: a file that is missing, damaged or foreign gives one message that names it.
+Files are read strictly: a file that is missing, damaged or of another kind gives one message that
+names it.
 """
 
 from __future__ import annotations

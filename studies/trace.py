@@ -244,7 +244,7 @@ class Response:
 
     @classmethod
     def load(cls, folder: Path) -> Responses:
-        """Load a saved response; a missing, damaged or foreign file is an InputError."""
+        """Load a saved response; a missing, damaged or wrong file is an InputError."""
         file = folder / cls.file
         content = read_json(file)
         if not isinstance(content, dict) or not content.get("responses"):

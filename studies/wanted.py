@@ -332,7 +332,7 @@ def _breakdown_margin(films: Loaded) -> Array:
 
 
 def _tension_missed(films: Loaded) -> Array:
-    """Compute the missing tension from what is left of it at the margin's voltage."""
+    """Compute the missed share: least over largest stress up to the margin, sign reversed."""
     return np.asarray(-films.tension.min(1) / films.stress.max(1))
 
 

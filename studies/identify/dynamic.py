@@ -38,7 +38,7 @@ CONSTANTS = (ModelConstant("k_1", "Pa", BORROWED.k1, 1.0, 1e2, 1e12),
 _STILL = 1e-6
 #: Change of a logarithm below which it has stayed at its start.
 _STAYED = 0.01
-#: Largest distance of a run's begin from a rest, over the distance between its two rests.
+#: Largest distance of a run's start from a rest, over the distance between its two rests.
 _BEGUN = 0.25
 
 #: Standard deviation of a run's delay, in sampling intervals: a clock is off by about half of one.

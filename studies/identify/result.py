@@ -96,7 +96,7 @@ class IdentifyResult:
 
     @classmethod
     def load(cls, folder: Path) -> IdentifyResult:
-        """Load a saved result; a missing, damaged or foreign file is an InputError."""
+        """Load a saved result; a missing, damaged or wrong file is an InputError."""
         numbers = read_json(folder / "identify.json")
         figures = read_json(folder / _FIGURES)
         if not isinstance(numbers, dict) or not isinstance(figures, dict) \

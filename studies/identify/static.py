@@ -206,7 +206,7 @@ class StaticProblem:
                  voltage: Array) -> tuple[Array, Array, Array]:
         """Compute a specimen's force and derivatives at deflections [m] and voltages [V].
 
-        Both have the shape (points,).
+        Deflections and voltages have the shape (points,).
         """
         actuator, (circles, *parts) = self.actuators[number], self._units[number]
         squared = actuator.permittivity * np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2

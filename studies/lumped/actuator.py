@@ -31,8 +31,8 @@ _AT_ONCE = 1e-6
 #: Smallest voltage [V] for linearising by the square of the voltage a film that charges through a
 #: resistance.
 _NEARLY_NONE = 1.0
-#: Range over which a joined film is solved, over its frame's half extent. A sixteenth of the range
-#: takes two solutions.
+#: Largest deflection for which a joined film is solved, over its frame's half extent. Each
+#: sixteenth of it takes two solutions.
 _JOINED = 0.5
 
 

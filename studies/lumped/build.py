@@ -403,7 +403,7 @@ class BuildResult:
 
     @classmethod
     def load(cls, folder: Path) -> BuildResult:
-        """Load a saved result; a missing, damaged or foreign file is an InputError."""
+        """Load a saved result; a missing, damaged or wrong file is an InputError."""
         numbers = read_json(folder / "build.json")
         if not isinstance(numbers, dict) or not numbers.get("built"):
             raise InputError("is not of tympan lumped build: run it again",

@@ -309,7 +309,7 @@ def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[A
     """Take one Newton step: nodes (steps + 1, size, 1 + p), stages (steps, 3, size, 1 + p).
 
     ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p) the
-    right side for the derivatives. Every stage is affine in the state at the begin of its step, so
+    right side for the derivatives. Every stage is affine in the state at the start of its step, so
     only that state is passed on from step to step.
     """
     steps, _, size = stages.shape

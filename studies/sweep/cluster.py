@@ -121,7 +121,7 @@ class _Workers:
     wait: float
     say: Progress
     checked: set[str] = field(default_factory=set)
-    missed: float | None = None  # time since when there is no worker
+    missed: float | None = None  # time since which there is no worker [s]
 
     def present(self) -> bool:
         """Test whether there is a worker; a Failure where there has been none for too long."""

@@ -141,7 +141,7 @@ def _reducible(task: SweepTask) -> bool:
         require_reducible(specimen, task.rig)
     except InputError:
         return False
-    # The film may buckle first at an edge of the electrode within the film.
+    # At an electrode's edge within the film, the film may become unstable in itself.
     return specimen.electrode.everywhere
 
 

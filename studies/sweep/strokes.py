@@ -122,7 +122,7 @@ def _off(population: Population, number: AnyArray, corners: list[_States], ideal
 
 
 def _tense(population: Population, number: AnyArray, corner: _States) -> Mask:
-    """Find the states in which the film is stable and in tension everywhere: a mask."""
+    """Find the states with a film in tension everywhere and stable in itself: a mask."""
     films = population.every
     places = films.at(population.family.looked_at)
     extremes = films.extremes(places, number, corner.q, corner.squared)

@@ -96,7 +96,7 @@ class Neighbours:
                 box = Scattered.of(view.specimen, tolerances).box(limits, generous=True)
         except InputError:
             return None
-        # The film may buckle first at an edge of the electrode within the film.
+        # At an electrode's edge within the film, the film may become unstable in itself.
         if not view.specimen.electrode.everywhere:
             return None
         mass = next(control for control in controls(view) if control.key == "mass")

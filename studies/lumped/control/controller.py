@@ -81,7 +81,7 @@ Method = Literal["pi", "lqg"]
 class LinearLaw:
     """v = C s + D (r, y) and s⁺ = A s + B (r, y) + G (v' − v), once a sampling interval.
 
-    s is the memory, r the desired deflection, y the reading, v the requested deflection at rest,
+    s is the memory, r the wanted deflection, y the reading, v the requested deflection at rest,
     and v' its value limited to what the supply can hold.
     """
 
