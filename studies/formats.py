@@ -1,4 +1,4 @@
-"""The formats of tables, under the name by which users' own packages know them."""
+"""The formats of tables, under the module name that users' own packages import."""
 
 from tympan.tables.formats import FORMATS as FORMATS
 from tympan.tables.formats import Format as Format

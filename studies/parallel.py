@@ -1,4 +1,4 @@
-"""A function of many things on the processors of this machine: a process each, replaced at need."""
+"""A function of many items on the processors of this machine, in processes that are restarted."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tympan.base.process.workers import Pool, WorkerDied
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
-#: How often its process may die before an item is tried alone, a last time.
+#: Number of times its process may die before an item is tried alone, a last time.
 _DEATHS = 2
 
-#: Items that are handed out for each process: one to compute, and one to go on with while the
-#: consumer is busy with a value.
+#: Items that are handed out for each process: one to compute, and one to continue with while the
+#: consumer processes a value.
 _AHEAD = 2
 
 
 @dataclass(frozen=True)
 class NoValue:
-    """Why an item has no value: ``error`` is what was raised, None where its process died."""
+    """The reason why an item has no value: ``error`` was raised; None where its process died."""
 
     reason: str
     error: Exception | None = None
@@ -32,18 +32,18 @@ class NoValue:
 
 def serial(function: Callable[[Item], Value], items: Mapping[str, Item]
            ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Values by key, one after the other in this process; errors are raised."""
+    """Yield values by key, one after the other in this process; errors are raised."""
     for key, item in items.items():
         yield key, function(item)
 
 
 def processes(function: Callable[[Item], Value], items: Mapping[str, Item], workers: int
               ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Values by key as they come, side by side in processes; what dies is started again.
+    """Yield values by key as they come, from parallel processes; dead processes are restarted.
 
-    An item whose process died is tried again; one that did so several times is then tried alone,
-    since others may have taken the memory. ``close()`` kills the processes: whoever may stop early,
-    or raise, takes the values ``with contextlib.closing(processes(...)) as values``.
+    An item whose process died is tried again. After several deaths it is tried alone, since others
+    may have taken the memory. ``close()`` kills the processes. A caller that may stop early, or
+    raise, takes the values ``with contextlib.closing(processes(...)) as values``.
     """
     waiting, deaths = deque(items), Counter[str]()
     while waiting:
@@ -55,10 +55,10 @@ def processes(function: Callable[[Item], Value], items: Mapping[str, Item], work
 
 def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: int
            ) -> Generator[Value, None, None]:
-    """Values in the items' order; with one worker in this process.
+    """Yield values in the items' order; with one worker in this process.
 
     Errors are raised, a RuntimeError where the process died over an item. ``close()`` kills the
-    processes, as that of :func:`processes`.
+    processes, as for :func:`processes`.
     """
     if workers < 2:
         yield from map(function, items)
@@ -77,19 +77,19 @@ def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: in
 
 
 def value_or_reason(result: Callable[[], Value]) -> Value | NoValue:
-    """The value of an item, or its failure; errors that would meet every item are raised."""
+    """Take the value of an item, or its failure; errors that would meet every item are raised."""
     try:
         return result()
     except (InputError, Failure, OSError):
         raise
-    except Exception as error:  # whatever a library raises on one item must not end the others
+    except Exception as error:  # a library's error on one item must not end the others
         return NoValue(f"{type(error).__name__}: {error}", error)
 
 
 def _together(function: Callable[[Item], Value], items: Mapping[str, Item], waiting: deque[str],
               deaths: Counter[str], workers: int
               ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Run what is waiting, up to an item that is to be tried alone."""
+    """Run the waiting items, up to an item that is to be tried alone."""
     running = 0
     with Pool(function, workers) as pool:
         while True:

@@ -1,8 +1,8 @@
 """Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file.
 
-A signal runs from time 0 to its ``end`` [s], smooth between ``breaks`` [s], both included; it
-begins from rest at ``first`` [V], ``peak`` is its largest magnitude [V], and ``within(piece,
-time)`` its voltage [V] at times of pieces between two breaks (by number), their ends included.
+A signal runs from time 0 to its ``end`` [s] and is smooth between ``breaks`` [s], both included. It
+begins from rest at ``first`` [V]; ``peak`` is its largest magnitude [V]. ``within(piece, time)`` is
+its voltage [V] at times of pieces between two breaks (by number), their ends included.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ from tympan.tables.meanings import TIMES, VOLTAGES
 
 _HIGHEST = 1e6
 _DURATION: Rule = (lambda x: LEAST_STEP <= x < np.inf, "must be positive, 1 ns at least")
-_STRAIGHT = 1e-9  # of the largest change of voltage in time: what is no change of it
+#: Smallest change of a slope, over the steepest slope, at which a line bends.
+_STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Straight lines between points of ``time`` [s] and ``voltage`` [V]; a time twice is a jump."""
+    """Straight lines between points of ``time`` [s] and ``voltage`` [V]; equal times are a jump."""
 
     time: Array
     voltage: Array
@@ -119,7 +120,7 @@ Signal = Pieces | Sine
 
 @dataclass(frozen=True, eq=False)
 class Supplied:
-    """Voltages that a rig gives the film of a signal of nominal voltages."""
+    """The film's voltages on a rig under a signal of nominal voltages."""
 
     signal: Signal
     rig: Rig
@@ -164,8 +165,8 @@ class JointSignal:
 class Wave:
     """A signal by its ``kind``: step, ramp (up and down), sine, random, or the name of a CSV file.
 
-    ``count``: of random levels (20 where it is left out), or cycles of a sine (3); ``seed``: of the
-    levels. Texts carry their unit.
+    ``count`` is the number of random levels (20 by default), or of cycles of a sine (3).
+    ``seed`` is the seed of the levels. Texts carry their unit.
     """
 
     kind: str = "step"
@@ -185,11 +186,11 @@ class Wave:
 
     @property
     def period(self) -> float | None:
-        """Period of a sine [s]; None for any other."""
+        """Period of a sine [s]; None for other signals."""
         return self.duration if self.kind == "sine" else None
 
     def signal(self, key: str = "signal") -> Signal:
-        """The signal; an :class:`InputError` names the ``key`` where there is no such kind."""
+        """Make the signal; an :class:`InputError` names the ``key`` of an unknown kind."""
         if self.kind in WAVES:
             return WAVES[self.kind](self)
         if not str(self.kind).endswith(".csv"):
@@ -198,7 +199,7 @@ class Wave:
         return read_signal(self.kind)
 
 
-#: What makes each kind of wave.
+#: Functions that make each kind of wave.
 WAVES: dict[str, Callable[[Wave], Signal]] = {
     "step": lambda wave: step(wave.low, wave.high, 0.0, wave.duration),
     "ramp": lambda wave: ramp(wave.low, wave.high, wave.duration),
@@ -209,19 +210,19 @@ WAVES: dict[str, Callable[[Wave], Signal]] = {
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:
-    """Step from one voltage to another at a time; at 0 it comes at once, after rest at ``low``."""
+    """Make a step between two voltages at a time; at 0 it comes at once, after rest at ``low``."""
     return Pieces(np.array([0.0, at, at, end]), np.array([low, low, high, high]))
 
 
 def ramp(low: float, high: float, end: float) -> Pieces:
-    """Up in half the time and down again in the other."""
+    """Make a ramp that rises in the first half of the time and falls in the second."""
     return Pieces(np.array([0.0, end / 2, end]), np.array([low, high, low]))
 
 
 def random_steps(low: float, high: float, every: float, count: int, seed: int) -> Pieces:
-    """``count`` levels drawn evenly between two voltages, each held for ``every`` seconds.
+    """Draw ``count`` levels uniformly between two voltages, each held for ``every`` seconds.
 
-    As in figure 14; the seed makes them repeat.
+    The signal is that of figure 14; an equal seed gives equal levels.
     """
     if not (every > 0 and 1 <= count <= 100_000):
         raise InputError("needs a positive time between switches and 1 to 100000 of them",
@@ -232,9 +233,9 @@ def random_steps(low: float, high: float, every: float, count: int, seed: int) -
 
 
 def read_signal(file: Path | str) -> Pieces:
-    """A CSV file with the columns t_s and voltage_kV; straight lines between its rows.
+    """Read a CSV file with the columns t_s and voltage_kV; straight lines join its rows.
 
-    What cannot be used is an InputError that names line and column.
+    An unusable value is an InputError that names line and column.
     """
     limited: Rule = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")
     sheet = read_sheet(file, (Column("t", "s", also=(TIMES,)),
@@ -249,7 +250,7 @@ def read_signal(file: Path | str) -> Pieces:
 
 
 def through(time: Array, voltage: Array) -> Pieces:
-    """Pieces through points [s, V], without those on the straight line between their neighbours."""
+    """Join points [s, V], without those on the straight line between their neighbours."""
     width = np.diff(time)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.diff(voltage) / width
@@ -261,14 +262,14 @@ def through(time: Array, voltage: Array) -> Pieces:
 
 
 def nominal(signal: Signal, when: Array) -> Array:
-    """The signal at times [V]; at a jump what comes after it."""
+    """Evaluate the signal at times [V]; at a jump it has the value after it."""
     breaks = signal.breaks
     piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
     return np.asarray(signal.within(piece, when))
 
 
 def lagging(when: Array, value: Array, lag: float) -> Array:
-    """Values that follow others, straight between samples, in a time [s], by a factor e."""
+    """Let values, linear between samples, lag by a time [s] in which a factor e remains."""
     if not lag:
         return value
     step = np.diff(when)
@@ -276,7 +277,7 @@ def lagging(when: Array, value: Array, lag: float) -> Array:
     slope = np.diff(value) / step
     shown = value.copy()
     for number in range(len(step)):
-        # Exact for a straight line.
+        # This is exact for a straight line.
         settled = value[number + 1] - lag * slope[number]
         shown[number + 1] = settled + (shown[number] - value[number] + lag * slope[number]) * kept[
             number]

@@ -1,4 +1,4 @@
-"""Trace of a film along time, by any model: moments, what they tell, saved and loaded."""
+"""Trace of a film along time, by any model: moments and their numbers, saved and loaded."""
 
 from __future__ import annotations
 
@@ -26,19 +26,18 @@ from tympan.studies.files import from_json, read_json, remove, to_json, write_js
 from tympan.studies.film_surface import FilmSurface, save_series
 from tympan.studies.signals import Signal, nominal
 
-#: A loop that drifts by less than this share of its range counts as closed: less cannot be seen in
-#: a figure.
+#: Largest drift of a closed loop, over its range: less cannot be seen in a figure.
 _CLOSED = 0.01
 #: Points of a loop, enough for a smooth line.
 _POINTS = 401
-#: Points of Gauss's rule between two times of a motion: exact where the voltage is straight, to
+#: Points of Gauss's rule between two times of a motion: exact where the voltage is linear, and to
 #: 1e-9 where a step is a quarter of a sine.
 _GAUSS = 6
-#: Share of its largest swing below which an oscillation is gone.
+#: Share of its largest swing below which an oscillation has settled.
 _SETTLED = 0.05
-#: Samples of one file: with its nine columns it stays within what a table may have.
+#: Most samples of one file: with its nine columns it stays within the limits of a table.
 _MOST = 1_000_000
-#: How long before a jump at once the rest is sampled, over the interval of samples.
+#: Time of the sample at rest before a jump at time 0, over the interval of samples.
 _EARLY = 1e-3
 
 _COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
@@ -50,9 +49,9 @@ _LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("def
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The moments of a motion [s], ascending; one that stands twice is a jump.
+    """The moments of a motion [s], ascending; a moment that appears twice is a jump.
 
-    Values at them are arrays whose first axis is that of time. Between jumps they follow cubic
+    Values at the moments are arrays whose first axis is time. Between jumps they follow cubic
     splines.
     """
 
@@ -60,17 +59,17 @@ class Trace:
 
     @property
     def end(self) -> float:
-        """Time of its end [s]."""
+        """Time of the last moment [s]."""
         return float(self.time[-1])
 
     @cached_property
     def parts(self) -> list[slice]:
-        """Moments between jumps."""
+        """Slices of the moments between jumps."""
         starts = (np.flatnonzero(np.diff(self.time) == 0) + 1).tolist()
         return [slice(*ends) for ends in zip([0, *starts], [*starts, len(self.time)], strict=True)]
 
     def at(self, values: Array, when: Array) -> Array:
-        """Values at some times [s]; at a jump what comes after it. Nan beyond the last moment."""
+        """Interpolate values at times [s]; at a jump the value after it, nan past the end."""
         result = np.full((len(when), *values.shape[1:]), np.nan)
         starts = self.time[[part.start for part in self.parts]]
         of = np.where(when <= self.time[-1], np.searchsorted(starts, when, "right") - 1, -1)
@@ -83,28 +82,29 @@ class Trace:
         return result
 
     def rates(self, values: Array) -> Array:
-        """Rate at which values change at the moments [1/s].
+        """Compute the rate of change of values at the moments [1/s].
 
-        At a jump before and after it; the jump itself has no rate.
+        At a jump these are the rates before and after it; the jump itself has no rate.
         """
         return np.concatenate([spline(self.time[part], values[part])(self.time[part], 1)
                                for part in self.parts])
 
     def integrals(self, values: Array) -> Array:
-        """Integral over each part between jumps, of values of shape (moments,)."""
+        """Integrate values of shape (moments,) over each part between jumps."""
         return np.array([spline(self.time[part], values[part]).integrate(
             self.time[part.start], self.time[part.stop - 1]) for part in self.parts])
 
     def extremes(self, values: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Time [s] and value of the smallest, and time and value of the largest.
+        """Find time [s] and value of the smallest, and time and value of the largest.
 
-        Between moments too, of values of shape (moments,); the first time of several.
+        The values have the shape (moments,). Extremes between moments are found, too. Of several
+        equal extremes the first counts.
         """
         when, what = [self.time], [values]
         for part in self.parts:
             curve = spline(self.time[part], values[part])
             turns = curve.derivative().roots(extrapolate=False)
-            # Where it is constant any time is a root, which is told by one that is no number.
+            # Where the curve is constant, any time is a root, which scipy marks by a nan.
             turns = turns[np.isfinite(turns)]
             when.append(turns)
             what.append(curve(turns))
@@ -114,7 +114,7 @@ class Trace:
 
     def last_loop(self, signal: Signal, period: float, deflection: Array
                   ) -> tuple[pd.DataFrame, float]:
-        """The last period [s] of a signal, and ∮ y du [V m].
+        """Sample the last period [s] of a signal, and compute ∮ y du [V m].
 
         The area is positive where the deflection lags behind.
         """
@@ -125,7 +125,7 @@ class Trace:
                 area - float(u[-1] * y[-1] - u[0] * y[0]))
 
     def _enclosed(self, signal: Signal, begin: float, deflection: Array) -> float:
-        """∫ u dy [V m] from a time [s] on; at jumps of mean voltage."""
+        """Integrate ∫ u dy [V m] from a time [s] on; jumps count at their mean voltage."""
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS)
         time, total = self.time, 0.0
         for part, following in zip(self.parts, [*self.parts[1:], None], strict=True):
@@ -145,7 +145,7 @@ class Trace:
 
 
 def unclosed(loop: pd.DataFrame) -> list[str]:
-    """A warning where a loop does not close."""
+    """Warn where a loop does not close."""
     y = loop["deflection"].to_numpy()
     if abs(y[-1] - y[0]) <= _CLOSED * np.ptp(y):
         return []
@@ -154,11 +154,11 @@ def unclosed(loop: pd.DataFrame) -> list[str]:
 
 
 def settling_time(time: Array, deflection: Array) -> float:
-    """Time of the last oscillation about the slow motion above 5 % of its largest swing [s].
+    """Find the time [s] of the last oscillation above 5 % of the largest swing.
 
-    Counted from time[0]; nan where there is no oscillation, or it is not over yet. The slow motion
-    is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane
-    goes on creeping long after the oscillation has died away.
+    It is counted from time[0]; nan where there is no oscillation, or it has not settled yet. An
+    oscillation is about the slow motion through the midpoints of neighbouring extremes, as one
+    would draw it by eye: the membrane continues to creep long after the oscillation has died away.
     """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
     if len(turning) < 3:
@@ -174,9 +174,9 @@ def settling_time(time: Array, deflection: Array) -> float:
 
 
 def sample_count(end: float, interval: float, runs: int = 1) -> int:
-    """Number of samples that a response up to ``end`` gives with an interval [s].
+    """Count the samples of a response up to ``end``, with an interval [s].
 
-    An :class:`InputError` where so many ``runs`` give more than a million.
+    An :class:`InputError` where ``runs`` responses have more than a million samples.
     """
     if runs * end / interval > _MOST:
         raise InputError(f"would give more than {_MOST} samples", key="--interval",
@@ -186,10 +186,10 @@ def sample_count(end: float, interval: float, runs: int = 1) -> int:
 
 def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, before: float
               ) -> tuple[Array, Array, Array]:
-    """Times [s], voltages [V] and deflections [m] of samples, begun at rest if they are not.
+    """Prepend a sample at rest to times [s], voltages [V] and deflections [m] where it is missing.
 
-    A run of a dataset begins at rest under its first voltage. Where the signal jumps at once, its
-    first sample is after the jump already, and another comes in front: ``before`` [m], at rest.
+    A run of a dataset begins at rest under its first voltage. Where the signal jumps at time 0, its
+    first sample is already after the jump. Then a sample at rest is put in front: ``before`` [m].
     """
     if voltage[0] == signal.first:
         return time, voltage, deflection
@@ -202,13 +202,14 @@ def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, be
 class Response:
     """Response of a film to a signal, as any model gives it.
 
-    ``samples`` have the columns of transient.csv, SI, as the rig's sensor shows them; ``loop``, the
-    last period of a signal that has one, those of hysteresis.csv; ``films`` are surfaces by time.
+    ``samples`` has the columns of transient.csv in SI units, as the rig's sensor shows them.
+    ``loop`` is the last period of a periodic signal, with the columns of hysteresis.csv. ``films``
+    holds surfaces by time.
     """
 
     file: ClassVar[str]
     writer: ClassVar[str]
-    #: Of pictures of it that move.
+    #: File types of moving pictures of the response.
     drawn: ClassVar[tuple[str, ...]] = ()
 
     specimen: Annotated[str, Key("name of the specimen")]
@@ -232,7 +233,7 @@ class Response:
     @classmethod
     def of(cls, signal: Signal, when: Array, deflection: Array, low: float, high: float,
            settles: bool, **others: Any) -> Self:
-        """The response whose deflections at times [s] these are, with its extremes [m].
+        """Make the response from deflections at times [s] and its extremes [m].
 
         ``settles``: after the signal an oscillation dies away; ``others``: all other fields.
         """
@@ -243,7 +244,7 @@ class Response:
 
     @classmethod
     def load(cls, folder: Path) -> Responses:
-        """Load a saved response; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved response; a missing, damaged or wrong file is an InputError."""
         file = folder / cls.file
         content = read_json(file)
         if not isinstance(content, dict) or not content.get("responses"):
@@ -266,7 +267,7 @@ class Response:
 class Responses:
     """Responses of one actuator each, all to the same signal and by the same command.
 
-    With ``specimens``, on a ``rig``, what is saved is a dataset.
+    With ``specimens``, on a ``rig``, the saved files are a dataset.
     """
 
     responses: tuple[Response, ...]
@@ -287,19 +288,19 @@ class Responses:
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Files of moving films that are drawn of it."""
+        """File names of the moving pictures of the responses."""
         return tuple(f"{response.specimen}.{kind}" for response in self.responses
                      for kind in response.drawn)
 
     def json(self) -> dict[str, Any]:
-        """Responses as a JSON object, without samples."""
+        """Convert the responses to a JSON object, without samples."""
         return {"responses": to_json(self.responses)}
 
     def save(self, folder: Path) -> None:
-        """Write the numbers, transient.csv, dataset.toml beside it, and of loops hysteresis.csv.
+        """Write the numbers, transient.csv, dataset.toml, and for loops hysteresis.csv.
 
-        Films as a VTK series NAME.pvd. The numbers come last, so their presence means the rest is
-        complete.
+        Films are written as a VTK series NAME.pvd. The numbers are written last, so their presence
+        means that the other files are complete.
         """
         first = self.responses[0]
         for response in self.responses:
@@ -314,14 +315,14 @@ class Responses:
         if loops:
             write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
         if self.specimens:
-            with suppress(InputError):  # a dataset that is there already stays as it is
+            with suppress(InputError):  # an existing dataset stays as it is
                 write_text(folder / "dataset.toml", toml({
                     "name": "simulated", "source": first.writer, "rig": write(self.rig),
                     "specimen": [specimen_content(specimen) for specimen in self.specimens]}))
         write_json(folder / first.file, self.json())
 
     def as_stored(self) -> Responses:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return replace(self, responses=tuple(
             replace(response, samples=_as_written(response.samples, _COLUMNS),
                     loop=None if response.loop is None

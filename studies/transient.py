@@ -50,24 +50,25 @@ from tympan.studies.modes import carried
 from tympan.studies.signals import Pieces, Signal, Supplied, Wave, lagging, nominal, ramp
 from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
 
-#: Where a loop turns, as a share of the first limit, so that the film stays before it.
+#: Voltage at which a loop turns, over that of the first limit, so that the film stays below it.
 _NEAR_LIMIT = 0.95
-#: Films of a loop that are kept where its fields are asked for.
+#: Number of films of a loop that are kept where its fields are requested.
 MOMENTS_OF_LOOP = 25
 #: Samples of a loop, enough for a smooth line.
 _SAMPLES = 2000
 
-#: Errors of steps in time with which a loop is followed, one after the other, until its area
-#: changes by no more than a share. The last one takes some 10 s where the loop is thin.
+#: Errors of steps in time for a loop's runs, one after the other, until its area changes by no more
+#: than ``_AREA``. The last run takes about 10 s where the loop is thin.
 _LOOP_ERRORS = (1e-6, 1e-7, 1e-8)
+#: Largest relative change of the area between the last two runs.
 _AREA = 1e-3
-#: How far off an area may be, in changes from the run before: the finer one may err by as much.
+#: Error of an area over its change from the run before: the finer run may err by as much.
 _DOUBT = 2.0
 
-#: A film deflects more where by more than this factor: at rest it does so by rounding alone.
+#: Factor by which a deflection must grow to count as larger: at rest it changes by rounding alone.
 _MORE = 1 + 1e-6
 
-#: Numbers that are kept of each moment.
+#: Number of values that are kept of each moment.
 _NUMBERS = 6
 
 
@@ -76,9 +77,9 @@ _NUMBERS = 6
 class TransientCase:
     """A specimen on a rig under a nominal ``mass`` [kg] and a signal of nominal voltages.
 
-    Before the signal begins it has rested under mass and first voltage for ``rest`` [s]: for ever
-    unless the film says when it was mounted. ``inertia``: the plate swings; else it follows the
-    film at once. Texts carry their unit.
+    Before the signal begins, it has rested under mass and first voltage for ``rest`` [s], by
+    default for ever, or for 0 s if the film has a mounting time. ``inertia``: the plate has
+    inertia; else it follows the film at once. Texts carry their unit.
     """
 
     specimen: Specimen
@@ -123,14 +124,14 @@ class TransientCase:
 
 @dataclass(frozen=True, eq=False)
 class History(Trace):
-    """History of a film, moment by moment; after a jump of the voltage the same time twice.
+    """History of a film by moment; after a jump of the voltage the same time appears twice.
 
-    ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
-    ``tilt`` [rad], ``current`` into the electrodes [A], all of shape (moments,). ``before``: the
-    deflection when the signal began [m], 0 where the film hung under nothing until then.
-    ``stopped``: where it went no further. ``slack``: when the film first lost tension [s], None
-    where it did not. ``balance``: where its energy went. ``farthest``: when it deflects most [s];
-    ``failures``: breakdown, and what its law fails, there.
+    ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F], ``tilt`` [rad] and
+    ``current`` into the electrodes [A] have the shape (moments,). ``before`` is the deflection when
+    the signal began [m], 0 where the film had no load until then. ``stopped`` says where the motion
+    ended early. ``slack`` is when the film first lost tension [s], None where it did not.
+    ``balance`` is its energy balance. ``farthest`` is the time of the largest deflection [s];
+    ``failures`` names breakdown there, and the criteria that the film's law fails there.
     """
 
     deflection: Array
@@ -149,9 +150,9 @@ class History(Trace):
 
 def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = (),
             progress: ShareDone = lambda share: None) -> History:
-    """The motion of a film, with its fields at some times [s].
+    """Simulate the motion of a film, with its fields at some times [s].
 
-    ``progress`` is called with the share of the signal that is over.
+    ``progress`` is called with the finished share of the signal.
 
     Raises
     ------
@@ -161,7 +162,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     transient, state, memory = begun(case, settings)
     model = transient.model
     past, slack = list[Moment](), None
-    # Numbers alone: a signal read from a table may have millions of moments.
+    # Only numbers are kept: a signal read from a table may have millions of moments.
     record, energies = array("d"), array("d")
     farthest: Moment | None = None
     most = 0.0
@@ -198,7 +199,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
 
 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
-    """Breakdown, and criteria that the film's law fails, at a moment, as of a film at rest."""
+    """Word breakdown and failed criteria of the film's law at a moment, as for a film at rest."""
     fields, = node_fields(transient.remembering(moment), [moment.state])
     weakest = int(np.argmax(fields.breakdown_share))
     x, y, _ = fields.position[weakest].tolist()
@@ -209,10 +210,10 @@ def _failures(transient: Transient, moment: Moment) -> list[str]:
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
-    """A case so long [s] after its voltage was switched on, at rest under the mass until then.
+    """Solve a case at a time [s] after its voltage was switched on; before it rests under the mass.
 
-    A film that says when it was mounted is loaded with mass and voltage at once. ``film``: with its
-    fields on a surface. Its stresses have the branches' part.
+    A film with a mounting time is loaded with mass and voltage at once. ``film`` adds its fields on
+    a surface. Its stresses include those of the viscous branches.
     """
     began = time.perf_counter()
     status: Status
@@ -238,12 +239,12 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 
 
 def _remarks(case: TransientCase) -> list[str]:
-    """Remarks that belong to every result of a case in time."""
+    """Collect the remarks of every result of a case in time."""
     return [*case.rig.in_motion, *case.highest.remarks]
 
 
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
-    """Moving parts, and their state and memory when the signal begins."""
+    """Build the moving parts, and their state and memory when the signal begins."""
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
@@ -275,7 +276,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
 
 
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
-    """Numbers that are kept of every moment, :data:`_NUMBERS` of them."""
+    """Compute the :data:`_NUMBERS` values that are kept of every moment."""
     state = moment.state
     return (moment.time, model.deflection(state), float(np.sqrt(state.voltage_squared)),
             float(model.capacitance(state)), state.plate.tilt, moment.current)
@@ -311,10 +312,10 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
             step: bool = False, films: tuple[float, ...] = (),
             progress: ShareDone = lambda share: None
             ) -> tuple[FieldResponse, History]:
-    """Response of a film, sampled with an interval [s].
+    """Simulate the response of a film, sampled at an interval [s].
 
-    ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
-    ``progress`` is called with the share of the signal that is over.
+    ``period`` is the signal's period [s], if it has one. ``step`` says that the signal is a step.
+    ``progress`` is called with the finished share of the signal.
     """
     began = time.perf_counter()
     done = history(case, settings, films, progress)
@@ -347,7 +348,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
 
 
 def _without_voltage(case: TransientCase, done: History, settings: Settings) -> float | None:
-    """Deflection without voltage [m], of a film that rested until a signal with voltage began."""
+    """Find the deflection at 0 V [m] of a film that rested until a signal with voltage began."""
     if case.rested != inf or not case.signal.peak:
         return None
     return (deflection_without_voltage(case.highest, settings) if case.signal.first
@@ -358,11 +359,11 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
               mass: float | str | None = None, rest: float | str | None = None,
               swing: bool = False, films: tuple[float, ...] = (), rig: Rig = Rig(),
               progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
-    """Responses of films to the signal of a wave, sampled with its interval.
+    """Simulate films' responses to the signal of a wave, sampled at the wave's interval.
 
-    Each bears the ``mass``, or one that suits all with a plate. ``films``: times [s] at which each
-    film is kept. ``progress`` is called with a specimen's name, then with the ``share`` of the
-    signal that is over.
+    Each film bears the ``mass``, by default a mass that suits all films with a plate. ``films``
+    holds the times [s] at which each film is kept. ``progress`` is called with a specimen's name,
+    then with the finished ``share`` of the signal.
     """
     def over(share: float) -> None:
         progress(share=share)
@@ -382,14 +383,14 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
 
 
 def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
-    """Rows of transient.csv at times [s], which say how long the film had rested."""
+    """Make rows of transient.csv at times [s], with the time that the film had rested."""
     sampled = when, nominal(case.signal, when), done.at(done.deflection, when)
     if case.rested:
         sampled = with_rest(case.signal, *sampled, done.before)
     time, voltage, deflection = sampled
-    # A sample at rest may stand in front of what begins with a jump.
+    # Where the signal begins with a jump, a sample at rest may be added in front.
     added = len(time) - len(when)
-    # The curve between moments may pass below 0 by its rounding.
+    # The curve between moments may go below 0 by its rounding.
     film_voltage = np.append(np.repeat(float(case.rig.film_voltage(case.signal.first)), added),
                              np.maximum(done.at(done.voltage, when), 0.0))
     current = np.append(np.zeros(added), done.at(done.current, when))
@@ -403,11 +404,11 @@ def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
 
 def loop(case: Case, rate: float, turn: float | None, settings: Settings, films: int = 0
          ) -> Responses:
-    """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
+    """Raise the case's voltage at a rate [V/s] to ``turn`` [V], and lower it again.
 
-    Left out, it turns at 95 % of the film's first limit at rest. With so many ``films`` on the way,
-    at equal times. The loop's area is that of two runs with ever shorter steps that agree to a
-    thousandth; how far they differ is said with it.
+    The default ``turn`` is 95 % of the film's first limit at rest. ``films`` is the number of films
+    to keep, at equal times. The runs have ever shorter steps, until the loop's area differs by at
+    most a thousandth between two of them. The result states this difference.
     """
     if turn is None:
         first = first_limit(case, settings)
@@ -432,7 +433,7 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
         shorter = replace(ramped, steps=replace(ramped.steps, error=error))
         response, _ = respond(shorter, settings, duration / _SAMPLES, duration, films=moments)
         area = response.hysteresis_area_V_m
-        if area is None:  # it pulls in: there is no loop
+        if area is None:  # the film pulls in: there is no loop
             break
         apart, before = _DOUBT * abs(area - before), area
         if np.isfinite(apart):

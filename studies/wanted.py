@@ -1,10 +1,10 @@
 """Wanted quantities of films: their values, bounds of these, and by how much films miss them.
 
-`[want]` of requirements and of tolerances, `--want` and ``want=`` are read here: a bound is the
-same in all of them.
+This module reads `[want]` of requirements and of tolerances, `--want` and ``want=``. A bound has
+the same form in all of them.
 
-    stroke = "2 mm"                                   # at least: more of a stroke is better
-    deflection = ["at least 3 mm", "at most 6 mm"]    # of a deflection it is said which
+    stroke = "2 mm"                                   # at least: a larger stroke is better
+    deflection = ["at least 3 mm", "at most 6 mm"]    # a deflection needs "at least" or "at most"
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tympan.geometry.specimen import Specimen
 
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 
-#: Margin to the loss of tension where none is asked for: the film bears its voltage, no more.
+#: Margin to the loss of tension. Without a requested margin the film only bears its voltage.
 TENSION = "tension_margin"
 #: Margin to breakdown.
 BREAKDOWN = "breakdown_margin"
@@ -37,19 +37,20 @@ LIMIT = "limit"
 Sense = Literal["at least", "at most"]
 
 _SENSED = re.compile(r"\s*(?:at\s+(least|most)\s)?\s*(.+?)\s*", re.DOTALL)
-#: Relative difference from a bound that is none: reduced films, by which is searched, and finite
-#: elements differ by less.
+#: Relative difference from a bound that is neglected: reduced films, which the search uses, differ
+#: from finite elements by less.
 _NEAR = 1e-3
 
 
 class Loaded(Protocol):
-    """Films without voltage, under theirs, and under that times a margin: (films, states) each.
+    """Films at 0 V, at their voltage, and at that times a margin: arrays (films, states).
 
-    Of a film that has lost tension the numbers are those of one that bears compression; nan of one
-    without equilibrium. ``force`` that the film carries [N], ``blocked_force`` that the voltage
-    takes from a plate held where it is without [N], (films,); lowest ``frequency`` of the first
-    two [Hz], (films,); ``limit``: over the voltage, that of the first loss of tension or of
-    pull-in; ``first_limit``: nominal voltage of the first limit of any kind [V].
+    A film that has lost tension has the numbers of a film that bears compression. A film
+    without equilibrium has nan. ``force`` [N] is the force that the film carries.
+    ``blocked_force`` [N], (films,), is the force that the voltage takes from a plate held where it
+    is without voltage. ``frequency`` [Hz], (films,), is the lowest frequency of the first two
+    states. ``limit`` is the voltage of the first loss of tension or of pull-in, over the voltage.
+    ``first_limit`` [V] is the nominal voltage of the first limit of any kind.
     """
 
     @property
@@ -85,10 +86,11 @@ class Quantity:
     """A quantity of loaded films: its ``name`` in files, its ``words``, and its values.
 
     ``gain``: whether more of it is better, or less; None where a bound must say whether it is the
-    least or the largest value. ``of`` answers its values for films, (films,). ``scatters``: films
-    of one drawing differ in it. ``missed``: by what share films miss a bound, where that is not by
-    its value. A search keeps bounds of a quantity that is ``sought``. One ``of_plate`` needs a
-    plate. ``label``: what tables and figures call it, where that is not its name.
+    least or the largest value. ``of`` computes its values for films, (films,). ``scatters``: films
+    of one drawing differ in it. ``missed`` computes the share by which films miss a bound, where
+    that does not follow from the value. A search keeps bounds of a quantity that is ``sought``. A
+    quantity ``of_plate`` needs a plate. ``label`` is its name in tables and figures, where that is
+    not ``name``.
     """
 
     name: str
@@ -110,27 +112,27 @@ class Quantity:
 
     @property
     def column(self) -> str:
-        """Name of a column that holds it: its SI unit ends it."""
+        """Name of its column, which ends in its SI unit."""
         return self.name + (DIMENSIONS[self.dimension].suffix if self.dimension else "")
 
     @property
     def unit(self) -> str:
-        """SI unit, "1" of plain numbers."""
+        """SI unit, "1" for plain numbers."""
         return DIMENSIONS[self.dimension].si if self.dimension else "1"
 
     @property
     def table_unit(self) -> str:
-        """Unit of its values in tables, "" of plain numbers."""
+        """Unit of its values in tables, "" for plain numbers."""
         return DIMENSIONS[self.dimension].table_unit if self.dimension else ""
 
     @property
     def per_si(self) -> float:
-        """Value in :attr:`table_unit` of 1 in SI."""
+        """Value of 1 SI unit in :attr:`table_unit`."""
         return 1 / unit_factor(self.table_unit, self.dimension) if self.dimension else 1.0
 
     @property
     def example(self) -> str:
-        """A bound as a file has it."""
+        """Example of a bound in a file."""
         value = DIMENSIONS[self.dimension].example if self.dimension else "1.2"
         return f'"at least {value}"' if self.gain is None else f'"{value}"'
 
@@ -150,7 +152,7 @@ class Bound:
 
     @property
     def key(self) -> str:
-        """Key among others: the quantity's name, with the sense where that is not the usual one."""
+        """Key among bounds: the quantity's name, with the sense if that is not the usual one."""
         return self.name if self.least == self.quantity.gain else f"{self.name} {self.sense}"
 
     @property
@@ -160,51 +162,51 @@ class Bound:
 
     @property
     def text(self) -> str:
-        """The bound as people read it: "stroke at least 2 mm"."""
+        """The bound in words: "stroke at least 2 mm"."""
         dimension = self.quantity.dimension
         value = quantity_text(self.value, dimension) if dimension else f"{self.value:g}"
         return f"{self.name.replace('_', ' ')} {self.sense} {value}"
 
     def misses(self, films: Loaded) -> Array:
-        """Share by which films miss it, (films,): not above 0 where they keep it, nan unknown."""
+        """Compute the share by which films miss it, (films,): 0 or less if kept, nan if unknown."""
         missed = self.quantity.missed
         return self.missed(self.quantity.of(films)) if missed is None else missed(films)
 
     def missed(self, values: Array) -> Array:
-        """Share by which values of the quantity miss it."""
+        """Compute the share by which values of the quantity miss it."""
         share = np.asarray(values) / self.value
         return np.asarray(1 - share if self.least else share - 1)
 
     def kept_by(self, value: float) -> bool:
-        """Whether a value keeps it, as nearly as reduced films know it."""
+        """Test whether a value keeps it within the accuracy of reduced films."""
         return bool(self.missed(np.array(value)) <= _NEAR)
 
     def at(self, missed: float) -> float:
-        """Value that misses it by a share."""
+        """Compute the value that misses it by a share."""
         return self.value * (1 - missed if self.least else 1 + missed)
 
     def better(self, one: float, other: float) -> bool:
-        """Whether one value keeps it more easily than another."""
+        """Test whether one value keeps it more easily than another."""
         return one > other if self.least else one < other
 
     def relaxed_to(self, value: float | None) -> Bound | None:
-        """The bound at another value; None where that is no weaker, or could not be asked for."""
+        """Weaken the bound to a value; None where that is no weaker, or not an allowed value."""
         if value is None or not self.better(self.value, value) or not self.quantity.rule[0](value):
             return None
         return Bound(self.name, value, self.least)
 
     def relaxed_by(self, share: float) -> Bound | None:
-        """The bound with a value weaker by a share of itself; None where there is none."""
+        """Weaken the bound by a share of its value; None where that is not possible."""
         return self.relaxed_to(self.at(share))
 
 
 def by_key(bounds: Iterable[Bound]) -> dict[str, Bound]:
-    """Bounds by their keys, of several by one key the last."""
+    """Index bounds by their keys; the last of several with one key counts."""
     return {bound.key: bound for bound in bounds}
 
 
 def read_bounds(name: str, given: object) -> tuple[Bound, ...]:
-    """Bounds of a quantity as they are given: "2 mm", "at most 2 mm", 1.2, or a list of these.
+    """Read a quantity's bounds: "2 mm", "at most 2 mm", 1.2, or a list of these.
 
     Raises
     ------
@@ -256,12 +258,12 @@ def _plain(text: str) -> float | str:
 
 
 def wanted_bounds(given: Mapping[str, object] | str) -> tuple[Bound, ...]:
-    """Bounds of a mapping, or of a text such as "stroke = 2 mm, deflection = at most 6 mm".
+    """Read bounds from a mapping, or a text such as "stroke = 2 mm, deflection = at most 6 mm".
 
     Raises
     ------
     InputError
-        When some bound cannot be used; the key is ``want``, with the quantity's name.
+        When a bound cannot be used; the key is ``want``, with the quantity's name.
     """
     pairs = _pairs(given) if isinstance(given, str) else given
     if not pairs:
@@ -287,7 +289,7 @@ def _pairs(text: str) -> Mapping[str, object]:
 
 
 def table_bounds(table: Table) -> tuple[Bound, ...]:
-    """Bounds of a table, all of whose keys are quantities."""
+    """Read the bounds of a table, whose keys are all quantities."""
     found = list[Bound]()
     for name, given in table.data.items():
         table.asked.add(name)
@@ -330,12 +332,12 @@ def _breakdown_margin(films: Loaded) -> Array:
 
 
 def _tension_missed(films: Loaded) -> Array:
-    """The margin is looked at where tension must not be lost yet: by what is left of it there."""
+    """Compute the missed share: least over largest stress up to the margin, sign reversed."""
     return np.asarray(-films.tension.min(1) / films.stress.max(1))
 
 
-#: All quantities that loaded films may be asked for: bounds of tolerances and of designs, and what
-#: a sweep may ask. Whoever registers one here can ask for it everywhere.
+#: All quantities of loaded films: for bounds of tolerances and of designs, and for sweeps. A
+#: quantity that is registered here is available in all of them.
 QUANTITIES: Registry[Quantity] = Registry("name")
 for _quantity in (
     Quantity("deflection", "deflection under the voltage", "length", None,
@@ -376,5 +378,5 @@ for _quantity in (
 
 
 def scattering() -> tuple[str, ...]:
-    """Names of the quantities that differ between films of one drawing."""
+    """List the quantities that differ between films of one drawing."""
     return tuple(name for name, quantity in QUANTITIES.items() if quantity.scatters)

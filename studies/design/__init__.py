@@ -1,7 +1,9 @@
 """Films for requirements: what is wanted, what is given, and the films that fulfil it.
 
-``quantities`` are what may be wanted of films, ``requirements`` the file, ``ranges`` what may be
-chosen, and ``sqp`` the steps of the search, which know no film. ``space`` has reduced films of a
-family, ``search`` looks among them, ``scatter`` makes margins of tolerances, ``exact`` solves what
-was found by finite elements, ``design`` puts these together and ``result`` is what is stored.
+The quantities that may be wanted are in ``studies/wanted.py``. ``requirements`` reads the file,
+``ranges`` holds the free numbers, and ``sqp`` takes the steps of the search, independent of films.
+``space`` has the reduced films of a family, ``search`` searches among them, ``scatter`` finds
+margins from tolerances, and ``exact`` solves the films found by finite elements. ``relaxed`` finds
+weaker bounds that films can keep, ``front`` trades two quantities off. ``design`` joins these
+steps, and ``result`` is stored.
 """

@@ -1,4 +1,4 @@
-"""The best films for requirements, with margins for what scatters, checked by finite elements."""
+"""The best films for requirements, with margins for scatter, checked by finite elements."""
 
 from __future__ import annotations
 
@@ -45,33 +45,33 @@ from tympan.studies.parallel import mapped
 from tympan.studies.tolerance.result import Chance, FilmFailure
 from tympan.studies.wanted import QUANTITIES, TENSION, Quantity
 
-#: Films by which margins are set: 26 of them lie beyond the 5 % quantile.
+#: Random films for setting the margins: 26 of them lie beyond the 5 % quantile.
 _DRAWN = 512
-#: Films by which they are judged at the end, within some 0.5 % of all films.
+#: Random films for the final check: its error is about 0.5 % of all films.
 _JUDGED = 2048
-#: Times that margins are set at most; usually four do.
+#: Most rounds of setting the margins; usually four suffice.
 _ROUNDS = 12
-#: Change of a margin that counts as none, as a share of its bound.
+#: Change of a margin, over its bound, below which it has settled.
 _SETTLED = 1e-3
-#: Change from which on it is looked at how many films fail: margins still move by less.
+#: Change below which failing films are counted: margins still move by less.
 _NEAR = 2e-2
-#: Share of the allowed failing films that is aimed at, so that those drawn last do not exceed them.
+#: Targeted share of the allowed failures, so that other random films do not exceed them.
 _AIMED = 0.9
-#: Shares of the allowed failing films between which the margins stay as they are.
+#: Shares of the allowed failures between which the margins stay as they are.
 _NEARLY = (0.75, 0.96)
-#: Rounds after which margins go half the way: two films may call each for the margins of the other.
+#: Rounds after which margins change by half: two films may each require the margins of the other.
 _DAMPED = 3
-#: Rounds without a film that keeps all bounds before most of the films shall, whichever they are.
+#: Rounds without a film that keeps all bounds, after which most films must keep them instead.
 _IN_VAIN = 2
-#: Factors between which the share that may fail each bound changes at once.
+#: Limits of the factor by which the share that may fail each bound changes in one round.
 _LEVEL_STEP = (0.7, 1.4)
-#: Times that a search goes on about a film at the edge of what reduced films know.
+#: Times that a search continues about a film at the edge of the known reduced films.
 _BEYOND = 4
-#: Ranges about such a film, as a share of those asked for.
+#: Ranges about such a film, over the ranges given.
 _ABOUT = 0.3
-#: By what share of itself the aim must get better there.
+#: Smallest relative gain of the aim for which the search continues there.
 _BETTER = 1e-3
-#: Quantities that are told of every film.
+#: Quantities that are reported for every film.
 _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "max_field",
          "max_true_stress", "gap")
 
@@ -80,9 +80,10 @@ _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "ma
 class Sought:
     """End of the search, the margins it had, and the film by finite elements.
 
-    ``off``: by what share of each bound reduced films are better than finite elements; ``priced``:
-    what a share of each bound costs of the aim, (bounds,), where the search's end does not say.
-    ``relaxed``: weaker bounds, each of which alone would do, by the keys of those they replace.
+    ``off``: the share of each bound by which reduced films are better than finite elements.
+    ``priced``: the cost of a share of each bound in the aim, (bounds,), where the search's end does
+    not give it. ``relaxed``: weaker bounds by the keys of those they replace; each of them alone
+    would suffice.
     """
 
     search: Search
@@ -96,7 +97,7 @@ class Sought:
 
     @property
     def prices(self) -> Array:
-        """Cost of a share of each bound, in the aim, (bounds,)."""
+        """Cost of a share of each bound in the aim, (bounds,)."""
         if self.priced is not None:
             return self.priced
         multipliers = self.end.multipliers
@@ -110,7 +111,7 @@ class Sought:
 
     @property
     def inner_ends(self) -> list[int]:
-        """Variables at an end of their range that is none of those asked for."""
+        """Variables at an end of their range that is not an end of the range given."""
         space, multipliers = self.search.space, self.end.multipliers
         if multipliers is None:
             return []
@@ -120,7 +121,7 @@ class Sought:
 
     @property
     def at_edge(self) -> bool:
-        """Whether the search ended where reduced films know nothing more, at no bound."""
+        """Whether the search ended at the edge of the known reduced films, and not at a bound."""
         if not (self.possible and self.search.best):
             return False
         if self.inner_ends or self.end.status != "no_progress":
@@ -129,14 +130,14 @@ class Sought:
 
     @property
     def aim(self) -> float:
-        """Quantity that was to be largest."""
+        """Value of the quantity that is maximised."""
         assert self.end.here is not None
         return self.end.here.value if self.search.best else common_share(self.end)
 
 
 @dataclass(frozen=True, eq=False)
 class _Kind:
-    """The best film of one kind as it is stored, its files, and the search's end for others."""
+    """The best film of one kind as it is stored, its files, and the search's end for a front."""
 
     film: DesignedFilm
     specimen: Specimen
@@ -147,14 +148,14 @@ class _Kind:
 
 def design(requirements: Requirements, settings: Settings = Settings(),
            progress: Progress = lambda words: None, workers: int = 1) -> DesignResult:
-    """The best film of each kind; that a requirement cannot be met is a result, too.
+    """Find the best film of each kind; an unmet requirement is a result, too.
 
-    So many ``workers`` search kinds side by side, a process each.
+    ``workers`` is the number of processes that search kinds in parallel.
 
     Raises
     ------
     InputError
-        When no kind has a reduced film, or none bears its loads.
+        When no kind has a reduced film, or no film bears its loads.
     """
     began = time.perf_counter()
     found, failed = list[_Kind](), list[FailedKind]()
@@ -192,7 +193,7 @@ def design(requirements: Requirements, settings: Settings = Settings(),
 
 
 def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) -> _Kind | FailedKind:
-    """The best film of one kind; if it is the only one and has none, the reason is raised."""
+    """Find the best film of one kind; if the only kind has no film, raise the reason."""
     try:
         sought = sought_in(DesignSpace.of(requirements, specimen, settings), settings)
     except InputError as error:
@@ -203,7 +204,7 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
         if len(requirements.specimens) == 1:
             raise doubted from None
         return FailedKind(specimen=specimen.name, reason=str(doubted))
-    # A process has a family's films to send where others are sought between them alone.
+    # A process sends a family's films only where the front needs them.
     space, values, exact = sought.search.space, sought.values, sought.exact
     assert exact is not None
     return _Kind(designed_film(sought, specimen), space.built(values), space.rig(values),
@@ -211,7 +212,7 @@ def _kind(requirements: Requirements, settings: Settings, specimen: Specimen) ->
 
 
 def _edge(found: Sought) -> list[str]:
-    """A warning where the search ended at the edge of what reduced films know."""
+    """Warn where the search ended at the edge of the known reduced films."""
     if not found.at_edge:
         return []
     film = ", ".join(f"{each.key} = {quantity_text(value, each.dimension)}" for each, value in zip(
@@ -221,7 +222,7 @@ def _edge(found: Sought) -> list[str]:
 
 
 def sought_in(space: DesignSpace, settings: Settings) -> Sought:
-    """The best film of a space; where none keeps all bounds, the nearest and what could be kept."""
+    """Find the best film of a space; without one, find the nearest and bounds that it can keep."""
     requirements = space.requirements
     search = Search(space, requirements.kept(space.specimen), requirements.best)
     found = _beyond(_settled(search, search.starts()), settings)
@@ -230,10 +231,11 @@ def sought_in(space: DesignSpace, settings: Settings) -> Sought:
 
 
 def _relaxed(found: Sought, settings: Settings) -> Sought:
-    """The nearest film with what each bound that binds may be instead, all others kept.
+    """Find for each binding bound of the nearest film the value that it can have instead.
 
-    Where that is no weaker than what was asked for, there is a film that keeps all bounds, after
-    all: the search goes on from it, and nothing is said where it does not keep them at the end.
+    All other bounds are kept. Where the value found is no weaker than the bound, a film keeps all
+    bounds after all. Then the search continues from it, and the value is dropped where the result
+    does not keep them.
     """
     relaxed = dict[str, Relaxed]()
     for (key, bound), price in zip(found.search.bounds.items(), found.prices, strict=True):
@@ -253,7 +255,7 @@ def _relaxed(found: Sought, settings: Settings) -> Sought:
 
 
 def _from(found: Sought, x: Array, settings: Settings) -> Sought:
-    """The best film from one at shares x of the ranges that seems to keep all bounds."""
+    """Find the best film from one at shares x of the ranges that seems to keep all bounds."""
     if found.films is not None:
         return _kept_by_most(replace(found, end=replace(found.end, x=x)), settings)
     best = found.search.space.requirements.best
@@ -263,12 +265,13 @@ def _from(found: Sought, x: Array, settings: Settings) -> Sought:
 
 @dataclass(frozen=True, eq=False)
 class _Margins:
-    """A film and the margins by which it was found, on the way to a film that suits its margins.
+    """A film and the margins it was found with, in the iteration for a film with its own margins.
 
-    ``level``: share of the films that may fail each bound; ``shifts``: the margins; ``points`` of
-    the films about each design, None where nothing scatters. Of the rounds before: their count,
-    those in ``vain``, the best film ``kept`` by enough of its copies, and the ``likely`` one, which
-    the ``most`` of its copies keep.
+    ``level``: share of the films that may fail each bound. ``shifts``: the margins. ``points``: the
+    random films about each design, None where nothing scatters. The other fields are of the rounds
+    before. ``count`` is their number, and ``vain`` counts those in vain. ``kept`` is the best film
+    whose bounds enough of its copies keep. ``likely`` is the film whose bounds the largest share
+    ``most`` of its copies keeps.
     """
 
     found: Sought
@@ -283,7 +286,7 @@ class _Margins:
 
     @classmethod
     def of(cls, found: Sought) -> Self:
-        """The first round, from a film without margins."""
+        """Make the first round, from a film without margins."""
         space = found.search.space
         points = drawn_points(space.inputs, _DRAWN, 1) if space.scatter else None
         return cls(found, points, _AIMED * (1 - space.requirements.share), found)
@@ -295,7 +298,7 @@ class _Margins:
 
     @cached_property
     def films(self) -> ScatteredFilms | None:
-        """Films that scatter about this one."""
+        """Random films about this one."""
         if self.points is None:
             return None
         return ScatteredFilms.of(self.found.search, self.found.values, self.points)
@@ -307,7 +310,7 @@ class _Margins:
 
     @property
     def failed(self) -> float:
-        """Share that fails over the one that may; where nothing scatters that which is aimed at."""
+        """Share of failures over the allowed share; the target where nothing scatters."""
         return _AIMED if self.films is None else (1 - self.share) / self.failing
 
     @cached_property
@@ -318,7 +321,7 @@ class _Margins:
 
     @property
     def change(self) -> float:
-        """Largest change of a margin from those by which the film was found."""
+        """Largest difference of a margin from the one that the film was found with."""
         return max(abs(value - self.shifts.get(key, np.inf)) for key, value in self.wanted.items())
 
     @property
@@ -328,30 +331,30 @@ class _Margins:
 
     @property
     def in_vain(self) -> int:
-        """Rounds without a film that keeps all bounds."""
+        """Number of rounds without a film that keeps all bounds."""
         return self.vain + (not self.found.possible)
 
     @property
     def settled(self) -> bool:
-        """Whether the margins suit the film, or no film is found with any."""
+        """Whether the margins suit the film, or no film is found with any margins."""
         few = _NEARLY[0] <= self.failed <= _NEARLY[1]
         return ((self.change < _SETTLED and not self.many) or (few and self.change < _NEAR)
                 or self.in_vain > _IN_VAIN)
 
     @property
     def best(self) -> Sought | None:
-        """The best film up to here that enough of its copies keep."""
+        """Best film so far of which enough copies keep all bounds."""
         if self.films is None or not self.found.possible or self.many:
             return self.kept
         return max(filter(None, [self.kept, self.found]), key=lambda each: each.aim)
 
     @property
     def likeliest(self) -> Sought:
-        """The film up to here that most of its copies keep."""
+        """Film so far of which the most copies keep all bounds."""
         return self.found if self.films is not None and self.share > self.most else self.likely
 
     def next(self, settings: Settings) -> Self | None:
-        """Search on with margins that suit this film; None where they are too wide for any."""
+        """Search again with margins that suit this film; None where no film can have them."""
         space, level, shifts = self.found.search.space, self.level, self.wanted
         if self.found.possible and self.change < _NEAR and self.films is not None:
             step = float(np.clip(_AIMED / self.failed, *_LEVEL_STEP))
@@ -370,7 +373,7 @@ class _Margins:
 
 
 def _with_margins(found: Sought, settings: Settings) -> Sought:
-    """A film with margins for what scatters and for what reduced films miss."""
+    """Find a film with margins for scatter and for the errors of reduced films."""
     here = _Margins.of(found)
     while here.count < _ROUNDS and not here.settled:
         after = here.next(settings)
@@ -378,7 +381,7 @@ def _with_margins(found: Sought, settings: Settings) -> Sought:
             break
         here = after
     film, likely = here.found, here.likely
-    if here.count == _ROUNDS:  # between films that call each for the margins of the other
+    if here.count == _ROUNDS:  # two films each require the margins of the other
         film = here.kept or film
     else:
         likely = here.likeliest
@@ -390,9 +393,9 @@ def _with_margins(found: Sought, settings: Settings) -> Sought:
 
 
 def _beyond(found: Sought, settings: Settings) -> Sought:
-    """The best film, searched on where the search ended because no reduced film was known.
+    """Continue a search that ended at the edge of the known reduced films.
 
-    Reduced films of narrower ranges about that film know more of its neighbours.
+    A family of narrower ranges about that film has more of its neighbours.
     """
     for _ in range(_BEYOND):
         if not found.at_edge:
@@ -415,7 +418,7 @@ def _beyond(found: Sought, settings: Settings) -> Sought:
 
 
 def _checked(found: Sought, settings: Settings) -> Sought:
-    """The film with its finite elements, and what reduced films are off by these."""
+    """Solve the film by finite elements, and find the errors of the reduced film against them."""
     space, values, search = found.search.space, found.values, found.search
     exact = space.exact(values, settings)
     reduced = replace(search, shifts={}).missed(space.films(values[None]))[0]
@@ -425,7 +428,7 @@ def _checked(found: Sought, settings: Settings) -> Sought:
 
 
 def _judged(found: Sought) -> Sought:
-    """The film with others about it, by which it is possible or not."""
+    """Draw others about the film; it is possible if enough of them keep all bounds."""
     space = found.search.space
     films = ScatteredFilms.of(found.search, found.values, drawn_points(space.inputs, _JUDGED, 2))
     enough = Chance.of(films.kept(found.off)).high >= space.requirements.share
@@ -433,7 +436,7 @@ def _judged(found: Sought) -> Sought:
 
 
 def _kept_by_most(found: Sought, settings: Settings) -> Sought:
-    """The film most of whose copies keep all bounds, from one on; the best where enough do."""
+    """Find the film that most of its copies keep, from one on; the best if enough keep it."""
     search, requirements = found.search, found.search.space.requirements
     share, off = requirements.share, found.off
     search = replace(search, best="", shifts={})
@@ -450,14 +453,14 @@ def _kept_by_most(found: Sought, settings: Settings) -> Sought:
     for most, end in reversed(tried):
         film = Sought(most.search, end, end.status == "optimum", priced=most.prices(end))
         judged = _judged(_checked(film, settings))
-        if judged.possible and judged.films is not None:  # others between it and more have margins
+        if judged.possible and judged.films is not None:  # the films of a front have margins, too
             shifts = judged.films.shifts(judged.values, 1 - share)
             return replace(judged, search=replace(judged.search, shifts=shifts))
     return judged
 
 
 def _settled(search: Search, starts: Array) -> Sought:
-    """The best film from some starts; where none keeps all bounds, that which nearly does."""
+    """Find the best film from some starts; without one, that which misses the bounds least."""
     if search.best:
         end = search.found(starts)
         if end is not None and end.status != "infeasible":
@@ -475,7 +478,7 @@ def _settled(search: Search, starts: Array) -> Sought:
 
 
 def designed_film(found: Sought, given: Specimen) -> DesignedFilm:
-    """The film as it is stored, beside the given one."""
+    """Make the film's stored form, with the given specimen for comparison."""
     space, values = found.search.space, found.values
     status: DesignStatus = "met" if found.possible else "impossible"
     reached, fails = None, tuple[FilmFailure, ...]()
@@ -498,7 +501,7 @@ def _numbers(found: Sought) -> dict[str, DesignedNumber]:
         if end.multipliers is not None and number not in found.inner_ends:
             price = float(end.multipliers.bounds[number])
         bound = each.low if end.x[number] < 0.5 else each.high
-        # A range whose end is 0 is no wider by a share of that.
+        # A range that ends at 0 cannot be widened by a share of its end.
         share = RELAXED * abs(bound) / (each.high - each.low)
         kind = ends.numbers.get(each.key)
         numbers[each.key] = DesignedNumber(
@@ -510,12 +513,12 @@ def _numbers(found: Sought) -> dict[str, DesignedNumber]:
 
 
 def _scale(found: Sought) -> float:
-    """Scale of which a gain of the aim is a share: the best quantity, or one."""
+    """Find the scale for the aim's relative gain: the best quantity, or 1."""
     return abs(found.aim) if found.search.best else 1.0
 
 
 def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
-    """Numbers of a film: of all bounds, and of quantities without one."""
+    """List a film's quantities: those of all bounds, and those without a bound."""
     search, exact = found.search, found.exact
     assert exact is not None
     now = replace(exact, specimen=given) if search.space.hold(given) else None
@@ -542,7 +545,7 @@ def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
 
 
 def _bounded(found: Sought, key: str, price: float, films: tuple[Any, ...]) -> DesignedQuantity:
-    """A bound, with what the film has, what its copies keep, and what the bound costs."""
+    """Describe a bound: the film's value, the copies that keep it, and what the bound costs."""
     bound, space = found.search.bounds[key], found.search.space
     reduced, value, before = (_one(bound.quantity, each) for each in films)
     kept = None if found.films is None else found.films.kept_each(found.off).get(key)
@@ -562,7 +565,7 @@ def _bounded(found: Sought, key: str, price: float, films: tuple[Any, ...]) -> D
 
 
 def _one(quantity: Quantity, films: Any) -> float | None:
-    """A quantity of one film, if it has it."""
+    """Compute a quantity of one film; None if the film does not have it."""
     if films is None:
         return None
     value = float(quantity.of(films)[0])
@@ -570,7 +573,7 @@ def _one(quantity: Quantity, films: Any) -> float | None:
 
 
 def _reached(found: Sought, name: str, least: bool) -> float | None:
-    """Value of a quantity that the share of the films reach; None where fewer have it at all."""
+    """Find the value that the required share of films reach; None where fewer films have it."""
     quantity, share = QUANTITIES[name], found.search.space.requirements.share
     if found.films is None or not quantity.scatters or name == TENSION:
         return None

@@ -1,4 +1,4 @@
-"""Films of finite elements, each on a mesh of its own, to check what reduced ones promise."""
+"""Films of finite elements, each on a mesh of its own, to check reduced films."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from tympan.studies.case import Case, Limit, Settings, build_model, state_warnin
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried, heaving_frequency
 
-#: A film that does not bear its margin ends before it, by this share of it at least: its end is
-#: known to some 1e-4.
+#: Largest ratio of a film's end to the margin that it does not bear: the end is known to about
+#: 1e-4.
 _SHORT = 1 - 1e-4
-#: What differs between the same warning of two states.
+#: Numbers in a warning; equal warnings of two states differ only in them.
 _NUMBERS = re.compile(r"\d[\d.e+-]*")
 
 
@@ -33,10 +33,10 @@ _NUMBERS = re.compile(r"\d[\d.e+-]*")
 class ExactFilm:
     """A film under a nominal mass [kg] and voltage [V].
 
-    It is :class:`~tympan.studies.wanted.Loaded` of one film.
+    It is a :class:`~tympan.studies.wanted.Loaded` of one film.
 
-    ``amplifier``: factor on what the rig makes of the voltage; ``margin`` of the third state;
-    ``strength``: factor on the electric strength.
+    ``amplifier``: factor on the rig's voltage across the film. ``margin``: factor on the voltage in
+    the third state. ``strength``: factor on the electric strength.
     """
 
     specimen: Specimen
@@ -81,19 +81,19 @@ class ExactFilm:
 
     @cached_property
     def outcomes(self) -> list[Outcome]:
-        """Equilibria without voltage, under it, and under it times a margin above 1."""
+        """Equilibria at 0 V, at the voltage, and at the voltage times a margin above 1."""
         shares = (0.0, 1.0, self.margin) if self.margin > 1 else (0.0, 1.0)
         return [equilibrium(self._model, self._load, self._across(share), self.rig.gas_pressure,
                             settings=self.settings.path) for share in shares]
 
     @property
     def _there(self) -> Mask:
-        """Mask of those that are equilibria."""
+        """Mask of the outcomes that are equilibria."""
         return np.array([outcome.status == "equilibrium" for outcome in self.outcomes])
 
     @property
     def sound(self) -> bool:
-        """Whether those without and under the voltage are equilibria."""
+        """Whether the states at 0 V and at the voltage are equilibria."""
         return bool(self._there[:2].all())
 
     @cached_property
@@ -125,9 +125,9 @@ class ExactFilm:
 
     @property
     def tension(self) -> Array:
-        """Least tension; beyond a limit as if the film bore compression."""
+        """Least tension; beyond a limit it is that of a film that bears compression."""
         found = self._row([each.stress_2.min() for each in self._fields])
-        if self.sound and not self._there.all():  # falls with U², to 0 at the limit
+        if self.sound and not self._there.all():  # the tension falls with U², to 0 at the limit
             end = min(float(self.limit[0]), _SHORT * self.margin)
             found[0, -1] = found[0, 0] * (1 - (self.margin / end) ** 2)
         return found

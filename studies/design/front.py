@@ -1,8 +1,8 @@
-"""Films between the best of one quantity and the best of another: each best for the other's value.
+"""Films between the best of two quantities: each is best for a given value of the other.
 
-All keep the bounds with the margins of the best film. A bound on the second quantity goes from its
-value where the first is best to its own best value (the method of constraints: Haimes, Lasdon,
-Wismer, IEEE Trans. Syst. Man Cybern. 1, 1971).
+All films keep the bounds with the margins of the best film. A bound on the second quantity moves
+from its value where the first is best to its own best value (the method of constraints: Haimes,
+Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1, 1971).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from tympan.studies.design.search import Search
 from tympan.studies.design.sqp import Descent
 from tympan.studies.wanted import QUANTITIES, Bound
 
-#: Films of a front, its ends included.
+#: Number of films of a front, its ends included.
 _FILMS = 9
-#: Share of the way to the best of the second quantity at which the front ends: at the best itself
-#: the first is that of a search which did not look at it.
+#: Share of the way to the best of the second quantity at which the front ends. At the best itself
+#: the search did not maximise the first quantity.
 _NEARLY = 0.999
 
 
 def front(search: Search, x: Array, pair: tuple[str, str]) -> DesignFront | None:
-    """Films between two quantities, near one at shares x; None where none keeps the bounds."""
+    """Find films between two quantities, near one at shares x; None if no film keeps the bounds."""
     first, second = pair
     starts = np.concatenate([x[None], search.starts()])
     ends = [replace(search, best=key).found(starts) for key in pair]

@@ -14,9 +14,9 @@ from tympan.geometry.specimen import Specimen
 
 @dataclass(frozen=True)
 class Vary:
-    """A number of the specimen, or several that are alike, or a load, from lowest to highest [SI].
+    """A free number between two values [SI]: a number of the specimen, equal numbers, or a load.
 
-    ``names``: their paths in a specimen; none of a load.
+    ``names``: its paths in a specimen; empty for a load.
     """
 
     key: str
@@ -28,7 +28,7 @@ class Vary:
 
 @dataclass(frozen=True, eq=False)
 class Ranges:
-    """A specimen and what may be chosen of it and of its loads."""
+    """A specimen, and the free numbers of it and of its loads."""
 
     specimen: Specimen
     variables: tuple[Vary, ...]
@@ -44,16 +44,16 @@ class Ranges:
         return np.array([each.high - each.low for each in self.variables])
 
     def values(self, x: Array) -> Array:
-        """Values of the variables at shares x of their ranges."""
+        """Compute values of the variables at shares x of their ranges."""
         return np.asarray(self.lows + self.widths * x)
 
     def hold(self, specimen: Specimen) -> bool:
-        """Whether the numbers of a specimen lie within the ranges."""
+        """Test whether the numbers of a specimen lie within the ranges."""
         return all(each.low <= float(at(specimen, name.split("."))) <= each.high
                    for each in self.variables for name in each.names)
 
     def built(self, values: Sequence[float] | Array) -> Specimen:
-        """The specimen with these values.
+        """Build the specimen with these values.
 
         Raises
         ------

@@ -1,7 +1,7 @@
-"""Relaxed bounds: what one may be with all others kept, what that gains, and at which end it is.
+"""Relaxed bounds: a bound's reachable value with all others kept, its gain, and the film's ends.
 
-A film that just keeps a relaxed bound is stopped by other bounds, by the end of a number's range,
-or by the edge of what reduced films know.
+A film that just keeps a relaxed bound is limited by other bounds, by the end of a number's range,
+or by the edge of the known reduced films.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from tympan.studies.design.space import DesignSpace
 from tympan.studies.tolerance.result import Chance
 from tympan.studies.wanted import TENSION, Bound
 
-#: Change of a bound or of a range's end of which is told what it gains.
+#: Relative change of a bound, or of a range's end, for which the gain is computed.
 RELAXED = 0.01
-#: Designs of which is looked at what a bound that cannot be kept may be instead.
+#: Number of designs to try for the value that an unreachable bound can have instead.
 _EASED = 3
-#: Films by which it is sought what most films reach.
+#: Random films for finding the value that most films reach.
 _DRAWN = 512
-#: Other films by which that is told.
+#: Other random films for the final value.
 _JUDGED = 2048
-#: Distance of the neighbours by which the edge of what is known is seen, as a share of the ranges.
+#: Distance of the neighbours that show the edge of the known films, as a share of the ranges.
 _NEIGHBOUR = 0.02
-#: How near to an end of its range a number is at it, as a share of the range.
+#: Largest distance of a number from an end at which it counts as there, as a share of its range.
 _AT_END = 1e-3
 
-#: End of a number: of the range that was asked for, or of what reduced films know.
+#: End of a number: of the given range, or of the known reduced films.
 NumberEnd = Literal["range", "known"]
 
 
 @dataclass(frozen=True)
 class Ends:
-    """Ends at which a film is: ``numbers`` by their keys, and whether reduced films go on there."""
+    """Ends at which a film is: ``numbers`` by key, and whether all its neighbours are known."""
 
     numbers: Mapping[str, NumberEnd]
     known: bool
@@ -47,7 +47,7 @@ class Ends:
 
 @dataclass(frozen=True)
 class Relaxed:
-    """A weaker ``bound`` with which all bounds are kept, and the ``ends`` of the film that does."""
+    """A weaker ``bound`` with which all bounds are kept, and the ``ends`` of its film."""
 
     bound: Bound
     ends: Ends
@@ -62,7 +62,7 @@ class Attained:
 
 
 def ends_at(space: DesignSpace, x: Array) -> Ends:
-    """Ends of ranges at which a film is, at shares x of them, and whether all around are films."""
+    """Find the ends of ranges at which a film is, at shares x, and whether its neighbours exist."""
     size = len(space.variables)
     x, numbers = x[:size], dict[str, NumberEnd]()
     around = np.clip(x + _NEIGHBOUR * np.concatenate([np.eye(size), -np.eye(size)]), 0, 1)
@@ -78,22 +78,22 @@ def ends_at(space: DesignSpace, x: Array) -> Ends:
 
 
 def gain_of(search: Search, bound: Bound, values: Array, price: float) -> float | None:
-    """Gain of the aim where a bound is relaxed by 1 %, from the price of a share of it.
+    """Compute the aim's gain where a bound is relaxed by 1 %, from the price of a share of it.
 
-    None where it cannot be relaxed: a film must bear its voltage, whatever is asked for.
+    None where the bound cannot be relaxed: a film must bear its voltage in any case.
     """
     weaker = bound.relaxed_by(RELAXED)
     if weaker is None:
         return None
     if bound.name == TENSION:
         return price * _tension_eased(search, weaker, values)
-    # With a margin the film without scatter is beyond the bound by a share, and falls with it.
+    # The margin is a share of the bound, so the film without scatter moves with the bound.
     shift = search.shifts.get(bound.key, 0.0)
     return price * RELAXED * (1 + shift if bound.least else 1 - shift)
 
 
 def _tension_eased(search: Search, weaker: Bound, values: Array) -> float:
-    """Fall of the share missed where the margin to the loss of tension is relaxed."""
+    """Compute by how much the missed share falls at a relaxed margin to the loss of tension."""
     space = search.space
     bounds = {**space.requirements.bounds, weaker.key: weaker}
     eased = replace(space, requirements=replace(space.requirements, bounds=bounds))
@@ -103,10 +103,11 @@ def _tension_eased(search: Search, weaker: Bound, values: Array) -> float:
 
 def attained(search: Search, bound: Bound, x: Array, off: Mapping[str, float], scatters: bool
              ) -> Attained | None:
-    """The best value of a bound's quantity that films reach which keep all other bounds.
+    """Find the best value of a bound's quantity for films that keep all other bounds.
 
-    ``x``: the nearest film; reduced films are ``off`` finite elements by shares of the bounds. Each
-    value is counted of films that are drawn about its design, where any scatter.
+    ``x`` is the nearest film; ``off`` holds the errors of reduced films against finite elements, as
+    shares of the bounds. Where a number scatters, each value is found from random films about its
+    design.
     """
     others = {key: other for key, other in search.bounds.items() if key != bound.key}
     alone = replace(search, bounds=others, best=bound.name, least=not bound.least,
@@ -123,14 +124,14 @@ def attained(search: Search, bound: Bound, x: Array, off: Mapping[str, float], s
     by_margins = filter(None, map(told, _by_margins(alone, bound, x, off, points)))
     best = max(by_margins, key=lambda each: each.value if bound.least else -each.value,
                default=None)
-    if best is None:  # the second way is the longer one
+    if best is None:  # the second method takes longer
         best = next(filter(None, map(told, _by_most(alone, bound, x, off))), None)
     return best and _told(search, bound, best.x, off, drawn_points(search.space.inputs, _JUDGED, 2))
 
 
 def _by_margins(alone: Search, bound: Bound, x: Array, off: Mapping[str, float], points: Array
                 ) -> Iterator[Array]:
-    """The design, and others with much of a bound's quantity and margins for all other bounds."""
+    """Yield the design, then others with a high quantity and margins for all other bounds."""
     yield x
     if not bound.quantity.scatters:
         return
@@ -138,7 +139,7 @@ def _by_margins(alone: Search, bound: Bound, x: Array, off: Mapping[str, float],
     share = space.requirements.share
     for _ in range(_EASED - 1):
         films = ScatteredFilms.of(alone, space.values(x), points)
-        # Half of the films that may fail do so by each of the other bounds.
+        # Each of the other bounds may be missed by half of the films that may fail.
         shifts = films.shifts(space.values(x), (1 - share) / 2)
         ended = replace(alone, shifts={key: shifts.get(key, 0.0) + off.get(key, 0.0)
                                        for key in alone.bounds}).found(starts)
@@ -149,9 +150,9 @@ def _by_margins(alone: Search, bound: Bound, x: Array, off: Mapping[str, float],
 
 
 def _by_most(alone: Search, bound: Bound, x: Array, off: Mapping[str, float]) -> Iterator[Array]:
-    """Designs with most of a bound's quantity of which most copies keep all other bounds."""
+    """Yield designs that maximise a bound's quantity while most copies keep all other bounds."""
     share = alone.space.requirements.share
-    # Half of the films that may fail do so by the other bounds, or all of them.
+    # The other bounds may be missed by half of the films that may fail, then by all of these.
     for most in ((1 + share) / 2, share) if bound.quantity.scatters else (share,):
         found = kept_by_most(replace(alone, shifts={}), off, most, x)
         if found is not None:
@@ -160,7 +161,7 @@ def _by_most(alone: Search, bound: Bound, x: Array, off: Mapping[str, float]) ->
 
 def _told(search: Search, bound: Bound, x: Array, off: Mapping[str, float], points: Array | None
           ) -> Attained | None:
-    """Value of a bound's quantity that films about a design reach; None if others are missed."""
+    """Find the value that films about a design reach; None if they miss other bounds."""
     space, share = search.space, search.space.requirements.share
     values = space.values(x[: len(space.variables)])
     bare = replace(search, shifts={})
@@ -179,6 +180,6 @@ def _told(search: Search, bound: Bound, x: Array, off: Mapping[str, float], poin
             return None
     if value is None or not np.isfinite(value):
         return None
-    # Finite elements have less of it by what reduced films are off.
+    # By finite elements the value is worse by the error of the reduced films.
     sign = 1 if bound.least else -1
     return Attained(value - sign * off.get(bound.key, 0.0) * bound.value, x)

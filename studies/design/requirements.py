@@ -1,4 +1,4 @@
-"""Requirements of a film, what is given, and what may vary: REQUIREMENTS.toml."""
+"""Requirements of a film, given numbers, and free numbers: REQUIREMENTS.toml."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from tympan.studies.wanted import (
     table_bounds,
 )
 
-#: Words for the one quantity that shall be as good as can be.
+#: Words for the one quantity that is to be optimised.
 _BEST = {True: "largest", False: "least"}
-#: Loads that may vary; without them there is nothing to be designed.
+#: Loads that may vary, with their rules; a load of 0 leaves nothing to design.
 VARIED_LOADS: dict[str, Rule] = {
     "mass": (lambda x: 0 < x <= MOST_MASS, f"must be above 0 and at most {MOST_MASS:g} kg"),
     "voltage": (lambda x: 0 < x <= MOST_VOLTAGE,
                 f"must be above 0 and at most {MOST_VOLTAGE / 1e3:g} kV")}
-#: All that may vary beside numbers of the specimen: dimensions and rules.
+#: Everything that may vary besides numbers of the specimen: dimensions and rules.
 _BESIDE: dict[str, tuple[str, Rule]] = {
     **{key: (key, rule) for key, rule in VARIED_LOADS.items()},
     SPRING: ("stiffness per length", NON_NEGATIVE)}
 
-#: Keys of `tympan optimise` and of the search by finite elements alone, and what takes their place.
+#: Keys of `tympan optimise` and of the former search by finite elements, and their replacements.
 _FORMER = {
     "search": "is no longer a key: the search is by reduced films, and finite elements check the "
               "best one; leave it out",
@@ -55,11 +55,11 @@ _FORMER = {
              "[vary]; leave it out",
     "pull_in_margin": "is no longer a quantity: write tension_margin, the voltage of the "
                       "film's first loss of tension or pull-in, over its voltage"}
-#: Said of a file without wants, as those of `tympan optimise` were.
+#: Message for a file without wants, as in the files of `tympan optimise`.
 _NO_WANT = ('is missing: write a table [want], such as stroke = "largest" and bounds: '
             'tension_margin = 1.2, frame_area = "100 cm^2"')
 
-#: Number below 0 that tells which numbers may be there: offsets and exponents, no length.
+#: Magnitude of a negative number that tests a rule: offsets and exponents allow it, lengths do not.
 _SIGNED = 1e-3
 
 _SHARE: Rule = (lambda x: 0.5 <= x <= 0.99, "must be a share of the films from 0.5 to 0.99")
@@ -77,7 +77,7 @@ class SoldFilm:
 
 @dataclass(frozen=True)
 class RequirementsFile:
-    """Keys of a requirements file; the tables whose keys are names stand as they are written."""
+    """Keys of a requirements file; tables whose keys are names are kept as written."""
 
     specimen: Annotated[tuple[str, ...], Key(
         "file of a specimen, or a list of them, one for each kind of outline; what does not vary "
@@ -105,20 +105,20 @@ class RequirementsFile:
 
 
 def sought() -> dict[str, Quantity]:
-    """Quantities that a design can be asked for, by name."""
+    """List the quantities that a design can aim at, by name."""
     return {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
 
 
 @checks_types
 @dataclass(frozen=True)
 class Requirements:
-    """Bounds that 95 % of the films keep, and one quantity that shall be as good as can be.
+    """Bounds that 95 % of the films keep, and one quantity that is to be optimised.
 
-    ``specimens``: one for each kind that is tried; what does not vary is theirs. ``bounds`` by
-    their keys; ``best``: one of :func:`sought`, "" for the film that keeps all bounds by the
-    largest common share. ``mass`` [kg] and the supply's
-    ``voltage`` [V] where they do not vary. ``tolerances``: None for films without scatter.
-    ``front``: two quantities between whose best films others are sought.
+    ``specimens``: one for each kind to try; fixed numbers are theirs. ``bounds``: by their keys.
+    ``best``: one of :func:`sought`, or "" for the film that keeps all bounds by the largest common
+    share. ``mass`` [kg] and the supply's ``voltage`` [V]: where they do not vary. ``tolerances``:
+    None for films without scatter. ``front``: two quantities between whose best films others are
+    sought.
     """
 
     name: str
@@ -135,12 +135,12 @@ class Requirements:
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """The requirements of a TOML file; specimens are files beside it, or the paper's."""
+        """Read requirements from a TOML file; specimens are files next to it, or the paper's."""
         return cls._of(Table.read(file, "requirements"))
 
     @classmethod
     def shipped(cls) -> Self:
-        """Those of the paper's large ellipse: the largest stroke in a frame of its area."""
+        """Read the example of the paper's large ellipse: the largest stroke for its frame area."""
         with resources.as_file(resources.files("tympan.studies.design") / "ellipse.toml") as file:
             return cls.read(file)
 
@@ -165,18 +165,18 @@ class Requirements:
 
     @property
     def margin(self) -> float:
-        """Voltage that a film must bear without loss of tension, over its own."""
+        """Voltage that a film must bear without loss of tension, over its own voltage."""
         bound = self.bounds.get(TENSION)
         return 1.0 if bound is None else bound.value
 
     @property
     def swings(self) -> bool:
-        """Whether frequencies are asked for."""
+        """Whether a bound or an aim needs frequencies."""
         names = (bound.name for bound in self.bounds.values())
         return "frequency" in (*names, self.best, *(self.front or ()))
 
     def kept(self, specimen: Specimen) -> dict[str, Bound]:
-        """All bounds of a specimen: its film bears the voltage, whatever else is wanted."""
+        """Collect all bounds of a specimen; its film must bear the voltage in any case."""
         always = [TENSION]
         if specimen.membrane.strength is not None:
             always.append(BREAKDOWN)
@@ -184,14 +184,14 @@ class Requirements:
 
 
 def _refuse_former(table: Table) -> None:
-    """Refuse former keys, with what to write instead."""
+    """Refuse former keys, and say what to write instead."""
     for key in table.data:
         if key in _FORMER:
             raise table.error(key, _FORMER[key])
 
 
 def _specimens(table: Table, given: RequirementsFile) -> tuple[Specimen, ...]:
-    """Specimens of all kinds and films that are tried, by different names."""
+    """Make the specimens of all kinds and films to try, with different names."""
     kinds = [_specimen(table, name) for name in given.specimen]
     require_different_names(kinds)
     films = [film for number, sold in enumerate(given.films)
@@ -202,7 +202,7 @@ def _specimens(table: Table, given: RequirementsFile) -> tuple[Specimen, ...]:
 
 
 def _specimen(table: Table, name: str) -> Specimen:
-    """A specimen of a file or of the paper."""
+    """Load a specimen from a file, or one of the paper's."""
     if not name.endswith(".toml") and name not in FILES:
         raise table.error("specimen", "must be a specimen file, ending in .toml, or one of "
                                       f"{', '.join(FILES)}", name)
@@ -211,7 +211,7 @@ def _specimen(table: Table, name: str) -> Specimen:
 
 
 def _choices(table: Table, key: str, sold: SoldFilm) -> list[dict[str, Any]]:
-    """Every thickness of one entry of the catalogue in every number of layers."""
+    """List every thickness of a catalogue entry in every number of layers."""
     try:
         material = {"material": library_material(sold.material)} if sold.material else {}
     except InputError as error:
@@ -221,7 +221,7 @@ def _choices(table: Table, key: str, sold: SoldFilm) -> list[dict[str, Any]]:
 
 
 def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
-    """The specimen of a film of the catalogue, named after it."""
+    """Make the specimen with a film of the catalogue, and name it after the film."""
     given = {key: value for key, value in film.items() if key != "name"}
     words = [specimen.name, film["name"], f"{1e6 * film['thickness']:.0f}um"]
     words += [f"{film['layers']}x"] * (film["layers"] > 1)
@@ -235,7 +235,7 @@ def _made(specimen: Specimen, film: dict[str, Any]) -> Specimen:
 
 def _loads(table: Table, given: RequirementsFile, variables: Mapping[str, tuple[Vary, ...]],
            specimens: tuple[Specimen, ...]) -> tuple[float, float]:
-    """Mass [kg] and voltage [V]; of one that varies the highest.
+    """Read mass [kg] and voltage [V]; a varied load has its highest value.
 
     Films without plates need no mass.
     """
@@ -246,18 +246,18 @@ def _loads(table: Table, given: RequirementsFile, variables: Mapping[str, tuple[
 
 def _load(table: Table, key: str, given: float | None, variables: Mapping[str, tuple[Vary, ...]],
           *, needed: bool = True) -> float:
-    """A load that is given or varies."""
+    """Read a load that is given or varies."""
     varied = [each.high for several in variables.values() for each in several if each.key == key]
     if varied and given is not None:
         raise table.error(key, "is given and varies, too: only one of both", table.data[key])
     if given is None and not varied and needed:
-        table.value(key)  # says that it is missing
+        table.value(key)  # raises the error of a missing key
     return varied[0] if varied else given or 0.0
 
 
 def _variables(inner: Table, specimens: tuple[Specimen, ...], rig: Rig
                ) -> dict[str, tuple[Vary, ...]]:
-    """Keys that vary of each specimen, by its name; a key must be known to one of them."""
+    """Read the varied keys of each specimen, by its name; one of them must know each key."""
     keys = {each.name: _keys(each) for each in specimens}
     known = dict.fromkeys(key for several in keys.values() for key in several)
     found: dict[str, list[Vary]] = {specimen.name: [] for specimen in specimens}
@@ -279,7 +279,7 @@ def _variables(inner: Table, specimens: tuple[Specimen, ...], rig: Rig
 
 
 def _halves(specimen: Specimen) -> dict[str, str]:
-    """Advice by words of files for twice a number, such as the width of a frame."""
+    """Make advice for words in files that mean twice a number, such as the width of a frame."""
     parts = {"frame": specimen.frame, "plate": specimen.plate and specimen.plate.outline}
     return {f"{part}.{word}": f"write {part}.{each.key}.{number} and half of these lengths; "
             for part, outline in parts.items() if outline is not None
@@ -287,7 +287,7 @@ def _halves(specimen: Specimen) -> dict[str, str]:
 
 
 def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen) -> Vary:
-    """A key's numbers of one specimen."""
+    """Read the range of one key's numbers of a specimen."""
     if key in _BESIDE:
         dimension, rule = _BESIDE[key]
     else:
@@ -303,7 +303,7 @@ def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen) 
 
 
 def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
-    """Numbers that may vary by their keys: those of one list also all alike, by its key."""
+    """List numbers that may vary by key; the key of a list varies all its numbers alike."""
     found: dict[str, tuple[str, ...]] = {}
     for name in varying(specimen):
         key = name.replace("plate.outline.", "plate.", 1)
@@ -316,7 +316,7 @@ def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
 
 def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Specimen, ...]
             ) -> tuple[dict[str, Bound], str]:
-    """Bounds by their keys, and the quantity that is to be best."""
+    """Read bounds by their keys, and the quantity that is to be optimised."""
     bounds: dict[str, Bound] = {}
     best = ""
     for inner in filter(None, bounded):
@@ -363,7 +363,7 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
 
 
 def _front(table: Table, pair: tuple[str, ...]) -> tuple[str, str] | None:
-    """The two quantities of a front."""
+    """Read the two quantities of a front."""
     if not pair:
         return None
     known = {name: each for name, each in sought().items()
@@ -377,7 +377,7 @@ def _front(table: Table, pair: tuple[str, ...]) -> tuple[str, str] | None:
 
 
 def _tolerances(table: Table, key: str) -> Tolerances | None:
-    """Tolerances of a table, of a file, or none."""
+    """Read tolerances from a table or a file; "none" gives None."""
     given = table.value(key, {})
     if given == "none":
         return None
@@ -387,7 +387,7 @@ def _tolerances(table: Table, key: str) -> Tolerances | None:
 
 
 def _files(table: Table, key: str) -> tuple[str, ...]:
-    """Names of files, of one or of a list."""
+    """Read one name of a file, or a list of names."""
     given = table.value(key)
     files = [given] if isinstance(given, str) else given
     if (not isinstance(files, list) or not files
@@ -396,7 +396,7 @@ def _files(table: Table, key: str) -> tuple[str, ...]:
     return tuple(files)
 
 
-#: Readers of keys that may be more than their declaration says.
+#: Readers of keys that accept more forms than their declaration.
 _READERS: Special = {
     (RequirementsFile, "specimen"): _files,
     (RequirementsFile, "want"): Table.table,

@@ -27,7 +27,7 @@ from tympan.studies.files import (
 from tympan.studies.tolerance.result import Chance, FilmFailure
 from tympan.studies.wanted import Bound
 
-#: Whether a film keeps all bounds.
+#: Status of a film that keeps all bounds, and of one that does not.
 DesignStatus = Literal["met", "impossible"]
 
 
@@ -84,7 +84,7 @@ class DesignedQuantity:
 
     @property
     def key(self) -> str:
-        """Key among others: the name, with the sense of a bound that is not the usual one."""
+        """Key among others: the name, with the sense of a bound if that is not the usual one."""
         if self.bound is None:
             return self.name
         return Bound(self.name, self.bound, self.sense == "at least").key
@@ -113,7 +113,7 @@ class DesignedFilm:
         "first")] = ()
 
     def quantity(self, name: str) -> DesignedQuantity:
-        """A quantity by its name, or by its key where it has two bounds."""
+        """Find a quantity by its name, or by its key where it has two bounds."""
         return next(each for each in self.quantities if name in (each.name, each.key))
 
     @property
@@ -133,7 +133,7 @@ class FrontFilm:
 
 @dataclass(frozen=True, kw_only=True)
 class DesignFront:
-    """Films none of which is better than another in both of two quantities (Pareto front)."""
+    """Pareto front: films of which none is better than another in both of two quantities."""
 
     first: Annotated[str, Key("quantity that is best at the first film")]
     second: Annotated[str, Key("quantity that is best at the last film")]
@@ -153,7 +153,7 @@ class DesignFront:
 
 @dataclass(frozen=True, kw_only=True)
 class FailedKind:
-    """A kind of film that was not searched, and why."""
+    """A kind of film that was not searched, and the reason."""
 
     specimen: Annotated[str, Key("name of the specimen")]
     reason: Annotated[str, Key("why it was not searched")]
@@ -165,7 +165,7 @@ class DesignResult:
 
     indexed: ClassVar[tuple[str, ...]] = ("film", "quantity")
 
-    #: Pictures that are drawn of it.
+    #: Files of its pictures.
     pictures: ClassVar[tuple[str, ...]] = ("design.png", "design.svg")
 
     name: Annotated[str, Key("of the requirements")]
@@ -195,7 +195,7 @@ class DesignResult:
         return rows
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object, without specimens and rigs."""
+        """Convert the result to a JSON object, without specimens and rigs."""
         record: dict[str, Any] = to_json(self)
         return record
 
@@ -212,7 +212,7 @@ class DesignResult:
 
     @classmethod
     def load(cls, folder: Path) -> DesignResult:
-        """Load a saved design; what is missing or damaged is an InputError."""
+        """Load a saved design; a missing or damaged file is an InputError."""
         file = folder / "design.json"
         found = from_json(cls, read_json(file), file)
         return replace(

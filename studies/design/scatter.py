@@ -1,10 +1,10 @@
-"""Margins that make a bound kept by most films, and the design most of whose films keep all bounds.
+"""Margins with which most films keep a bound, and the design most of whose films keep all bounds.
 
-The bounds of the film without scatter are shifted by what separates it from the film that the share
-of all films do not fall short of. The search is repeated with these, as the shifts change with the
-film (sequential optimisation and reliability assessment: Du, Chen, J. Mech. Des. 126, 2004). Such
-shifts let each bound be missed equally often. Where no film keeps the bounds with them, others may:
-:class:`KeptByMost` looks at each film's worst bound, and at the share of the films that keep it.
+The bounds of the film without scatter are shifted by its difference from the film at the required
+quantile. The search is repeated with these shifts, as they change with the film (sequential
+optimisation and reliability assessment: Du, Chen, J. Mech. Des. 126, 2004). With such shifts each
+bound is missed equally often. Where no film keeps the bounds with them, other films may keep them:
+:class:`KeptByMost` evaluates each film's worst bound, and the share of the films that keep it.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ from tympan.studies.design.sqp import (
 from tympan.studies.films.population import LoadedFilms
 from tympan.studies.wanted import BREAKDOWN, TENSION, Bound
 
-#: What a film without equilibrium misses of the margin to the loss of tension.
+#: Share of the margin to the loss of tension that a film without equilibrium misses.
 _LOST = 10.0
-#: Share missed from which on that is the reason: more than any, less than what errors leave of it.
+#: Missed share above which a film has no equilibrium: larger than any other, with room for errors.
 _NONE = 5.0
-#: Share of a bound that the worst film must reach for its ratio to the nominal one to say anything.
+#: Smallest value of the worst film, over the bound, for which its ratio to the nominal is used.
 _LITTLE = 0.05
-#: Fewest films from which others are judged that have no equilibrium.
+#: Fewest films with equilibrium from which the films without equilibrium are estimated.
 _FEWEST = 16
-#: Films drawn about a design that is sought by the share of them that keep all bounds.
+#: Random films about a design, where the share of them that keep all bounds is sought.
 _DRAWN = 512
-#: Of these, films next to the one that just the share does better than: they tell the slope.
+#: Number of these films next to the quantile, from which its slope is computed.
 _NEXT = 32
-#: Random designs that may be better starts than the one that is known.
+#: Random designs that may be better starts than the known one.
 _LOOKED_AT = 15
 #: Films about each of these.
 _FEW = 128
 
-#: Designs on a way at most.
+#: Most designs in one sequence.
 _ROUNDS = 8
-#: Share of the ranges by which a way goes no further.
+#: Change of the design, as a share of the ranges, below which a sequence ends.
 _STILL = 2e-3
 
-#: The miss of 512 films is smooth to some 1e-3.
+#: Settings of a search on the miss of 512 films, which is smooth to about 1e-3.
 _DESCENT = DescentSettings(step=1e-3, gain=1e-5, residual=3e-2, violation=KEPT, iterations=15)
 
 
 @dataclass(frozen=True, eq=False)
 class ScatteredFilms:
-    """Films about designs, by what share they miss each bound that scatters: (films, bounds).
+    """Films about designs, with the share by which they miss each bound: (films, bounds).
 
-    A film without equilibrium has lost its tension; it is not said to miss other bounds.
-    ``search``: without margins and other bounds.
+    Only bounds that scatter are included. A film without equilibrium has lost its tension, and
+    counts as missing no other bound. ``search`` has no margins and no other bounds.
     """
 
     search: Search
@@ -71,7 +71,7 @@ class ScatteredFilms:
 
     @classmethod
     def of(cls, search: Search, designs: Array, points: Array) -> ScatteredFilms:
-        """Films about designs of some values, at points (films, inputs) from 0 to 1."""
+        """Draw films about designs of some values, at points (films, inputs) from 0 to 1."""
         films = search.space.scattered(designs, points)
         bounds = {key: bound for key, bound in search.bounds.items() if bound.quantity.scatters}
         bare = replace(search, bounds=bounds, shifts={})
@@ -94,10 +94,10 @@ class ScatteredFilms:
         return tuple(self.search.bounds)
 
     def shifts(self, values: Array, failing: float) -> dict[str, float]:
-        """Shares by which the film without scatter, of some values, must keep each bound the more.
+        """Find margins of the film without scatter so that a share of films fails each bound.
 
-        So that this share of the films fails each of them. A quantity scatters in proportion to
-        itself: where its worst film shall be at the bound, it is the ratio of both that is kept.
+        The film has some ``values``; the share is ``failing``. A quantity scatters in proportion to
+        itself: where its worst film must be at the bound, the ratio of both is kept.
         """
         nominal = self.search.missed(self.search.space.films(values[None]))[0]
         found = dict[str, float]()
@@ -109,10 +109,10 @@ class ScatteredFilms:
         return found
 
     def lines(self, values: Array) -> tuple[Array, Array]:
-        """Misses of copies by that of the design: rates and constants, (bounds, films) each.
+        """Find copies' misses as lines in the design's miss: slopes and constants, (bounds, films).
 
-        If those of another design scattered as these about the design of some ``values``: in
-        proportion to the quantity itself.
+        It is assumed that films of another design scatter as those about the design of some
+        ``values``: in proportion to the quantity.
         """
         nominal = self.search.missed(self.search.space.films(values[None]))[0]
         rates, constants = np.ones_like(self.missed), self.missed - nominal
@@ -128,18 +128,18 @@ class ScatteredFilms:
         return rates.T, constants.T
 
     def kept(self, off: Mapping[str, float], but: str = "") -> Mask:
-        """Mask of films that keep all bounds ``but`` one, (films,).
+        """Find the films that keep all bounds, or all ``but`` one: a mask, (films,).
 
-        Reduced films are ``off`` by so much.
+        ``off`` holds the errors of reduced films.
         """
         others = [key != but for key in self.keys]
         return np.asarray((self.missed + self._errors(off) <= 0)[:, others].all(1))
 
     def kept_each(self, off: Mapping[str, float]) -> dict[str, Mask]:
-        """Masks of films that keep each bound.
+        """Find the films that keep each bound: masks by key.
 
-        One that does not bear its voltage keeps none but the margin to a limit that it does not
-        meet.
+        A film that does not bear its voltage keeps no bound but the margin to a limit that it does
+        not meet.
         """
         kept = self.missed + self._errors(off) <= 0
         taut = kept[:, self.keys.index(TENSION)]
@@ -148,14 +148,14 @@ class ScatteredFilms:
                 for number, key in enumerate(self.keys)}
 
     def worst(self, off: Mapping[str, float]) -> Array:
-        """Largest share by which each film misses a bound, (films,)."""
+        """Find the largest share by which each film misses a bound, (films,)."""
         return np.asarray((self.missed + self._errors(off)).max(1))
 
     def _errors(self, off: Mapping[str, float]) -> Array:
         return np.array([off.get(key, 0.0) for key in self.keys])
 
     def attained(self, bound: Bound, off: Mapping[str, float], share: float) -> float | None:
-        """Value of a bound's quantity that the share of the films reach which keep all others."""
+        """Find the value of a bound's quantity that a share of films reach and keep all others."""
         kept = self.kept(off, but=bound.key)
         values = np.where(kept, bound.quantity.of(self.films), -np.inf if bound.least else np.inf)
         value = of_share(values, share, gain=bound.least)
@@ -164,11 +164,12 @@ class ScatteredFilms:
 
 @dataclass(frozen=True, eq=False)
 class KeptByMost:
-    """Designs as an objective: by what share most of their films keep all bounds.
+    """Designs as an objective: the share by which most of their films keep all bounds.
 
-    That share is to be largest, or, where the search has a quantity that is to be best, not below
-    0. ``share`` of the films that are most; reduced films are ``off`` finite elements by so much.
-    Films scatter as those about a design at shares ``about`` of the ranges, where this is exact.
+    This share is maximised, or, where the search optimises a quantity, must not be negative.
+    ``share`` is the share of the films that counts as most. ``off`` holds the errors of reduced
+    films against finite elements. Films are assumed to scatter like those about a design at shares
+    ``about`` of the ranges; at that design this is exact.
     """
 
     search: Search
@@ -178,7 +179,7 @@ class KeptByMost:
 
     @cached_property
     def _lines(self) -> tuple[Array, Array]:
-        """Misses of copies by that of their design."""
+        """Slopes and constants of the copies' misses in the miss of their design."""
         values = self.search.space.values(self.about)
         points = drawn_points(self.search.space.inputs, _DRAWN, 1)
         copies = ScatteredFilms.of(self.search, values, points)
@@ -191,7 +192,7 @@ class KeptByMost:
         return np.array([bound.quantity.scatters for bound in self.search.bounds.values()])
 
     def at(self, x: Array) -> Linearisation | None:
-        """Values and slopes at shares x of the ranges."""
+        """Linearise at shares x of the ranges; None where there is no film."""
         common = [] if self.search.best else [0.5]
         bare = replace(self.search, shifts={}).at(np.append(x, common))
         if bare is None:
@@ -201,7 +202,7 @@ class KeptByMost:
         missed = rates * bare.limits[scatters, None] + constants
         next_to = self._next_to(missed.max(0))
         worst = missed[:, next_to].argmax(0)
-        # The slope of a quantile is the mean of those of the films next to it.
+        # The slope of a quantile is the mean slope of the films next to it.
         slope = (rates[worst, next_to, None] * slopes[scatters][worst]).mean(0)
         miss = exceeded(missed.max(0), 1 - self.share)
         limits, slopes = bare.limits[~scatters], slopes[~scatters]
@@ -211,16 +212,16 @@ class KeptByMost:
                              np.concatenate([slopes, slope[None]]))
 
     def _next_to(self, worst: Array) -> Numbers:
-        """Numbers of the films next to the one that just the share does better than."""
+        """Find the numbers of the films next to the quantile of the share."""
         order = np.argsort(worst)
         order = order[worst[order] < _NONE]
         place = min(int(self.share * len(worst)), len(order) - 1)
         return order[max(place - _NEXT // 2, 0): place + _NEXT // 2]
 
     def likeliest(self) -> Array:
-        """Start at the design, or at one of random ones whose copies keep the bounds better.
+        """Choose the design, or a random design whose copies keep the bounds better, as a start.
 
-        A few of these are looked at: those that would be best if all scattered alike.
+        Of the random designs, only those are tried that would be best if all scattered alike.
         """
         space, bare = self.search.space, replace(self.search, shifts={})
         shares, films = space.random
@@ -236,12 +237,12 @@ class KeptByMost:
         return np.asarray(starts[np.argmin([exceeded(each, 1 - self.share) for each in worst])])
 
     def ended(self, here: Linearisation) -> Descent:
-        """End of a search at the design, with its values there."""
+        """Make the end of a search at the design, with its values there."""
         status: DescentStatus = "optimum" if here.violation <= KEPT else "infeasible"
         return Descent(status, self.about, here, kkt(self.about, here))
 
     def prices(self, end: Descent) -> Array:
-        """Cost of a share of each bound, in the aim, (bounds,)."""
+        """Compute the cost of a share of each bound in the aim, (bounds,)."""
         assert end.multipliers is not None
         assert end.here is not None
         prices, limits = np.zeros(len(self._scatters)), end.multipliers.limits
@@ -258,7 +259,7 @@ class KeptByMost:
 
 def kept_by_most(search: Search, off: Mapping[str, float], share: float, x: Array
                  ) -> tuple[KeptByMost, Descent] | None:
-    """The best of designs on a way from shares x, each by films about the one before.
+    """Find the best of successive designs from shares x, each found by films about the last one.
 
     None where a film without scatter has no states.
     """
@@ -269,10 +270,10 @@ def kept_by_most(search: Search, off: Mapping[str, float], share: float, x: Arra
         found = None if here is None else most.ended(here)
         if found is not None and (best is None or _rank(found) > _rank(best[1])):
             best = most, found
-            # The share of a bound by which most films keep all may be next to nothing itself.
+            # The share of a bound by which most films keep all bounds may itself be close to 0.
             end = maximise(most, x, _DESCENT if search.best else replace(_DESCENT, unit=1.0))
             x = x if end.here is None else end.x
-        elif best is not None:  # films scatter otherwise there: half the way
+        elif best is not None:  # films scatter differently there: halve the way
             x = (x + best[1].x) / 2
         if best is None or np.abs(x - best[1].x).max() < _STILL:
             break
@@ -284,16 +285,16 @@ def _rank(end: Descent) -> tuple[bool, float]:
 
 
 def of_share(values: Array, share: float, *, gain: bool) -> float:
-    """Value that the share of the films reach: at least, a gain, or at most; that of some film."""
+    """Find the value of a film that the share of the films reach: at least, a gain, or at most."""
     sign = -1.0 if gain else 1.0
     return sign * float(np.quantile(sign * values, share, method="inverted_cdf"))
 
 
 def exceeded(missed: Array, failing: float) -> float:
-    """Share missed that this share of the films exceed.
+    """Find the missed share that a share ``failing`` of the films exceed.
 
-    Where more have no equilibrium, it is estimated as if all were distributed normally; it is then
-    above 0, and the more of them there are.
+    Where more films have no equilibrium, it is estimated as if all films were normally distributed.
+    Then it is above 0, and grows with the number of these films.
     """
     missed = missed[missed > -np.inf]
     there = np.sort(missed[missed < _NONE])
@@ -307,5 +308,5 @@ def exceeded(missed: Array, failing: float) -> float:
 
 
 def missed_exactly(search: Search, film: Any) -> Array:
-    """Share by which a film of finite elements misses each bound, (bounds,)."""
+    """Compute the share by which a film of finite elements misses each bound, (bounds,)."""
     return np.array([float(bound.misses(film)[0]) for bound in search.bounds.values()])

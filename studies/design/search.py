@@ -1,8 +1,8 @@
-"""The best film of a space: good places at random, and steps from these.
+"""The best film of a space: random starts, and steps from the best of them.
 
-Steps are those of :func:`tympan.studies.design.sqp.maximise`, by differences of reduced films.
-Where nothing is to be best, or no film keeps all bounds, a common share is made largest by which
-all of them are kept: it is below 0 where they cannot be.
+The steps are those of :func:`tympan.studies.design.sqp.maximise`, by differences of reduced films.
+Where no quantity is optimised, or no film keeps all bounds, the common share by which all bounds
+are kept is maximised. It is negative where they cannot be kept.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from tympan.studies.design.sqp import Descent, DescentSettings, Linearisation, m
 from tympan.studies.films.population import LoadedFilms
 from tympan.studies.wanted import QUANTITIES, Bound
 
-#: Best ones of the random films, from each of which the search goes on.
+#: Number of the best random films; the search starts from each of them.
 _STARTS = 2
 #: Step of differences, as a share of a variable's range: truncation 1e-6, rounding 1e-7.
 _STEP = 1e-3
-#: By what share bounds may be kept or missed in common.
+#: Largest share by which bounds may be kept or missed in common.
 _COMMON = 4.0
-#: What a share missed costs of the aim among random films.
+#: Cost of a missed share, over the aim, among random films.
 _PRICE = 10.0
-#: Shares that may be missed at an optimum: 10 um of a frame of 100 mm.
+#: Largest missed share at an optimum: 10 um for a frame of 100 mm.
 KEPT = 1e-4
 
-#: Differences are no better than some 1e-5 of the aim.
+#: Settings of the steps; differences are accurate to about 1e-5 of the aim.
 _DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, iterations=40)
 
 
@@ -37,9 +37,9 @@ _DESCENT = DescentSettings(step=3e-4, gain=1e-6, residual=1e-2, violation=KEPT, 
 class Search:
     """Films of a space as an objective of the search.
 
-    ``best``: the quantity that is to be best under bounds, or "" for their common share; ``least``:
-    whether its least value is sought where that is not usual. ``shifts``: by how much more each
-    bound is to be kept, as a share, for what scatters.
+    ``best``: the quantity to optimise under bounds, or "" for their common share. ``least``:
+    whether its least value is sought, where that is not the usual sense. ``shifts``: margins of the
+    bounds for scatter, as shares.
     """
 
     space: DesignSpace
@@ -50,23 +50,23 @@ class Search:
 
     @property
     def variables(self) -> int:
-        """Number of variables, with the common share."""
+        """Number of variables, including the common share."""
         return len(self.space.variables) + (not self.best)
 
     def missed(self, films: LoadedFilms) -> Array:
-        """c of films, (films, bounds); nan of those without their states."""
+        """Compute the missed shares c of films, (films, bounds); nan without their states."""
         c = np.array([bound.misses(films) + self.shifts.get(key, 0.0)
                       for key, bound in self.bounds.items()]).T
         return np.where(films.sound[:, None], c, np.nan)
 
     def aims(self, films: LoadedFilms) -> Array:
-        """Aim that is to be largest, (films,)."""
+        """Compute the aim that is maximised, (films,)."""
         quantity = QUANTITIES[self.best]
         least = not quantity.gain if self.least is None else self.least
         return np.asarray(quantity.of(films) * (-1 if least else 1))
 
     def at(self, x: Array) -> Linearisation | None:
-        """Values and slopes at shares x of the ranges."""
+        """Linearise at shares x of the ranges; None where there is no film."""
         size = len(self.space.variables)
         unit = np.eye(size)
         ahead = np.clip(x[:size] + _STEP * unit, 0, 1)
@@ -89,27 +89,27 @@ class Search:
         slopes = ((first - last) / whole[:, None]).T
         if self.best:
             return Linearisation(float(f[0]), slopes[0], c[0], slopes[1:])
-        # The common share t is the last variable, and what is to be largest.
+        # The common share t is the last variable, and it is maximised.
         t = _COMMON * (2 * x[-1] - 1)
         wide = np.append(np.zeros(size), 2 * _COMMON)
         return Linearisation(t, wide, c[0] + t,
                              np.column_stack([slopes[1:], np.full(len(c[0]), 2 * _COMMON)]))
 
     def started(self, x: Array) -> Array:
-        """A start at a film: with the share by which it keeps all bounds."""
+        """Make a start at a film, with the common share of its bounds where that is sought."""
         if self.best:
             return x
         most = self.missed(self.space.films(self.space.values(x[None])))[0].max()
         return np.append(x, np.clip((1 - most / _COMMON) / 2, 0, 1))
 
     def from_start(self, x: Array) -> Descent:
-        """Ends of steps from a film."""
-        # A common share is a share of the bounds, and may be next to nothing itself.
+        """Maximise from a film."""
+        # A common share is a share of the bounds, and may itself be close to 0.
         return maximise(self, self.started(x), _DESCENT if self.best else replace(
             _DESCENT, unit=1.0))
 
     def starts(self) -> Array:
-        """The best of random films, (starts, variables)."""
+        """Choose the best of random films, (starts, variables)."""
         x, films = self.space.random
         missed = np.maximum(self.missed(films).max(1), -np.inf if not self.best else 0.0)
         merit = -_PRICE * missed
@@ -120,21 +120,21 @@ class Search:
         return np.asarray(x[order[: min(_STARTS, int(np.isfinite(merit).sum()))]])
 
     def found(self, starts: Array) -> Descent | None:
-        """The best of steps from some films, None where none of them has its states."""
+        """Find the best end from several starts; None where no start has its states."""
         ends = [end for start in starts if (end := self.from_start(start)).here is not None]
         return max(ends, key=lambda end: (end.status != "infeasible", value_of(end)), default=None)
 
 
 def common_share(end: Descent) -> float:
-    """Share by which a film keeps all bounds, where their common share was sought.
+    """Compute the share by which a film keeps all bounds, where their common share was sought.
 
-    A search that ended short of its limits claims more than it keeps.
+    A search that ended before its limits claims a larger share than it keeps.
     """
     assert end.here is not None
     return end.here.value - end.here.violation
 
 
 def value_of(end: Descent) -> float:
-    """Value of an end to compare it with others that keep the bounds as well, or as badly."""
+    """Compute the value of an end, for comparison with ends of the same violation."""
     assert end.here is not None
     return end.here.value if end.status != "infeasible" else -end.here.violation

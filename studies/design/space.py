@@ -1,4 +1,4 @@
-"""Films that may be built: a family of reduced ones over all that varies and all that scatters."""
+"""Films that may be built: a family of reduced films over all that varies and all that scatters."""
 
 from __future__ import annotations
 
@@ -26,18 +26,19 @@ from tympan.studies.tolerance.given import ScatterCause
 
 #: Random films among which searches begin, a power of two.
 _RANDOM = 512
-#: Where in its range a length of the plate is in the film whose mesh moves to all others; a length
-#: of the frame is as far from its other end. From the middle film's mesh none reaches 2 % of random
-#: films about the smallest gaps of an ellipse; from there one reaches all.
+#: Position of a length of the plate in its range, for the film whose mesh moves to all others; a
+#: length of the frame has the same distance from its other end. The mesh of the middle film cannot
+#: move to 2 % of random films about the smallest gaps of an ellipse; from here it moves to all.
 _NARROW = 0.75
-#: How the family is made: what its estimate leaves, finite elements correct at the end.
+#: Settings of the family: finite elements correct the errors that remain at the end.
 _FAMILY = FamilySettings(error=1e-3, rounds=2, candidates=128, checks=8)
 
 
 def _meshed(middle: Specimen, box: Mapping[str, tuple[float, float]]) -> Specimen:
-    """The film whose mesh moves to all others: with a narrow gap, as a mesh is better drawn out.
+    """Choose the film whose mesh moves to all others: it has a narrow gap, which can be stretched.
 
-    A mesh of the middle film that moves to a small frame with a large plate turns elements over.
+    A mesh of the middle film would invert elements where it moves to a small frame with a large
+    plate.
     """
     places = {name: (1 - _NARROW if name.startswith("frame.") else _NARROW)
               for name in box if name.startswith(("frame.", "plate.outline."))}
@@ -61,10 +62,10 @@ class DesignSpace(Ranges):
     @classmethod
     def of(cls, requirements: Requirements, specimen: Specimen, settings: Settings,
            variables: tuple[Vary, ...] = ()) -> DesignSpace:
-        """The family of a specimen: of all that varies, and of what scatters about that.
+        """Make the family of a specimen over all that varies, and over its scatter.
 
-        ``variables``: with narrower ranges than the requirements', where these are too wide for one
-        family.
+        ``variables``: variables with narrower ranges than the requirements', where these are too
+        wide for one family.
         """
         variables = variables or requirements.variables[specimen.name]
         try:
@@ -94,20 +95,20 @@ class DesignSpace(Ranges):
         return x, self.films(self.values(x))
 
     def load(self, values: Array) -> float:
-        """Nominal mass on the plate [kg]."""
+        """Find the nominal mass on the plate [kg]."""
         return self._load(values, "mass", self.requirements.mass)
 
     def voltage(self, values: Array) -> float:
-        """Nominal voltage [V]."""
+        """Find the nominal voltage [V]."""
         return self._load(values, "voltage", self.requirements.voltage)
 
     def rig(self, values: Array) -> Rig:
-        """Rig of the film, with the spring of these values."""
+        """Make the rig of the film, with the spring of these values."""
         spring = self._load(values, SPRING, self.requirements.rig.spring)
         return replace(self.requirements.rig, spring=spring)
 
     def _row(self, specimen: Specimen, values: Array) -> Array:
-        """The family's parameters of a specimen with the spring of some values."""
+        """Compute the family's parameters of a specimen with the spring of some values."""
         return self.family.box.row(specimen, self._load(values, SPRING, 0.0))
 
     def _load(self, values: Array, key: str, given: float) -> float:
@@ -115,9 +116,9 @@ class DesignSpace(Ranges):
                      if each.key == key), given)
 
     def films(self, values: Array) -> LoadedFilms:
-        """Films without scatter, of values (films, variables).
+        """Make films without scatter from values (films, variables).
 
-        The specimen of one that cannot be built is None, and its numbers are nan.
+        The specimen of a film that cannot be built is None, and its numbers are nan.
         """
         specimens = [self._specimen(each) for each in values]
         known = np.array([specimen is not None for specimen in specimens])
@@ -129,10 +130,10 @@ class DesignSpace(Ranges):
         return self._loaded(films, masses, np.where(known, voltage, np.nan))
 
     def scattered(self, designs: Array, points: Array) -> LoadedFilms:
-        """Films that are drawn about designs, at points (films, inputs) from 0 to 1.
+        """Draw films about designs, at points (films, inputs) from 0 to 1.
 
-        ``designs``: values of one, (variables,), or of several, (designs, variables), whose films
-        follow one another.
+        ``designs``: values of one design, (variables,), or of several, (designs, variables), whose
+        films follow one another.
         """
         designs, count = np.atleast_2d(designs), len(points)
         copies = [self._copies(values, points) for values in designs]
@@ -141,7 +142,7 @@ class DesignSpace(Ranges):
         return self._loaded(Population.joined(copies), masses, voltages)
 
     def _copies(self, values: Array, points: Array) -> Population:
-        """Films at points about one design."""
+        """Draw films at points about one design."""
         specimen = self.built(values)
         films = Scattered(specimen, self.scatter).films(
             self.family, self._row(specimen, values), points, self.requirements.rig)
@@ -152,13 +153,13 @@ class DesignSpace(Ranges):
         return films.under(masses, voltage, wanted.margin, swings=wanted.swings)
 
     def exact(self, values: Array, settings: Settings) -> ExactFilm:
-        """The film without scatter by finite elements."""
+        """Make the film without scatter by finite elements."""
         return ExactFilm(self.built(values), self.load(values), self.voltage(values),
                          self.rig(values), settings, self.requirements.margin)
 
     @property
     def inputs(self) -> int:
-        """Count of the numbers that scatter."""
+        """Number of inputs that scatter."""
         return sum(len(cause.targets) for cause in self.scatter)
 
     def _specimen(self, values: Array) -> Specimen | None:

@@ -1,11 +1,11 @@
 """Sequential quadratic programming within a trust region, for functions that may have no value.
 
-Maximises f over 0 ≤ x ≤ 1 with c(x) ≤ 0. A step maximises a quadratic model of f within the trust
-region, the limits linear and the largest violation at a price (an exact penalty: Nocedal & Wright,
-*Numerical Optimization*, 2006, chapter 18); a step that gains too little, or ends where there is no
-value, is not made, and the region shrinks. The model's curvature is that of the Lagrangian, by
-damped BFGS. SciPy's trust-constr and SLSQP want a value at every point they try, which past pull-in
-there is not; SLSQP solves each step.
+It maximises f over 0 ≤ x ≤ 1 with c(x) ≤ 0. A step maximises a quadratic model of f within the
+trust region, with linear limits and a price on the largest violation (an exact penalty: Nocedal &
+Wright, *Numerical Optimization*, 2006, chapter 18). A step that gains too little, or ends where
+there is no value, is rejected, and the region shrinks. The model's curvature is that of the
+Lagrangian, by damped BFGS. SciPy's trust-constr and SLSQP need a value at every point they try,
+but there is none beyond pull-in. SLSQP solves each step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.optimize import BFGS, LinearConstraint, lsq_linear, minimize
 
 from tympan.base.arrays import Array
 
-#: A limit nearer to 0 than this is active: a search ends a little before it.
+#: Distance from 0 below which a limit is active: a search ends slightly before it.
 _ACTIVE = 1e-3
 
 DescentStatus = Literal["optimum", "no_progress", "infeasible", "no_start"]
@@ -39,7 +39,7 @@ class Linearisation:
         return max(0.0, float(self.limits.max(initial=0.0)))
 
     def merit(self, unit: float, price: float) -> float:
-        """f over a unit, less the price of the violation."""
+        """Compute f over a unit, less the price of the violation."""
         return self.value / unit - price * self.violation
 
 
@@ -47,16 +47,17 @@ class Objective(Protocol):
     """Objective that is maximised."""
 
     def at(self, x: Array) -> Linearisation | None:
-        """Values at a point, None where there are none."""
+        """Linearise at a point; None where it has no values."""
 
 
 @dataclass(frozen=True)
 class DescentSettings:
-    """``radius`` of the trust region at first and ``widest``; lengths are shares of the bounds.
+    """Settings of the search; lengths are shares of the bounds.
 
-    ``step`` and relative ``gain`` below which it ends; ``residual`` of multipliers and
-    ``violation`` an optimum may leave. ``unit`` of the objective, of which gains are shares: its
-    value at the start where it is None, which must not be near 0 then.
+    ``radius`` is the first radius of the trust region, ``widest`` its largest. The search ends at a
+    smaller ``step`` or relative ``gain``. An optimum may have a ``residual`` of multipliers and a
+    ``violation``. ``unit`` is the objective's unit for relative gains. If it is None, the unit is
+    the value at the start, which then must not be close to 0.
     """
 
     radius: float = 0.1
@@ -73,7 +74,7 @@ class DescentSettings:
 class Multipliers:
     """Multipliers of limits (m,) and of bounds (n,; upper positive), by c and x.
 
-    ``residual``: what of ∇f they leave, relative.
+    ``residual``: the relative part of ∇f that they do not balance.
     """
 
     limits: Array
@@ -127,7 +128,7 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
 
 
 def kkt(x: Array, here: Linearisation) -> Multipliers:
-    """Multipliers that balance ∇f = Σ λ ∇c + bounds best, λ of active limits positive."""
+    """Find the multipliers that best balance ∇f = Σ λ ∇c + bounds, λ ≥ 0 of active limits."""
     slope = here.slope
     at = np.flatnonzero(here.limits > -_ACTIVE)
     low, high = np.flatnonzero(x < 1e-6), np.flatnonzero(x > 1 - 1e-6)
@@ -146,10 +147,10 @@ def kkt(x: Array, here: Linearisation) -> Multipliers:
 
 def _step(x: Array, here: Linearisation, bend: Array, radius: float, price: float, unit: float
           ) -> tuple[Array, float]:
-    """The step and by how much the merit should grow."""
+    """Compute the step, and the expected growth of the merit."""
     size, slope = len(x), here.slope / unit
 
-    def cost(z: Array) -> tuple[float, Array]:  # of the step and the violation it leaves
+    def cost(z: Array) -> tuple[float, Array]:  # of the step and the remaining violation
         d = z[:size]
         return (float(d @ bend @ d / 2 - slope @ d + price * z[size]),
                 np.append(bend @ d - slope, price))
@@ -168,5 +169,5 @@ def _step(x: Array, here: Linearisation, bend: Array, radius: float, price: floa
 
 
 def _lagrangian(here: Linearisation, multipliers: Multipliers, unit: float) -> Array:
-    """Slope of f − λ c over the unit."""
+    """Compute the slope of f − λ c, over the unit."""
     return (here.slope - multipliers.limits @ here.limit_slopes) / unit

@@ -1,4 +1,4 @@
-"""Number of readings in time that count as one: neighbours with like residuals tell less."""
+"""Number of readings in time that count as one: neighbours with like residuals add less."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import numpy as np
 
 from tympan.base.arrays import Array
 
-_CHANCE = 3.0  # deviations: an inflation within so many of 1 is none
+#: Significance of an inflation, in standard deviations: a smaller difference from 1 is chance.
+_CHANCE = 3.0
 
 
 def variance_inflation(parts: Sequence[tuple[Array, Array]], count: int, sigma: float) -> float:
-    """Factor by which alike residuals widen a constant's variance; 1 where they are independent.
+    """Find the factor by which correlated residuals widen a constant's variance; else 1.
 
-    ``parts`` are of every run the residuals, shape (n,), evenly sampled, and their derivatives,
-    (n, p), of which the first ``count`` are by the constants; independent ones have the standard
-    deviation ``sigma``. The variance of a combination of
-    constants is that of its pattern in the readings times the residuals: the spectrum of the
-    residuals, smoothed, over the pattern's. That of the worst combination counts, for a model that
-    is wrong errs where its constants are heard (the sandwich of H. White, Econometrica 50, 1,
-    1982, with a spectral middle).
+    ``parts`` holds the residuals of every run, shape (n,), evenly sampled, and their derivatives,
+    (n, p), of which the first ``count`` are by the constants. Independent residuals have the
+    standard deviation ``sigma``. The variance of a combination of constants is that of its pattern
+    in the readings times the residuals: the sum of the residuals' smoothed spectrum times the
+    pattern's spectrum. The worst combination counts, because a wrong model has its errors where its
+    constants have effect (the sandwich of H. White, Econometrica 50, 1, 1982, with a spectral
+    middle).
     """
     slopes = np.concatenate([slopes for _, slopes in parts])
     others = np.linalg.qr(slopes[:, count:])[0]
@@ -43,7 +44,7 @@ def variance_inflation(parts: Sequence[tuple[Array, Array]], count: int, sigma: 
 
 
 def _circular_mean(values: Array, half: int) -> Array:
-    """Mean of each value and so many on either side, the ends joined."""
+    """Average each value and ``half`` values on either side, the ends joined."""
     summed = np.cumsum(np.concatenate([[0.0], values[len(values) - half:], values, values[:half]]))
     width = 2 * half + 1
     return np.asarray((summed[width:] - summed[:-width]) / width)

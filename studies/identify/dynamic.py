@@ -30,32 +30,36 @@ from tympan.studies.lumped.equilibria import rest, settle
 from tympan.studies.lumped.remarks import of_loads, remark
 from tympan.studies.signals import Pieces
 
-#: The viscous constants; their search begins at the source paper's, in natural logarithms.
+#: The viscous constants. Their search begins at the source paper's values, in natural logarithms.
 CONSTANTS = (ModelConstant("k_1", "Pa", BORROWED.k1, 1.0, 1e2, 1e12),
              ModelConstant("eta_1", "Pa s", BORROWED.eta1, 1.0, 1e1, 1e14),
              ModelConstant("eta_2", "Pa s", BORROWED.eta2, 1.0, 1e0, 1e9))
-_STILL = 1e-6  # of a logarithm that does not move
-_STAYED = 0.01  # of a logarithm that has not moved far
-_BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
+#: Half width of the bounds of a logarithm that must not move.
+_STILL = 1e-6
+#: Change of a logarithm below which it has stayed at its start.
+_STAYED = 0.01
+#: Largest distance of a run's start from a rest, over the distance between its two rests.
+_BEGUN = 0.25
 
-#: Standard deviation of a run's delay, in sampling intervals: a clock is off by some half of one.
+#: Standard deviation of a run's delay, in sampling intervals: a clock is off by about half of one.
 _DELAY = 0.5
-#: Bound of a run's delay, in sampling intervals.
+#: Largest delay of a run, in sampling intervals.
 _FURTHEST = 1.5
 
-#: The search sees the first so many periods of the fast oscillation, then more: a response that is
-#: out of step by half a period has its own minimum.
+#: Periods of the fast oscillation that the search sees, first few, then more: a response that is
+#: out of phase by half a period has a minimum of its own.
 _PERIODS = (1.5, 6.0, 25.0, 100.0)
-#: The noise that is taken at least [m]: what the motion is computed to is not independent either.
+#: Smallest noise [m]: the errors of the computed motion are not independent either.
 FINEST = 1e-8
-_LOOSE = 3.0  # deviation of a logarithm about the start while little of the record is seen
+#: Standard deviation of a logarithm about the start, while only a part of the record is fitted.
+_LOOSE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """Actuators whose films and weights are taken as they are, on one rig, whatever their masses.
+    """Actuators whose films and weights are taken as exact, on one rig, whatever their masses.
 
-    ``equal`` says that nobody gave their weights.
+    ``equal`` says that their weights were not given.
     """
 
     actuators: tuple[Actuator, ...]
@@ -68,7 +72,7 @@ class Exact:
 
     @property
     def assumed(self) -> list[str]:
-        """Words for constants taken as exact."""
+        """Sentences on constants that are taken as exact."""
         weights = "equal weights" if self.equal else "the weights"
         return [f"there is no static.csv: the films' own material, {weights} and permittivity are "
                 "taken as exact"]
@@ -77,7 +81,7 @@ class Exact:
         return replace(self.actuators[number], mass=mass, viscous=viscous)
 
     def rows(self, turn: Array) -> tuple[Array, Array]:
-        return np.zeros(0), np.zeros((0, 0))  # nothing is at rest, nothing turns
+        return np.zeros(0), np.zeros((0, 0))  # there are no readings at rest and no free constants
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
         return np.zeros((*y.shape, 0))
@@ -86,19 +90,19 @@ class Exact:
         return np.zeros((self.actuators[number].count, 0))
 
 
-#: What a response needs of the static constants: actuators, and how these may still turn.
+#: Static constants for a response: actuators, and the directions in which they may still change.
 Statics = Exact | StaticFit
 
 
 @dataclass(frozen=True, eq=False)
 class DynamicProblem:
-    """Responses and what their motions depend on.
+    """Responses, and the unknowns that their motions depend on.
 
     z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs). A run's delay, in its
-    sampling intervals, is how long before the sample that first shows it a voltage came: no record
-    says. Delays are unknown with a standard deviation of a half; the readings at rest
-    count with those in time. Where no reading
-    follows the oscillation, η₂ is not ``followed`` and stays where it begins.
+    sampling intervals, is the time from a change of the voltage to the first sample that shows it:
+    no record gives it. Delays are unknown with a standard deviation of a half. The readings at rest
+    are fitted together with those in time. Where no reading follows the oscillation, η₂ is not
+    ``followed`` and stays at its start.
     """
 
     statics: Statics
@@ -116,7 +120,7 @@ class DynamicProblem:
 
     @cached_property
     def start(self) -> Array:
-        """Table 1's constants, the statics as they are, no delay."""
+        """Start of the search: Table 1's constants, the statics unchanged, no delay."""
         logs = np.log([constant.start for constant in CONSTANTS])
         return np.append(logs, np.zeros(self.statics.turns + len(self.records)))
 
@@ -129,7 +133,7 @@ class DynamicProblem:
         return np.append(low, -room), np.append(high, room)
 
     def split(self, z: Array) -> list[Array]:
-        """Logarithms of the viscous constants, turns of the statics, delays of the runs."""
+        """Split z: logarithms of viscous constants, turns of the statics, delays of the runs."""
         return np.split(z, [len(CONSTANTS), len(CONSTANTS) + self.statics.turns])
 
     def actuator(self, record: ResponseRecord, z: Array) -> Actuator:
@@ -137,7 +141,7 @@ class DynamicProblem:
         return self.statics.actuator(record.specimen, record.mass, turn, Viscous(*np.exp(logs)))
 
     def by_constants(self, record: ResponseRecord, z: Array, state: Array, voltage: Array) -> Array:
-        """Derivatives of a run's rates by viscous constants and turns, (…, size, 3 + turns)."""
+        """Differentiate a run's rates by viscous constants and turns, (…, size, 3 + turns)."""
         actuator, y = self.actuator(record, z), state[..., 0]
         turned = np.zeros((*state.shape, self.statics.turns))
         film = self.statics.by_turn(record.specimen, self.split(z)[1], y.ravel(), np.ravel(voltage))
@@ -147,7 +151,7 @@ class DynamicProblem:
 
     @cached_property
     def _solvers(self) -> tuple[CollocationSolver, ...]:
-        """Solvers under each run's voltage, its last value held until the longest delay is over."""
+        """Solvers under each run's voltage, whose last value holds until the longest delay ends."""
         solvers = []
         for record in self.records:
             at, volts = record.drive.time, record.drive.voltage
@@ -158,7 +162,7 @@ class DynamicProblem:
         return tuple(solvers)
 
     def _start(self, record: ResponseRecord, z: Array, began: float, near: float | None) -> Array:
-        """The rest a run begins from, and its derivatives by viscous constants and turns."""
+        """Find the rest that a run begins from, and its derivatives by constants and turns."""
         actuator = self.actuator(record, z)
         y = settle(lambda at: actuator.balance(at, began),
                    rest(actuator, began) if near is None else near)
@@ -172,7 +176,7 @@ class DynamicProblem:
 
     @cached_property
     def began(self) -> tuple[float, ...]:
-        """The voltages [V] of the rests that runs began from: their first, or none, if nearer."""
+        """Voltages [V] of the rests that runs began from: their first voltage, or 0 if nearer."""
         return tuple(map(self._began, self.records))
 
     def _began(self, record: ResponseRecord) -> float:
@@ -195,7 +199,7 @@ class DynamicProblem:
                                            for record in self.records))
 
     def pole(self, z: Array) -> complex:
-        """The fastest pole of all runs at their start [1/s]."""
+        """Find the fastest pole of all runs at their start [1/s]."""
         poles: list[complex] = []
         for record, began in zip(self.records, self.began, strict=True):
             actuator = self.actuator(record, z)
@@ -208,7 +212,7 @@ class DynamicProblem:
         return {}
 
     def parts(self, z: Array, derivatives: bool = True) -> list[tuple[Array, Array]]:
-        """Model less reading of every run [m], and its derivative by z; the last is kept."""
+        """Compute model less reading of every run [m], and its derivative by z; cache the last."""
         key = z.tobytes()
         if derivatives and key in self._latest:
             return self._latest[key]
@@ -239,7 +243,7 @@ class DynamicProblem:
         return parts
 
     def misfit(self, sigma: float) -> LeastSquares:
-        """Misfit as a function of z, in units of a reading's noise [m].
+        """Make the misfit as a function of z, in units of a reading's noise [m].
 
         Each run's rows are replaced by the triangular factor of (derivative, residual), which has
         the same χ², gradient and curvature: a step of the search over 30,000 readings is cheap.
@@ -266,12 +270,12 @@ class DynamicProblem:
 
 @dataclass(frozen=True, eq=False)
 class DynamicFit:
-    """The viscous constants, what the data determine of them, the misfit, and what the search cost.
+    """The viscous constants, what the data determine of them, the misfit, and the search's cost.
 
-    ``z`` are all its numbers, as :class:`DynamicProblem` has them; ``sigma`` the noise of a reading
-    [m], of which so many count as one as ``inflation`` says; ``fast`` is the time in which
-    the fastest motion at rest goes through a radian [s]; ``waited`` how long after a jump of the
-    voltage readings were left out [s], because they come too seldom to follow it.
+    ``z`` holds all unknowns of :class:`DynamicProblem`. ``sigma`` is the noise of a reading [m];
+    ``inflation`` is the number of readings that count as one. ``fast`` [s] is the time in which the
+    fastest motion at rest covers a radian. ``waited`` [s] is the time after a jump of the voltage
+    whose readings were left out because they are too sparse to follow it.
     """
 
     problem: DynamicProblem
@@ -340,9 +344,9 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True,
                      tell: Tell = lambda _: None) -> DynamicFit:
     """Fit k₁, η₁ and η₂ to all responses, by bounded least squares in their logarithms.
 
-    First to the beginning of every response, then to more of it. As in the static fit, what the
-    responses do not see stays where the search began, limits are by profiles of the misfit, and
-    ``tell`` hears the values before there are limits.
+    The fit begins with the first part of every response, then takes more of it. As in the static
+    fit, constants that the responses do not determine stay at their start, and limits are found by
+    profiles of the misfit. ``tell`` is called with the values before the limits are found.
     """
     began, calls, z = time.perf_counter(), 0, problem.start
     problem, waited = _calm(problem)
@@ -384,10 +388,10 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True,
 
 
 def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
-    """The problem without an oscillation that no run follows, and how long that lasts [s].
+    """Leave out an oscillation that no run follows; find how long it lasts [s].
 
-    Out of step with it by whole periods a fit has other minima. It is given twice the time in which
-    it falls from the whole range to the noise.
+    A fit to it has further minima, out of phase by whole periods. The time is twice that in which
+    the oscillation falls from the whole range to the noise.
     """
     pole = problem.pole(problem.start)
     if any(record.interval < np.pi / abs(pole) for record in problem.records):
@@ -399,7 +403,10 @@ def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
 
 
 def nelder_mead_dynamic(problem: DynamicProblem) -> dict[str, Any]:
-    """The paper's way: Nelder and Mead's simplex on Eq. (12), in logarithms, the statics held."""
+    """Fit by the paper's method: Nelder and Mead's simplex on Eq. (12), in logarithms.
+
+    The statics are fixed.
+    """
     began, start = time.perf_counter(), problem.start
 
     def cost(logs: Array) -> float:

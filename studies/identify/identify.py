@@ -1,4 +1,4 @@
-"""The constants of lumped models behind the readings of a dataset: at rest, in time, or both."""
+"""The constants of lumped models from the readings of a dataset: at rest, in time, or both."""
 
 from __future__ import annotations
 
@@ -32,19 +32,20 @@ from tympan.studies.lumped.actuator import Actuator, paper_cones
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.suited import suited_model
 
-#: Called with the kind of an estimate, its values, and what else is known, while limits are sought.
+#: Called with the kind of an estimate, its values, and the record so far, before limits are found.
 Teller = Callable[[str, dict[str, float], dict[str, Any]], None]
 
 
 @dataclass(frozen=True)
 class IdentifySettings:
-    """Settings of what is identified, and how.
+    """Settings of an identification: models, constants and methods.
 
-    ``model`` are models of the specimens, in place of those found from the field model; ``paper``:
-    the source paper's cones, whose ``weights`` may be given where no readings tell them.
-    ``dynamic``: also the constants of the responses. ``law``: the paper's Eq. (8), or one factor on
-    the films' own material; ``alpha``: each shape's, one for all, or the models'. ``limits``: by
-    profiles of the misfit, not linearised. ``nelder_mead``: the paper's simplex beside it.
+    ``model`` holds models of the specimens, in place of those built from the field model.
+    ``paper`` selects the source paper's cones, whose ``weights`` may be given where no readings
+    determine them. ``dynamic`` also finds the constants of the responses. ``law`` is the paper's
+    Eq. (8), or one factor on the films' own material. ``alpha`` is found for each shape, found once
+    for all shapes, or taken from the models. ``limits`` are found by profiles of the misfit, not
+    linearised. ``nelder_mead`` adds the paper's simplex for comparison.
     """
 
     model: Sequence[LumpedModel] = ()
@@ -58,11 +59,11 @@ class IdentifySettings:
     nelder_mead: bool = False
 
     def steps(self, dataset: Dataset) -> int:
-        """Number of times that progress is reported."""
+        """Count the progress reports."""
         return (1 + self.dynamic) * (1 + self.nelder_mead) + 4 * len(dataset.specimens)
 
     def require(self, dataset: Dataset) -> None:
-        """Refuse a dataset without the readings that are asked for, or on another rig."""
+        """Refuse a dataset without the required readings, or on a rig that cannot be fitted."""
         late = ("sensor_lag", *["series_resistance"][:self.dynamic])
         for key in (*AGAINST_THE_WAY, *late):
             if getattr(dataset.rig, key):
@@ -74,12 +75,12 @@ class IdentifySettings:
             readings_at_rest(dataset)
 
     def at_rest(self, dataset: Dataset) -> bool:
-        """Whether the readings at rest are fitted."""
+        """Decide whether the readings at rest are fitted."""
         return dataset.static is not None or not self.dynamic
 
     def actuators(self, dataset: Dataset, settings: Settings, progress: Progress
                   ) -> tuple[Actuator, ...]:
-        """The specimens as they should be, in their order, under any mass."""
+        """Make the actuators of the specimens, in their order, under any mass."""
         if self.weights is not None and (self.at_rest(dataset) or not self.paper):
             words = ("is for --dynamic without static.csv, whose readings tell α"
                      if self.at_rest(dataset) else "is for the paper's cones, --paper")
@@ -103,7 +104,7 @@ class IdentifySettings:
 def identify(dataset: Dataset, chosen: IdentifySettings, settings: Settings,
              progress: Progress = lambda words: None,
              tell: Teller = lambda kind, values, record: None) -> IdentifyResult:
-    """The constants behind a dataset's readings, with 95 % limits."""
+    """Find the constants behind a dataset's readings, with 95 % limits."""
     record: dict[str, Any] = {"dataset": dataset.name}
     static = dynamic = None
     actuators = chosen.actuators(dataset, settings, progress)
@@ -133,7 +134,7 @@ def identify(dataset: Dataset, chosen: IdentifySettings, settings: Settings,
 
 
 def _suited(dataset: Dataset, settings: Settings, progress: Progress) -> tuple[Actuator, ...]:
-    """Membrane circles built for the largest loads of each specimen's readings."""
+    """Build membrane circles for the largest loads of each specimen's readings."""
     tables = [table for table in (dataset.static, dataset.transients) if table is not None]
     actuators = []
     for specimen in dataset.specimens:

@@ -1,4 +1,4 @@
-"""Responses in time as a dataset has them: what was read, and the voltage behind it."""
+"""Responses in time from a dataset: the readings, and their voltage."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.studies.signals import Pieces, through
 
-_ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
-_LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded voltage
+#: Largest change of the voltage beside a jump, over the jump.
+_ALONE = 0.1
+#: Smallest change of the voltage, over its range: smaller changes are noise of a recorded voltage.
+_LEVEL = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseRecord:
-    """Displacements read [m] at times [s] of a run of a specimen (by number) and its voltage.
+    """Displacements read [m] at times [s] of a run of a specimen (by number), and its voltage.
 
-    ``interval`` is the time between two readings as it is most often [s], ``first`` the first of
-    them [m].
+    ``interval`` is the median time between two readings [s], ``first`` the first reading [m].
     """
 
     specimen: int
@@ -41,7 +42,7 @@ class ResponseRecord:
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
 
     def calm(self, wait: float) -> ResponseRecord:
-        """Record without what was read within so long after a jump of the voltage [s]."""
+        """Leave out the readings within a time [s] after each jump of the voltage."""
         points, volts = self.drive.time, self.drive.voltage
         jumps = points[1:][(np.diff(points) == 0) & (np.diff(volts) != 0)]
         since = self.time[:, None] - jumps
@@ -60,12 +61,12 @@ class ResponseRecord:
 
 
 def drive_of(time: Array, voltage: Array) -> Pieces:
-    """The voltage behind samples of it: straight lines between them, and jumps.
+    """Find the voltage behind its samples: straight lines between them, and jumps.
 
-    A change between two samples is a jump, at the later one, where it is more than 2 % of the
-    voltage's range and the voltage changes by less than a tenth of it between the samples before
-    and between those after; so a lone step is one, and ramps and sines have none. Between jumps a
-    voltage within 2 % of its range is level, at its mean.
+    A change between two samples is a jump, at the later sample, under two conditions. It is more
+    than 2 % of the voltage's range, and the voltage changes by less than a tenth of it between the
+    samples before and between those after. So a lone step is a jump, and ramps and sines have no
+    jumps. Between jumps a voltage within 2 % of its range is level, at its mean.
     """
     change = np.diff(voltage)
     size = np.abs(change)
@@ -81,7 +82,7 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
 
 
 def records_of(dataset: Any) -> tuple[ResponseRecord, ...]:
-    """The responses of a dataset, one for each specimen, mass and run."""
+    """Read the responses of a dataset, one for each specimen, mass and run."""
     table = dataset.transients
     if table is None:
         raise InputError("has no transient.csv: the viscous constants need responses in time",

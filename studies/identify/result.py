@@ -29,11 +29,12 @@ _COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """One of both fits: what was read, and what it determines; profiles are of constants' values.
+    """One of the two fits: its readings and what they determine, with profiles of the constants.
 
-    ``readings`` have the columns of the fit's sheet, SI: at rest the ``voltage``, ascending in each
-    run, of a response the time ``since`` its voltage first changed. ``radian`` is the time in which
-    the fastest motion goes through one [s], of responses.
+    ``readings`` have the columns of the fit's sheet in SI units. Readings at rest have the
+    ``voltage``, ascending in each run; those of a response have the time ``since`` its voltage
+    first changed. ``radian`` [s] is the time in which the fastest motion covers one radian, for
+    responses.
     """
 
     readings: pd.DataFrame
@@ -74,9 +75,9 @@ class IdentifyResult:
         return self.numbers
 
     def save(self, folder: Path) -> None:
-        """Write identify.json, and identify-….csv and .json with what its figures show.
+        """Write identify.json, and the data of its figures in identify-….csv and .json.
 
-        identify.json comes last, so its presence means the rest is complete.
+        identify.json is written last, so its presence means that the other files are complete.
         """
         remove(folder, "identify.json", "estimates.json", _FIGURES, *_SHEETS.values())
         for name, fit in self.fits.items():
@@ -88,14 +89,14 @@ class IdentifyResult:
         write_json(folder / "identify.json", self.json())
 
     def as_stored(self) -> IdentifyResult:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return IdentifyResult(self.numbers, {
             name: replace(fit, readings=pd.DataFrame(as_written(_COLUMNS[name], fit.readings)))
             for name, fit in self.fits.items()})
 
     @classmethod
     def load(cls, folder: Path) -> IdentifyResult:
-        """Load a saved result; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved result; a missing, damaged or wrong file is an InputError."""
         numbers = read_json(folder / "identify.json")
         figures = read_json(folder / _FIGURES)
         if not isinstance(numbers, dict) or not isinstance(figures, dict) \

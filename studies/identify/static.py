@@ -37,17 +37,21 @@ from tympan.studies.lumped.remarks import is_cone, of_loads, remark, softness
 Law = Literal["eq8", "film"]
 Sharing = Literal["each", "shared", "given"]
 StaticObjective = Literal["deflection", "force", "printed"]
-#: Hears values by name as soon as they are there.
+#: Called with the values by name as soon as they are found.
 Tell = Callable[[dict[str, float]], None]
 
+#: Largest magnitude of a constant of Eq. (8) [Pa].
 _HIGHEST_STRESS = 1e7
-_POWERS = (2.0, 4.0, 6.0)  # of Eq. (8)
-_UNNOTICED = 100.0  # scales: a combination determined no better moves no response
+#: Powers of Eq. (8).
+_POWERS = (2.0, 4.0, 6.0)
+#: Standard deviation of a combination, in scales of the constants, above which it has no effect on
+#: any response.
+_UNNOTICED = 100.0
 
 
 @dataclass(frozen=True)
 class ModelConstant:
-    """A number to find: name, unit, where the search begins, the size it is judged by, bounds."""
+    """A number to find: name, unit, start of the search, typical size, bounds."""
 
     name: str
     unit: str
@@ -58,7 +62,7 @@ class ModelConstant:
 
 
 def readings_at_rest(dataset: Dataset) -> Sheet:
-    """Readings of static.csv; an InputError where there is none."""
+    """Read the readings of static.csv; an InputError where there is no such file."""
     if dataset.static is None:
         raise InputError("has no static.csv: the static constants need readings at rest",
                          key=dataset.name)
@@ -67,13 +71,14 @@ def readings_at_rest(dataset: Dataset) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class StaticProblem:
-    """Displacements read [m] of actuators (by number ``which``), and what is to be found of them.
+    """Displacements read [m] of actuators (by number ``which``), and the constants to find.
 
     The ``actuators`` are the nominal ones, on one rig, whatever their masses. ``noise`` is the
-    standard deviation of one reading [m]. To find are a law's constants, of Eq. (8) (``eq8``) or
-    one factor on the films (``film``), ε_r and, unless they are ``given``, α: of the first of two
-    circles, for every shape that has them (``each``), or one for all as in Eq. (11) (``shared``),
-    which leaves the difference of the shapes to the other constants.
+    standard deviation of one reading [m]. The constants are those of a law, ε_r and α. The law is
+    Eq. (8) (``eq8``) or one factor on the films (``film``). α is the weight of the first of two
+    circles. It is found for every shape that has two (``each``), or once for all as in Eq. (11)
+    (``shared``), which leaves the difference of the shapes to the other constants. It is not found
+    if it is ``given``.
     """
 
     actuators: tuple[Actuator, ...]
@@ -93,7 +98,7 @@ class StaticProblem:
     @classmethod
     def of(cls, dataset: Dataset, actuators: tuple[Actuator, ...], law: Law = "eq8",
            alpha: Sharing = "each") -> StaticProblem:
-        """The readings at rest of a dataset, its specimens as ``actuators``, in their order."""
+        """Take the readings at rest of a dataset; ``actuators`` model its specimens in order."""
         static = readings_at_rest(dataset)
         names = [specimen.name for specimen in dataset.specimens]
         which = np.array([names.index(name) for name in static.specimen.tolist()])
@@ -119,7 +124,7 @@ class StaticProblem:
                                        _HIGHEST_STRESS) for i, start in enumerate(starts, 1)]
         else:
             constants.append(ModelConstant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
-        # Those that a film may have: 1 is vacuum.
+        # The range of a film's permittivity: 1 is vacuum.
         constants.append(ModelConstant("relative_permittivity", "1", first.relative_permittivity,
                                        5.0, 1.0, 1e3))
         constants += [ModelConstant(name, "1", 0.5, 0.5, 0.0, 1.0)
@@ -127,12 +132,12 @@ class StaticProblem:
         return tuple(constants)
 
     def column(self, name: str) -> Array:
-        """``start``, ``scale``, ``low`` or ``high`` of all constants."""
+        """Collect ``start``, ``scale``, ``low`` or ``high`` of all constants."""
         return np.array([getattr(constant, name) for constant in self.constants])
 
     @cached_property
     def _alphas(self) -> tuple[str, ...]:
-        """The name of every actuator's α; empty where there is none to find."""
+        """The name of every actuator's α; empty where no α is to be found."""
         radii = [tuple(np.ravel(actuator.circles.radius).tolist()) for actuator in self.actuators]
         shapes: dict[tuple[float, ...], str] = {}
         for specimen, pair in zip(self.specimens, radii, strict=True):
@@ -144,7 +149,7 @@ class StaticProblem:
 
     @cached_property
     def _units(self) -> tuple[tuple[ConeCircle, *tuple[Any, ...]], ...]:
-        """Each specimen's circles, and what acts on them by unit constant: materials, voltage."""
+        """Each specimen's circles, and their loads by unit constant: materials, voltage."""
         films = []
         for actuator in self.actuators:
             specimen, film = actuator.specimen, actuator.specimen.membrane
@@ -162,7 +167,7 @@ class StaticProblem:
         return alpha, 1 - alpha
 
     def weights_by_constants(self, number: int) -> Array:
-        """Derivatives of the weights, shape (circles, constants)."""
+        """Differentiate the weights by the constants, shape (circles, constants)."""
         slopes = np.zeros((self.actuators[number].count, len(self.constants)))
         if self._alphas[number]:
             slopes[:, self._place(number)] = 1.0, -1.0
@@ -184,9 +189,10 @@ class StaticProblem:
                        membrane=replace(film, material=law, relative_permittivity=permittivity))
 
     def force(self, values: Array, y: Array) -> tuple[Array, Array, Array]:
-        """The film's force [N] at deflections of all readings [m], its derivatives by y, constants.
+        """Compute the film's force [N] at deflections of all readings [m], and its derivatives.
 
-        Shapes (readings,), (readings,) and (readings, constants).
+        They are by the deflection and by the constants. The shapes are (readings,), (readings,) and
+        (readings, constants).
         """
         force, stiffness = np.zeros(len(y)), np.zeros(len(y))
         slopes = np.zeros((len(y), len(self.constants)))
@@ -198,11 +204,14 @@ class StaticProblem:
 
     def force_of(self, number: int, values: Array, y: Array,
                  voltage: Array) -> tuple[Array, Array, Array]:
-        """The same of one specimen (by number), at deflections [m] and voltages [V], (points,)."""
+        """Compute a specimen's force and derivatives at deflections [m] and voltages [V].
+
+        Deflections and voltages have the shape (points,).
+        """
         actuator, (circles, *parts) = self.actuators[number], self._units[number]
         squared = actuator.permittivity * np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
         parted = (circles.pull(part, y[:, None])[1:] for part in parts)
-        # Both linear in the constants: shape (constants, points, circles).
+        # Both are linear in the constants: shape (constants, points, circles).
         pulls, stiffs = (np.stack([*(actuator.stiffness * film for film in films), squared * drawn])
                          for *films, drawn in zip(*parted, strict=True))
         weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]
@@ -216,7 +225,7 @@ class StaticProblem:
 
     @property
     def read(self) -> Array:
-        """Deflections that the readings stand for [m]."""
+        """Deflections of the readings [m], without the sensor's errors."""
         read = self.displacement - self.rig.sensor_zero
         return np.asarray(read / (1 + self.rig.sensor_gain))
 
@@ -226,9 +235,9 @@ class StaticProblem:
         return np.asarray(self.rig.force(self.mass, areas[self.which]))
 
     def rest(self, values: Array) -> tuple[Array, Array]:
-        """Deflections at rest [m] and their derivatives by the constants (implicit functions).
+        """Compute the deflections at rest [m] and their derivatives by the constants (implicit).
 
-        Newton from what was read, at most a quarter of it a step.
+        Newton's method starts at the readings; a step is at most a quarter of the reading.
         """
         def balance(y: Array) -> tuple[Array, Array]:
             force, stiffness, _ = self.force(values, y)
@@ -239,11 +248,11 @@ class StaticProblem:
         return y, -slopes / stiffness[:, None]
 
     def residual(self, values: Array, objective: StaticObjective) -> tuple[Array, Array]:
-        """Residual of a search, and its derivative: deflections [m] or Eq. (11)'s forces [N].
+        """Compute a search's residual and its derivative: deflections [m] or Eq. (11)'s forces [N].
 
-        ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where
-        what is within its brackets has the sign of Eq. (5) reversed, so that it asks the film to
-        push down with the weight.
+        ``force`` is Eq. (11) with the signs of Eq. (5). ``printed`` is Eq. (11) as it is printed:
+        the terms within its brackets have the sign of Eq. (5) reversed, so that the film would push
+        down with the weight.
         """
         if objective == "deflection":
             y, slopes = self.rest(values)
@@ -257,9 +266,10 @@ class StaticProblem:
 class StaticFit:
     """Constants, what the data determine of them, the misfit, and what the search cost.
 
-    To readings in time the constants are as firm as those at rest, which count with them, make
-    them: many readings in time may see what few at rest do not. A turn of 1 moves the constants by
-    one standard deviation along a combination, at most by ten of their scales.
+    A fit to readings in time may change these constants as far as the readings at rest allow, which
+    are part of that fit: many readings in time may determine what few at rest do not. A turn of 1
+    moves the constants by one standard deviation along a combination, at most by ten of their
+    scales.
     """
 
     problem: StaticProblem
@@ -272,12 +282,12 @@ class StaticFit:
 
     @property
     def assumed(self) -> list[str]:
-        """Words for constants taken as exact: none, as readings at rest determine them."""
+        """Sentences on constants taken as exact: none, as readings at rest determine them."""
         return []
 
     @cached_property
     def directions(self) -> Array:
-        """Changes of the constants, a column for each combination a reading may notice."""
+        """Changes of the constants, a column for each combination that may affect a reading."""
         scale = self.problem.column("scale")
         return np.array([scale * combination.coefficients * min(combination.deviation, CREDIBLE)
                          for combination in self.judgement.combinations
@@ -292,7 +302,7 @@ class StaticFit:
         return self.problem.rig
 
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
-        """The actuator of a specimen (by number); ``turn`` is how far it went each way."""
+        """Make the actuator of a specimen (by number); ``turn`` is the change by direction."""
         problem, values = self.problem, self.values + self.directions @ turn
         nominal = problem.actuators[number]
         circles = replace(nominal.circles, specimen=problem.specimen(number, values))
@@ -300,9 +310,9 @@ class StaticFit:
                        mass=mass, viscous=viscous)
 
     def rows(self, turn: Array) -> tuple[Array, Array]:
-        """Residuals of the readings at rest in their noise, and their derivatives by the turns.
+        """Compute the residuals at rest, over their noise, and their derivatives by the turns.
 
-        And what is said beforehand of the constants: no more than :data:`CREDIBLE` of their scales.
+        Further rows are the prior of the constants: :data:`CREDIBLE` of their scales.
         """
         residual, slopes = self.problem.residual(self.values + self.directions @ turn, "deflection")
         firm = self.directions / (CREDIBLE * self.problem.column("scale")[:, None])
@@ -310,13 +320,13 @@ class StaticFit:
                 np.concatenate([slopes @ self.directions / self.sigma, firm]))
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
-        """Derivatives of a specimen's force [N] by the turns, shape (points, turns)."""
+        """Differentiate a specimen's force [N] by the turns, shape (points, turns)."""
         values = self.values + self.directions @ turn
         slopes = self.problem.force_of(number, values, y, voltage)[2]
         return np.asarray(slopes @ self.directions)
 
     def weights_by_turn(self, number: int) -> Array:
-        """Derivatives of a specimen's weights by the turns, shape (circles, turns)."""
+        """Differentiate a specimen's weights by the turns, shape (circles, turns)."""
         return self.problem.weights_by_constants(number) @ self.directions
 
     def json(self) -> dict[str, Any]:
@@ -353,10 +363,10 @@ def identify_static(problem: StaticProblem, objective: StaticObjective = "deflec
                     profiles: bool = True, tell: Tell = lambda _: None) -> StaticFit:
     """Fit the constants by bounded least squares, and judge what the readings determine.
 
-    What the readings do not see, by the singular directions of the Jacobian, stays where the search
-    began. Limits are Student's (normal, where the noise is known); they are profiles of the misfit
-    in deflection where that was the ``objective``, else linearised. ``tell`` hears the values
-    before there are limits.
+    Combinations that the readings do not determine, found by the singular directions of the
+    Jacobian, stay where the search began. Limits are Student's (normal, where the noise is known).
+    They are profiles of the misfit in deflection where that was the ``objective``, else linearised.
+    ``tell`` is called with the values before the limits are found.
     """
     began, calls = time.perf_counter(), 0
     scale, size = problem.column("scale"), problem.noise or 1e-6
@@ -364,7 +374,7 @@ def identify_static(problem: StaticProblem, objective: StaticObjective = "deflec
     if len(problem.read) <= len(z):
         raise InputError(f"needs more readings than constants: {len(z)} are to be found",
                          key="static.csv", given=f"{len(problem.read)} readings")
-    # In force the problem is nearly linear: its fit is a safe place to begin from.
+    # In force the problem is nearly linear: its fit is a safe start.
     safe: list[StaticObjective] = ["force", "force"] if objective == "deflection" else []
     for seek in [*safe, *[objective] * 6]:
         rows, determined = unseen(_misfit(problem, "deflection", size), z, len(z))
@@ -386,7 +396,7 @@ def identify_static(problem: StaticProblem, objective: StaticObjective = "deflec
 
 
 def _misfit(problem: StaticProblem, objective: StaticObjective, size: float) -> LeastSquares:
-    """Residuals over the constants in their scales, in a reading's noise [m] or its force."""
+    """Make the residuals over the scaled constants, in a reading's noise [m] or its force."""
     scale = problem.column("scale")
     stiffness = float(np.mean(problem.load / np.abs(problem.read)))
     unit = size * (1.0 if objective == "deflection" else stiffness)
@@ -399,7 +409,7 @@ def _misfit(problem: StaticProblem, objective: StaticObjective, size: float) -> 
 
 
 def nelder_mead(problem: StaticProblem, most: int = 20_000) -> dict[str, Any]:
-    """The paper's way: Nelder and Mead's simplex on Eq. (11)'s squares, from the same start."""
+    """Fit by the paper's method: Nelder and Mead's simplex on Eq. (11), from the same start."""
     began = time.perf_counter()
     scale, low, high, start = (problem.column(name) for name in ("scale", "low", "high", "start"))
     unit = float(np.mean(problem.load))

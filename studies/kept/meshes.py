@@ -1,6 +1,6 @@
 """Meshes of films, kept on disk.
 
-Where a film is cut, to load cadquery alone takes longer than to solve it on a mesh that is there.
+Where a film is cut, loading cadquery alone takes longer than solving the film on a stored mesh.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
 from tympan.studies.kept.store import Store, digest
 
-#: Some 10 MB at the default fineness.
+#: Store of meshes: about 10 MB at the default fineness.
 MESHES = Store("meshes", 400)
 
-#: Meshes of more bytes are not kept.
+#: Largest size of a mesh that is kept [bytes].
 _LARGEST = 2_000_000
 
 
 def film_part(specimen: Specimen, settings: MeshSettings,
               planes: frozenset[str]) -> CurvedTriangles:
-    """The mesh of the film, or of its part where the coordinates ``planes`` are positive.
+    """Mesh the film, or its part where the coordinates ``planes`` are positive.
 
-    It is as fine as the settings and the film's prestretch say. That of the same outlines and
-    settings is meshed once and read from then on, to the last bit.
-    But a process among others at work on many films keeps none: few are met again.
+    The fineness follows the settings and the film's prestretch. Equal outlines and settings are
+    meshed once and then read from the disk, identical to the last bit. A worker process among
+    others stores no meshes, because it solves many films and few of them recur.
     """
     settings = settings.suited(specimen.membrane.prestretch)
     key = None if parent_process() else _key(specimen, settings, planes)
@@ -43,7 +43,7 @@ def film_part(specimen: Specimen, settings: MeshSettings,
 
 
 def _key(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> bytes | None:
-    """Key by all that a mesh depends on; None of outlines whose value is not all they are."""
+    """Make a key from all that a mesh depends on; None if values do not determine outlines."""
     shape = specimen.frame, specimen.plate, specimen.electrode
     with suppress(TypeError):
         return digest("mesh", *shape, *(outline.curve.pieces for outline in _outlines(specimen)),
@@ -52,7 +52,7 @@ def _key(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> 
 
 
 def _outlines(specimen: Specimen) -> Iterator[Outline]:
-    """All outlines; their pieces tell of changes in the sources of outlines from elsewhere."""
+    """Yield all outlines; their pieces change with the sources of outlines in other packages."""
     yield specimen.frame
     if specimen.plate is not None:
         yield specimen.plate.outline

@@ -1,14 +1,14 @@
-"""Meshes and solved films kept on disk, so that the same specimens take less time again.
+"""Meshes and solved films kept on disk, so that equal specimens take less time again.
 
-In one SQLite file, ``films.sqlite`` in the folder ``$TYMPAN_CACHE``, else
-``$XDG_CACHE_HOME/tympan``, else ``~/.cache/tympan``; with an empty ``TYMPAN_CACHE``, or without a
+They are in one SQLite file, ``films.sqlite`` in the folder ``$TYMPAN_CACHE``, else
+``$XDG_CACHE_HOME/tympan``, else ``~/.cache/tympan``. With an empty ``TYMPAN_CACHE``, or without a
 home folder, nothing is kept.
 
-Nothing in it is trusted. Each row has a checksum of its table, key and content: a row that does
-not match, or whose content cannot be read, counts as none and is removed. A file with other tables
-than these, or that SQLite finds damaged, is removed, and a new one begun. What is no regular file
-of this user (a link, a folder, a pipe) is left alone, and nothing is kept. So it is where another
-process holds its lock for more than a second.
+Nothing in the file is trusted. Each row has a checksum of its table, key and content. A row that
+does not match, or whose content cannot be read, is ignored and removed. A file with other tables,
+or that SQLite finds damaged, is removed, and a new one is begun. A path that is no regular file of
+this user (a link, a folder, a pipe) is left alone, and nothing is kept. Nothing is kept either
+where another process holds the file's lock for more than a second.
 """
 
 from __future__ import annotations
@@ -30,27 +30,28 @@ import numpy as np
 
 T = TypeVar("T")
 
-#: How long to wait for another process that writes, once in the life of a process [s].
+#: Longest wait for another process that writes, once in the life of a process [s].
 _PATIENCE = 1.0
 
-#: How a table is made. What a file's tables must be to the letter: other versions have others.
+#: Statement that makes a table. A file's tables must match it exactly: other versions have others.
 _TABLE = "CREATE TABLE {} (key BLOB PRIMARY KEY, content BLOB, checksum BLOB)"
 
-#: Most bytes of a row, as many as the largest mesh or film has and some more.
+#: Most bytes of a row: the size of the largest mesh or film, and some more.
 _LARGEST = 20_000_000
 
-#: Bytes of a checksum: that of damage is the same once in 2^128 times.
+#: Bytes of a checksum: damaged content has the same checksum once in 2^128 times.
 _CHECKSUM = 16
 
-#: Ends of the names of a file and of those that SQLite may have left beside it.
+#: Suffixes of the database file and of files that SQLite may have left with it.
 _BESIDE = ("", "-journal", "-wal", "-shm")
 
-#: What SQLite reports where a file is not damaged but cannot be read or written: it stays.
+#: SQLite's codes for a file that is not damaged but cannot be read or written: the file stays.
 _ELSEWHERE = frozenset({
     sqlite3.SQLITE_AUTH, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_INTERRUPT,
     sqlite3.SQLITE_IOERR, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY})
 
-#: The packages whose sources decide what a film's mesh and solution are, here and of others.
+#: Root of tympan's packages, and the packages whose sources decide a film's mesh and solution:
+#: tympan's own, and distributions of others.
 _ROOT = Path(__file__).parents[2]
 _SOLVERS = ("base", "fem", "geometry")
 _MESHERS = ("cadquery-ocp", "gmsh")
@@ -64,14 +65,14 @@ class Store:
     most: int
 
     def read(self, key: bytes, made: Callable[[bytes], T]) -> T | None:
-        """Object that ``made`` makes of the content under a key; None where there is none.
+        """Make an object from the content under a key by ``made``; None where there is no content.
 
-        A content of which it makes nothing (None, or an exception) is removed.
+        A content that ``made`` cannot use (None, or an exception) is removed.
         """
         rows = self._executed(f"SELECT content, checksum FROM {self.table} WHERE key = ?", (key,))
         for content, checksum in rows:
             if isinstance(content, bytes) and checksum == self._checksum(key, content):
-                with suppress(Exception):  # whatever a content of another kind raises
+                with suppress(Exception):  # a content of another kind may raise anything
                     if (value := made(content)) is not None:
                         return value
             self._executed(f"DELETE FROM {self.table} WHERE key = ?", (key,))
@@ -89,7 +90,7 @@ class Store:
         return parts.digest()
 
     def _executed(self, statement: str, values: tuple[object, ...]) -> list[Any]:
-        """A statement's rows, none where the file cannot be used; a damaged file is begun anew."""
+        """Execute a statement; no rows where the file is unusable; replace a damaged file."""
         file = cache_file()
         if file is None or file in _given_up():
             return []
@@ -103,7 +104,7 @@ class Store:
                 kind = None if code is None else code & 0xFF
                 if kind in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
                     _given_up().add(file)
-                # A byte of the head may say of any file that it is only to be read.
+                # A byte of the header may mark any file as read-only.
                 said = kind == sqlite3.SQLITE_READONLY and os.access(file, os.W_OK)
                 if kind in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, *_ELSEWHERE) and not said:
                     return []
@@ -117,7 +118,7 @@ class Store:
     def _rows(self, file: Path, statement: str, values: tuple[object, ...]) -> list[Any]:
         with closing(sqlite3.connect(file, timeout=_PATIENCE)) as connection, connection:
             connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 2 * _LARGEST)
-            # A loss of power may damage the file, which would be found out. No file beside it.
+            # A loss of power may damage the file; the checks find that. MEMORY: one file only.
             connection.execute("PRAGMA synchronous = OFF")
             connection.execute("PRAGMA journal_mode = MEMORY")
             tables = dict(connection.execute("SELECT name, sql FROM sqlite_master "
@@ -134,17 +135,17 @@ class Store:
 
 
 class _Foreign(Exception):
-    """The tables of a file are another version's, or another program's."""
+    """A file whose tables are another version's, or another program's."""
 
 
 @cache
 def _given_up() -> set[Path]:
-    """Files that another process held too long; this one goes on without."""
+    """Collect files that another process held too long; this process works without them."""
     return set()
 
 
 def _usable(file: Path) -> bool:
-    """Whether a file is a regular one of this user, or may be begun, its folder made if need be."""
+    """Test whether a file is a regular one of this user, or may be created; make its folder."""
     try:
         status = file.lstat()
     except FileNotFoundError:
@@ -154,11 +155,11 @@ def _usable(file: Path) -> bool:
 
 
 def cache_file() -> Path | None:
-    """File of contents that are kept, None where they are not."""
+    """Find the file of kept contents; None where nothing is kept."""
     folder = os.environ.get("TYMPAN_CACHE")
     if folder is None:
         home = os.environ.get("XDG_CACHE_HOME", "")
-        if not os.path.isabs(home):  # as its specification has it
+        if not os.path.isabs(home):  # as the XDG specification requires
             try:
                 account = Path("~").expanduser()
             except RuntimeError:  # neither HOME nor a user of this number
@@ -171,9 +172,9 @@ def cache_file() -> Path | None:
 
 
 def digest(*parts: object) -> bytes:
-    """A key of everything a solution depends on, and of the sources that solve.
+    """Compute a key of everything a solution depends on, and of the solvers' sources.
 
-    A TypeError where a part is of a type whose value is not known to be all it is.
+    A TypeError where a part has a type that may hold more than its known value.
     """
     whole = sha256(_sources())
     for part in parts:
@@ -189,14 +190,14 @@ def _sources() -> bytes:
         for file in sorted((_ROOT / package).rglob("*.py")):
             whole.update(file.read_bytes())
     for distribution in _MESHERS:
-        with suppress(PackageNotFoundError):  # it may come from elsewhere than the Python index
+        with suppress(PackageNotFoundError):  # it may not be installed from the Python index
             whole.update(version(distribution).encode())
     return whole.digest()
 
 
 @lru_cache
 def _source_of(kind: type) -> bytes:
-    """The file of a law or outline from a user's own package; ours are in :func:`_sources`."""
+    """Read the file of a law or outline of a user's package; ours are in :func:`_sources`."""
     if kind.__module__.partition(".")[0] == "tympan":
         return b""
     with suppress(TypeError, OSError):
@@ -205,7 +206,7 @@ def _source_of(kind: type) -> bytes:
 
 
 def _pieces(value: object) -> Iterator[bytes]:
-    """A value as bytes that are the same only for the same value."""
+    """Yield a value as bytes that are the same only for the same value."""
     yield f"{type(value).__module__}.{type(value).__qualname__}".encode()
     if is_dataclass(value):
         kind: Any = type(value)
@@ -217,7 +218,7 @@ def _pieces(value: object) -> Iterator[bytes]:
         yield f"{value.dtype.str} {value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
     elif type(value) is tuple and all(type(item) is float for item in value):
-        yield repr(value).encode()  # as of a single number: of points on curves there are thousands
+        yield repr(value).encode()  # at once, not by number: curves have thousands of points
     elif isinstance(value, tuple | list | frozenset):
         items = [b"".join(_pieces(item)) for item in value]
         yield str([len(item) for item in items]).encode()
@@ -225,7 +226,7 @@ def _pieces(value: object) -> Iterator[bytes]:
     elif isinstance(value, Mapping):
         yield from _pieces(tuple(value.items()))
     elif value is None or isinstance(value, bool | int | float | complex | str | np.generic):
-        # The shortest text that reads as the same number.
+        # The repr is the shortest text that reads as the same number.
         yield repr(value).encode()
     else:
         raise TypeError(f"a {type(value).__name__} has no bytes")

@@ -21,23 +21,26 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, solved_loading
 from tympan.studies.circles import ConeCircle, radii_of
 
-_SLIGHT = 1e-9  # by which weights may miss their sum or their bounds
-_STEP = 1e-30  # of a derivative by a complex step
-#: Shortest charging time [s], a thousandth of the fastest swing: what charges sooner does so at
-#: once.
+#: Tolerance of the weights' sum and of their bounds.
+_SLIGHT = 1e-9
+#: Step of a derivative by complex steps.
+_STEP = 1e-30
+#: Shortest charging time [s] that is simulated, a thousandth of the fastest swing. A film that
+#: charges faster is taken as charged at once.
 _AT_ONCE = 1e-6
-#: A voltage next to none [V], about which a film that charges through a resistance has small
-#: motions by the square of the voltage.
+#: Smallest voltage [V] for linearising by the square of the voltage a film that charges through a
+#: resistance.
 _NEARLY_NONE = 1.0
-#: How far a joined film is solved, over its frame's half extent: a sixteenth takes two solutions.
+#: Largest deflection for which a joined film is solved, over its frame's half extent. Each
+#: sixteenth of it takes two solutions.
 _JOINED = 0.5
 
 
 @dataclass(frozen=True)
 class Viscous:
-    """A spring k₁ [Pa] with a damper η₁ [Pa s] in series, a damper η₂ beside: Eqs. (9), (10).
+    """A spring k₁ [Pa] in series with a damper η₁ [Pa s], and a damper η₂ in parallel.
 
-    Numbers, or arrays of an array of actuators.
+    Eqs. (9), (10). The values are numbers, or arrays for an array of actuators.
     """
 
     k1: Any
@@ -52,12 +55,12 @@ class Viscous:
 
     @property
     def borrowed(self) -> bool:
-        """Whether these are :data:`BORROWED`, and not found for the film."""
+        """Whether these are :data:`BORROWED` and not constants found for the film."""
         return self == BORROWED
 
 
-#: Constants of the source paper's own film (its Table 1), borrowed for a film without any of its
-#: own. Every result with them says so.
+#: Constants of the source paper's own film (its Table 1), borrowed for a film without constants of
+#: its own. Every result that uses them says so.
 BORROWED = Viscous(k1=23.5e6, eta1=177.2e6, eta2=62.4e3)
 
 
@@ -65,21 +68,21 @@ BORROWED = Viscous(k1=23.5e6, eta1=177.2e6, eta2=62.4e3)
 class Actuator:
     """The lumped model of an actuator under a mass [kg]: circles with weights α ≥ 0, Σ α = 1.
 
-    One actuator, or an array of them of any shape: circles and their weights are on the last axis
-    of ``circles.radius`` and ``weights``, and what is before it broadcasts with the masses, the
-    corrections and the points a method is asked about. Who has fewer circles than others has some
-    of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis, (…, 2 + circles), and of
-    a film that charges through a resistance its charge Q [C] behind these. With φ = dλ_r/dy and
-    V = 2π r z₀ l₀ of each circle, Eq. (5) reads
+    It is one actuator, or an array of actuators of any shape. The circles and their weights are on
+    the last axis of ``circles.radius`` and ``weights``. The axes before it broadcast with the
+    masses, the corrections and the points given to a method. An actuator with fewer circles than
+    others has further circles of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis,
+    (…, 2 + circles). A film that charges through a resistance adds its charge Q [C] at the end.
+    With φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq. (5) reads
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],
 
     the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
-    multiply the parts of σ_h and of E², where a specimen is not what its circles say. ``gas_area``
-    [m²] is that on which a gas below film and plate lifts the plate, by default the circles'. Of
-    the rig all counts that acts on the plate or the voltage at rest, what damps or moves with the
-    plate, and what charges the film; friction and a lag of the voltage do not. Gas lifts, but does
-    not bulge the film.
+    multiply the terms of σ_h and of E², to correct the circles for a specimen. ``gas_area`` [m²] is
+    the area on which a gas below film and plate lifts the plate, by default the circles' area. The
+    model includes these parts of the rig: all that acts on the plate or on the voltage at rest, all
+    that damps the plate or moves with it, and all that charges the film. It leaves out friction and
+    a lag of the voltage. Gas lifts the plate, but does not bulge the film.
     """
 
     circles: ConeCircle
@@ -106,7 +109,7 @@ class Actuator:
         self._check_rig()
 
     def _check_rig(self) -> None:
-        """Refuse what circles do not have, and a mechanism that is not there at the flat film."""
+        """Refuse rigs that circles cannot model, and mechanisms with no force at the flat film."""
         rig = self.rig
         if rig.guide == "fixed":
             raise InputError("must let the plate move: the lumped model is of its motion",
@@ -119,7 +122,7 @@ class Actuator:
     @classmethod
     def of(cls, specimen: Specimen, mass: float, weights: Sequence[float] | None = None,
            viscous: Viscous | None = None, rig: Rig = Rig()) -> Actuator:
-        """A specimen as the paper has it: one circle for each of its semi-axes, the shortest first.
+        """Make the paper's model of a specimen: one circle per semi-axis, the shortest first.
 
         Without ``weights`` the circles share equally (the paper's are lost).
         """
@@ -134,7 +137,7 @@ class Actuator:
 
     @cached_property
     def charges(self) -> bool:
-        """Whether the film charges through a resistance so late that it shows."""
+        """Whether the film charges through a resistance so slowly that it must be simulated."""
         return bool(np.max(self.rig.circuit.time(self.capacitance(0.0))) > _AT_ONCE)
 
     @cached_property
@@ -143,18 +146,18 @@ class Actuator:
 
     @property
     def size(self) -> int:
-        """Numbers of a state."""
+        """Number of components of a state."""
         return 2 + self.count + self.charges
 
     @property
     def flat(self) -> Any:
-        """Deflections of none [m], of the array's shape."""
+        """Zero deflections [m], of the array's shape."""
         return np.zeros(np.broadcast_shapes(np.shape(self.weights)[:-1], np.shape(self.mass),
                                             np.shape(self.permittivity)))
 
     @property
     def moved(self) -> Any:
-        """The mass that moves [kg]."""
+        """The moving mass [kg]."""
         return self.mass + self.rig.unaccounted_mass + self.rig.added_mass
 
     @property
@@ -168,7 +171,7 @@ class Actuator:
 
     @property
     def load(self) -> Any:
-        """The weight, and what a pressure on the plate adds and a gas below it lifts [N]."""
+        """The weight, plus a pressure's force on the plate, less the lift of a gas below it [N]."""
         weight = self.rig.force(self.mass, self.plate_area if self.rig.plate_pressure else 0.0)
         if not self.rig.gas_pressure:
             return weight
@@ -179,7 +182,7 @@ class Actuator:
 
     @cached_property
     def mechanisms(self) -> tuple[QuinticCurve | None, ...]:
-        """Mechanisms of the rig on arrays of deflections; None of one that is not at 0."""
+        """Force curves of the rig's mechanisms; None for a mechanism without a force at 0."""
         rig = self.rig
         biases: tuple[Any, ...] = rig.biases
         return tuple(_curve(bias, self._longest, rig.guide, rig.gravity) for bias in biases)
@@ -190,7 +193,7 @@ class Actuator:
         return 3 / float(np.min(self.circles.steepness))
 
     def case(self, voltage: float) -> Case:
-        """The field model's case at a nominal voltage [V]; of several masses the largest."""
+        """Make the field model's case at a nominal voltage [V], under the largest mass."""
         return Case(self.specimen, mass=float(np.max(self.mass)), voltage=voltage, rig=self.rig)
 
     @property
@@ -199,17 +202,17 @@ class Actuator:
 
     @cached_property
     def reach(self) -> float:
-        """Largest deflection in use [m]: three times the longest film, while it has stress."""
+        """Largest deflection in use [m]: three times the longest film, or where the stress ends."""
         return self._far(self._longest)
 
     @cached_property
     def lowest(self) -> float:
-        """Lowest deflection in use [m]: 0, or where a mechanism or gas may lift the plate to."""
+        """Lowest deflection in use [m]: 0, or below it if a mechanism or gas may lift the plate."""
         lifted = self.rig.biases or self.rig.gas_pressure > 0
         return self._far(-self._longest) if lifted else 0.0
 
     def _far(self, end: float) -> float:
-        """Deflection to which there is stress on the way from 0 to an end [m]."""
+        """Find the deflection up to which a stress exists on the way from 0 to an end [m]."""
         y = np.linspace(0, end, 2001)
         with np.errstate(all="ignore"):
             stiffness = self.elastic(y.reshape(-1, *[1] * (np.ndim(self.circles.radius) - 1)))[2]
@@ -217,13 +220,16 @@ class Actuator:
         return end if good.all() else float(y[np.argmin(good) - 1])
 
     def elastic(self, y: Any) -> tuple[Any, Any, Any]:
-        """Energy [J], force [N], stiffness [N/m] of film, spring, mechanisms, with ε₁ = λ_r − 1."""
+        """Compute energy [J], force [N] and stiffness [N/m] of film, spring and mechanisms.
+
+        The branches are relaxed: ε₁ = λ_r − 1.
+        """
         film = self._mixed(self.circles.elastic(_each(y)), self.stiffness)
         energy, force, stiffness = map(add, film, self.beside(y))
         return energy, force, stiffness
 
     def beside(self, y: Any) -> tuple[Any, Any, Any]:
-        """The same of the rig's spring and mechanisms alone."""
+        """Compute energy [J], force [N] and stiffness [N/m] of the rig's spring and mechanisms."""
         k = self.rig.spring
         energy, force, stiffness = k * y * y / 2, k * y, k + 0 * y
         for curve in self.mechanisms:
@@ -232,18 +238,21 @@ class Actuator:
         return energy, force, stiffness
 
     def electric(self, y: Any) -> tuple[Any, Any, Any]:
-        """The voltage's, per V² across the film; energy and force are negative."""
+        """Compute the energy, force and stiffness by voltage, per V² across the film.
+
+        Energy and force are negative.
+        """
         return self._mixed(self.circles.electric(_each(y)), self.permittivity)
 
     def balance(self, y: Any, voltage: Any, strains: Any = None) -> tuple[Any, Any]:
-        """Force of film and voltage less the weight [N], and its derivative by y [N/m], at rest.
+        """Compute the force of film and voltage less the load [N], and its derivative by y [N/m].
 
-        The branches are relaxed, or at ``strains`` ε₁, shape (…, circles).
+        The plate does not move. The branches are relaxed, or at ``strains`` ε₁, shape (…, circles).
         """
         return self._balance(y, self.rig.film_voltage(voltage) ** 2, strains)
 
     def _balance(self, y: Any, squared: Any, strains: Any) -> tuple[Any, Any]:
-        """The same at the square of the film's voltage [V²]."""
+        """Compute the balance at the square of the film's voltage [V²]."""
         (_, pull, stiff), (_, drawn, soft) = self.elastic(y), self.electric(y)
         force, stiffness = pull + squared * drawn - self.load, stiff + squared * soft
         if strains is None:
@@ -254,7 +263,10 @@ class Actuator:
                 stiffness + k1 * np.sum(change * behind + lever * phi, axis=-1))
 
     def rest(self, y: Any, voltage: Any) -> Any:
-        """The state at rest at deflections [m] under a nominal voltage [V], branches relaxed."""
+        """Compute the state at rest at deflections [m] and a nominal voltage [V].
+
+        The branches are relaxed.
+        """
         strains = self.circles.stretch(_each(y))[0] - 1
         parts = [_each(y) + 0 * strains[..., :1], 0 * strains[..., :1], strains]
         if self.charges:
@@ -263,24 +275,24 @@ class Actuator:
         return np.concatenate(parts, axis=-1)
 
     def by_rest(self, y: Any, voltage: Any) -> Any:
-        """Derivative of the state at rest by its deflection, (…, size), voltage and film given."""
+        """Differentiate the state at rest by its deflection, (…, size), at a given voltage."""
         tangent = [np.ones(1), np.zeros(1), self.circles.stretch(_each(y))[1]]
         if self.charges:
             tangent.append(_each(self._capacitance_slope(y) * self.rig.film_voltage(voltage)))
         return np.concatenate(tangent, axis=-1)
 
     def strains(self, state: Any) -> Any:
-        """ε₁ of every circle of states, shape (…, circles)."""
+        """Take ε₁ of every circle from states, shape (…, circles)."""
         return state[..., 2:2 + self.count]
 
     def film_voltage(self, state: Any, voltage: Any) -> Any:
-        """Voltage [V] across the film of states under a nominal one."""
+        """Compute the voltage [V] across the film of states at a nominal voltage."""
         if self.charges:
             return state[..., -1] / self.capacitance(state[..., 0])
         return self.rig.film_voltage(voltage)
 
     def linear(self, state: Any, voltage: Any) -> tuple[Any, Any]:
-        """Time derivative of states, (…, size), and its derivative by them, (…, size, size)."""
+        """Compute the time derivative of states, (…, size), and its Jacobian, (…, size, size)."""
         y, speed, strains = state[..., 0], state[..., 1], self.strains(state)
         v, circles = self.viscous, slice(2, 2 + self.count)
         branches = np.arange(2, 2 + self.count)
@@ -312,15 +324,15 @@ class Actuator:
         return np.concatenate(rates, axis=-1), slopes
 
     def about(self, voltage: float) -> float:
-        """Voltage [V] about which small motions by the square of the voltage are those at one.
+        """Find the voltage [V] about which to linearise by the square of the voltage.
 
-        Without voltage a film that charges through a resistance has none: its charge goes with the
-        root of the square.
+        A film that charges through a resistance cannot be linearised this way at 0 V: its charge
+        goes with the root of the square.
         """
         return max(abs(voltage), _NEARLY_NONE) if self.charges else voltage
 
     def by_voltage(self, state: Any, voltage: Any, squared: bool = False) -> Any:
-        """Derivative of the rates by the voltage [1/V], or by its square, (…, size)."""
+        """Differentiate the rates by the voltage [1/V], or by its square, (…, size)."""
         result = np.zeros(np.shape(state))
         if self.charges:
             slope = _by_voltage(self._source.film_voltage, voltage, squared)
@@ -330,12 +342,12 @@ class Actuator:
         return result
 
     def by_rest_voltage(self, y: Any, voltage: Any, squared: bool = False) -> Any:
-        """Derivative of what the voltage adds to the weight [N], by it or its square, at rest."""
+        """Differentiate the voltage's part of the load [N] by the voltage or its square."""
         return -self.electric(y)[1] * _by_voltage(
             lambda nominal: self.rig.film_voltage(nominal) ** 2, voltage, squared)
 
     def by_viscous(self, state: Any) -> Any:
-        """Derivatives of the rates by ln k₁, ln η₁ and ln η₂, shape (…, size, 3)."""
+        """Differentiate the rates by ln k₁, ln η₁ and ln η₂, shape (…, size, 3)."""
         circles = slice(2, 2 + self.count)
         phi, _, behind, lever, _ = self._branches(state[..., 0], self.strains(state))
         lever = lever / _each(self.moved)
@@ -347,7 +359,7 @@ class Actuator:
         return result
 
     def drag(self, state: Any) -> Any:
-        """Pull of each circle's branch and damper for a weight of 1 [N], (…, circles)."""
+        """Compute the pull of each circle's branch and damper for α = 1 [N], (…, circles)."""
         y, speed, strains = state[..., 0], state[..., 1], self.strains(state)
         stretch, phi, _ = self.circles.stretch(_each(y))
         stress = (_each(self.viscous.k1) * (stretch - 1 - strains)
@@ -355,17 +367,17 @@ class Actuator:
         return self.circles.volume * phi / stretch * stress
 
     def capacitance(self, y: Any) -> Any:
-        """Σ α C of the circles [F] at a deflection [m], the correction on its change."""
+        """Sum α C of the circles [F] at a deflection [m]; the correction multiplies its change."""
         flat, deflected = (np.sum(self.weights * self.circles.capacitance(_each(at)), axis=-1)
                            for at in (0.0, y))
         return flat + self.permittivity * (deflected - flat)
 
     def _capacitance_slope(self, y: Any) -> Any:
-        """Derivative of the capacitance by the deflection [F/m]; cones pull with another one."""
+        """Differentiate the capacitance by y [F/m]; a cone's force uses another capacitance."""
         return np.imag(self.capacitance(y + _STEP * 1j)) / _STEP
 
     def _branches(self, y: Any, strains: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """φ, φ', λ_r − 1 − ε₁, and α V φ/λ_r with its derivative by y, shape (…, circles) each."""
+        """Compute φ, φ', λ_r − 1 − ε₁, α V φ/λ_r and its derivative by y, shape (…, circles)."""
         stretch, phi, bend = self.circles.stretch(_each(y))
         share = self.weights * self.circles.volume
         lever = share * phi / stretch
@@ -382,16 +394,16 @@ class Actuator:
 
 
 def _by_voltage(of: Callable[[Any], Any], voltage: Any, squared: bool) -> Any:
-    """Derivative of a function of the voltage [V] by it, or by its square."""
+    """Differentiate a function of the voltage [V] by the voltage, or by its square."""
     stepped = np.sqrt(voltage**2 + _STEP * 1j) if squared else voltage + _STEP * 1j
     return np.imag(of(stepped)) / _STEP
 
 
 @lru_cache(maxsize=64)
 def _curve(bias: Any, far: float, guide: Guide, gravity: float) -> QuinticCurve | None:
-    """A mechanism's curve as far as deflections [m] of both signs, kept for the next actuator.
+    """Interpolate a mechanism's force up to deflections ±``far`` [m], cached for later actuators.
 
-    A film that a rod joins is solved on the usual mesh.
+    A film joined by a rod is solved on the usual mesh.
     """
     if isinstance(bias, JoinedFilm):
         far = min(far, _JOINED * max(bias.specimen.frame.semi_axes))
@@ -401,7 +413,7 @@ def _curve(bias: Any, far: float, guide: Guide, gravity: float) -> QuinticCurve 
 
 def paper_cones(specimens: Sequence[Specimen], weights: Sequence[float] | None = None,
           rig: Rig = Rig()) -> tuple[Actuator, ...]:
-    """Specimens as the paper has them, all with these weights, each under 1 kg."""
+    """Make the paper's models of specimens, all with these weights, each under 1 kg."""
     return tuple(Actuator.of(specimen, 1.0, weights, rig=rig) for specimen in specimens)
 
 
@@ -410,7 +422,10 @@ def _each(values: Any) -> Any:
 
 
 def flat_capacitance(specimen: Specimen) -> float:
-    """Eq. (1): ε₀ε_r S/d [F] of the flat film between frame and plate, d the mounted thickness."""
+    """Compute Eq. (1): ε₀ε_r S/d [F] of the flat film; d is the mounted thickness.
+
+    The film lies between frame and plate.
+    """
     film = specimen.membrane
     surface = area(specimen.frame) - specimen.plate_area
     return float(epsilon_0 * film.relative_permittivity * surface * film.layers

@@ -1,4 +1,4 @@
-"""The lumped model of a specimen from its field model alone, and how near it comes to it."""
+"""The lumped model of a specimen from its field model alone, and its errors against it."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, wri
 from tympan.studies.lumped.remarks import origin
 from tympan.studies.modes import modes
 
-#: The kinematics compared, and what each took from the field model.
+#: The kinematics compared, and the part of each that comes from the field model.
 KINEMATICS = {"cone": "the paper's cones with the α best for them",
               "scaled": "cones times one factor, α best for these",
               "membrane": "membrane circles with α",
               "corrected": "membrane circles with α and two factors"}
 
-#: Error of deflection or capacitance, relative, above which a model is said not to stand for its
-#: specimen.
+#: Relative error of deflection or capacitance above which a warning says that the model does not
+#: represent its specimen.
 NEAR = 0.01
 
 _COLUMNS = (
@@ -52,9 +52,9 @@ _COLUMNS = (
 class BuildSettings:
     """Masses [kg] and voltages [V] the model is for, and its circles, as for α.
 
-    It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all
-    other loads it is tested. ``viscous`` is taken over as it is where the film has no branches of
-    its own: a field model of such a film says nothing about it.
+    The model is fitted on the first mass alone, at the lowest, the middle and the highest voltage.
+    It is tested at all other loads. ``viscous`` is used unchanged where the film has no branches of
+    its own, since a field model of such a film has no viscosity.
     """
 
     masses: tuple[float, ...]
@@ -78,7 +78,7 @@ class BuildSettings:
     @classmethod
     def suited(cls, specimens: Sequence[Specimen], settings: Settings, rig: Rig = Rig(),
                count: int = 11, **given: Any) -> BuildSettings:
-        """Settings whose loads suit all specimens where none are given, ``count`` voltages."""
+        """Make settings with ``count`` voltages; loads that are not given suit all specimens."""
         AlphaSettings(circles=given.get("circles", 2), radii=given.get("radii", "semi_axes"))
         branched = [item.name for item in specimens if item.membrane.branches]
         if given.get("viscous") is None:
@@ -104,24 +104,24 @@ class BuildSettings:
         return len(self.masses) * len(self.voltages)
 
     def greatest(self, specimen: Specimen, rig: Rig) -> Case:
-        """The case of the largest mass and the highest voltage."""
+        """Make the case of the largest mass and the highest voltage."""
         return Case.greatest(specimen, self.masses, self.voltages, rig)
 
     @cached_property
     def fit(self) -> LoadGrid:
-        """The loads it is fitted on."""
+        """The loads that the model is fitted on."""
         u = self.voltages
         return LoadGrid(self.masses[:1], tuple(sorted({u[0], u[len(u) // 2], u[-1]})))
 
     @property
     def fitted(self) -> Mask:
-        """Mask of the loads that are fitted, shape (masses, voltages)."""
+        """Mask of the fitted loads, shape (masses, voltages)."""
         return np.outer(np.isin(self.masses, self.fit.masses),
                         np.isin(self.voltages, self.fit.voltages))
 
 
 def evenly(low: float, high: float, count: int) -> tuple[float, ...]:
-    """So many voltages [V] from one to another."""
+    """Divide the range between two voltages [V] evenly into ``count`` voltages."""
     if not 0 <= low < high:
         raise InputError("must ascend, from 0 kV on", key="voltages",
                          given=f"{1e-3 * low:g} kV to {1e-3 * high:g} kV")
@@ -130,12 +130,12 @@ def evenly(low: float, high: float, count: int) -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A model, the field model it is built from, and the cones beside it.
+    """A model, the field model it is built from, and the paper's cones for comparison.
 
     ``field_deflection`` [m] and ``field_capacitance`` [F] are the field model's at rest, shape
-    (masses, voltages). ``frequencies`` are of small undamped vibrations along the load at the
-    lowest and the highest voltage under the first mass [Hz]: of the model, and of the field model,
-    nan where that has none.
+    (masses, voltages). ``frequencies`` [Hz] are of small undamped vibrations along the load under
+    the first mass, at the lowest and the highest voltage. They hold the lumped model's and the
+    field model's frequencies, nan where the field model has none.
     """
 
     settings: BuildSettings
@@ -147,7 +147,7 @@ class Built:
     frequencies: dict[str, tuple[float, float]]
 
     def actuator(self, kinematics: str, mass: float) -> Actuator:
-        """The specimen in one of :data:`KINEMATICS` under a mass [kg]."""
+        """Make the specimen's actuator with one of :data:`KINEMATICS` under a mass [kg]."""
         viscous, scale = self.settings.viscous, self.alpha.cone_scale
         cones = ConeCircle(self.model.specimen, np.array(self.model.radii))
         if kinematics == "cone":
@@ -161,7 +161,7 @@ class Built:
 
     @cached_property
     def deflection(self) -> dict[str, Array]:
-        """Deflections at rest of each kinematics [m], (masses, voltages); nan beyond pull-in."""
+        """Deflections at rest [m] by kinematics, (masses, voltages); nan beyond pull-in."""
         voltages = np.array(self.settings.voltages)
         return {kind: np.array([rest_curve(self.actuator(kind, mass), voltages)
                                 for mass in self.settings.masses]) for kind in KINEMATICS}
@@ -172,21 +172,21 @@ class Built:
                 for kind, deflection in self.deflection.items()}
 
     def errors(self, kinematics: str) -> Array:
-        """Deflection over the field model's, minus 1, shape (masses, voltages)."""
+        """Compute the relative error of deflection, shape (masses, voltages)."""
         return np.asarray(self.deflection[kinematics] / self.field_deflection - 1)
 
     def worst(self, kinematics: str, *, held_out: bool) -> float | None:
-        """Largest error in deflection at loads it was fitted on, or not; None where it pulls in."""
+        """Find the largest error of deflection at fitted or held-out loads; None at pull-in."""
         return _largest(self.errors(kinematics)[self.settings.fitted != held_out])
 
     def stroke_error(self, kinematics: str) -> float | None:
-        """Largest relative error of the stroke over the voltages; None where it pulls in."""
+        """Find the largest relative error of the stroke over the voltages; None at pull-in."""
         strokes = [deflection[:, -1] - deflection[:, 0]
                    for deflection in (self.deflection[kinematics], self.field_deflection)]
         return _largest(strokes[0] / strokes[1] - 1)
 
     def capacitance_error(self, kinematics: str) -> float | None:
-        """Largest error of the capacitance, relative; None where it pulls in."""
+        """Find the largest relative error of the capacitance; None at pull-in."""
         return _largest(self.capacitance[kinematics] / self.field_capacitance - 1)
 
     @property
@@ -261,15 +261,15 @@ def _largest(errors: Array) -> float | None:
 
 def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None = None,
           rig: Rig = Rig(), progress: Progress = lambda _: None, in_time: bool = True) -> Built:
-    """A specimen's lumped model from its field model alone, by default for loads that suit it.
+    """Build a specimen's lumped model from its field model alone, by default for suitable loads.
 
-    The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
-    the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
-    energy: least squares of relative force. A film with viscous branches also gets its reduced film
-    in time (:mod:`tympan.studies.films.reduction`), unless it is not asked for.
+    The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Two
+    factors, one on the film's and one on the voltage's energy, are fitted to the forces at the
+    fit's loads, by least squares of relative force. A film with viscous branches also gets its
+    reduced film in time (:mod:`tympan.studies.films.reduction`), unless ``in_time`` is false.
     """
     specimen.needed_plate()
-    Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model does not have
+    Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model cannot represent
     progress(f"{specimen.name}: field model")
     chosen = chosen or BuildSettings.suited([specimen], settings, rig)
     model = build_model(specimen, settings, rig.loading)
@@ -283,7 +283,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
     film, viscous = None, chosen.viscous
     if viscous_film:
         progress(f"{specimen.name}: in time")
-        # It is the film's own: mechanisms are left out, under the forces that they leave it.
+        # The reduced film is the film's own: mechanisms are left out, their forces are kept.
         bare = replace(model, loading=replace(rig, biases=()).loading)
         forces = (pull + rig.spring * deflection).max(axis=1).tolist()
         film, viscous = reduced_film(bare, forces, highest, settings.path), STILL
@@ -305,7 +305,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
 
 def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
              rig: Rig) -> tuple[Array, Array, Array]:
-    """Deflections [m], capacitances [F] and the film's pull [N], shape (masses, voltages)."""
+    """Compute deflections [m], capacitances [F], the film's pull [N], shape (masses, voltages)."""
     rests = []
     for mass in chosen.masses:
         for case, outcome in voltage_ramp(model, mass, chosen.voltages, rig, settings.path):
@@ -328,7 +328,7 @@ def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
 
 
 def _factors(model: LumpedModel, samples: Samples) -> tuple[float, float]:
-    """The factors nearest to 1 that give the samples' forces; 1 on a voltage that is none."""
+    """Find the factors nearest to 1 that give the samples' forces; 1 for the voltage at 0 V."""
     actuator = Actuator(model.circles, model.weights, 1.0)
     film = actuator.elastic(samples.deflection)[1]
     drawn = samples.voltage**2 * actuator.electric(samples.deflection)[1]
@@ -338,7 +338,7 @@ def _factors(model: LumpedModel, samples: Samples) -> tuple[float, float]:
 
 
 def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tuple[float, float]:
-    """Undamped frequency along the load [Hz] of the model and of the field model."""
+    """Compute the undamped frequency along the load [Hz] of the model and of the field model."""
     still = rest(actuator, voltage)
     lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
     along = (mode.frequency_Hz for mode in modes(actuator.case(voltage), settings).modes
@@ -350,8 +350,8 @@ def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tupl
 class BuildResult:
     """Models of several specimens, built at the same loads.
 
-    ``numbers`` are those of ``lumped build --json``; ``statics`` has the columns of statics.csv,
-    loads in SI.
+    ``numbers`` is the content of ``lumped build --json``; ``statics`` has the columns of
+    statics.csv, with loads in SI units.
     """
 
     indexed: ClassVar[tuple[str, ...]] = ("specimen", "mass_kg", "voltage_V")
@@ -369,7 +369,7 @@ class BuildResult:
     @classmethod
     def built(cls, specimens: Sequence[Specimen], settings: Settings, chosen: BuildSettings,
               rig: Rig = Rig(), progress: Progress = lambda _: None) -> BuildResult:
-        """The models of specimens of different names, all for the same loads."""
+        """Build the models of specimens of different names, all for the same loads."""
         return cls.of([build(specimen, settings, chosen, rig, progress)
                        for specimen in specimens])
 
@@ -389,7 +389,7 @@ class BuildResult:
     def save(self, folder: Path) -> None:
         """Write build.json, statics.csv and for each specimen its model, NAME.lumped.toml.
 
-        build.json comes last, so its presence means the rest is complete.
+        build.json is written last, so its presence means that the other files are complete.
         """
         remove(folder, "build.json")
         write_sheet(folder / "statics.csv", _COLUMNS, self.statics)
@@ -398,12 +398,12 @@ class BuildResult:
         write_json(folder / "build.json", self.numbers)
 
     def as_stored(self) -> BuildResult:
-        """The result with the digits of its file."""
+        """Round the result to the digits of its file."""
         return replace(self, statics=pd.DataFrame(as_written(_COLUMNS, self.statics)))
 
     @classmethod
     def load(cls, folder: Path) -> BuildResult:
-        """Load a saved result; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved result; a missing, damaged or wrong file is an InputError."""
         numbers = read_json(folder / "build.json")
         if not isinstance(numbers, dict) or not numbers.get("built"):
             raise InputError("is not of tympan lumped build: run it again",

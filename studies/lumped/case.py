@@ -1,4 +1,4 @@
-"""Lumped models under one load, as commands and Python ask for them."""
+"""Lumped models under one load, for commands and Python."""
 
 from __future__ import annotations
 
@@ -24,18 +24,19 @@ from tympan.studies.lumped.suited import suited_model
 from tympan.studies.signals import Signal, Wave
 from tympan.studies.trace import Responses
 
-#: Mass [kg] on the source paper's cones where none is given: the lighter of the paper's two.
+#: Mass [kg] on the source paper's cones where no mass is given: the lighter of the paper's two.
 _PAPER_MASS = 17.9e-3
 
 
 @asks
 @dataclass(frozen=True)
 class LumpedCase:
-    """Specimens and lumped models under one ``mass`` [kg], by default one that suits all films.
+    """Specimens and lumped models under one ``mass`` [kg], by default a mass that suits all films.
 
-    Membrane circles are built for the specimens. ``paper``: the source paper's cones instead, with
-    its mass where none is given; only then may there be ``alpha``, weights of the circles, and
-    ``table_1``, its relative permittivity for Eq. (8) with Table 1's constants.
+    Membrane circles are built for the specimens. ``paper`` selects the source paper's cones
+    instead, with the paper's mass where none is given. Only these cones allow ``alpha``, the
+    weights of the circles, and ``table_1``, the relative permittivity for Eq. (8) with the
+    constants of Table 1.
     """
 
     specimens: tuple[Specimen, ...] = ()
@@ -65,12 +66,12 @@ class LumpedCase:
 
     def chosen(self, voltage: float, settings: Settings,
                progress: Progress = lambda words: None) -> ChosenActuators:
-        """The actuators, good up to a voltage [V].
+        """Choose the actuators, valid up to a voltage [V].
 
         Raises
         ------
         InputError
-            Where a model was built for less, or a film has no equilibrium up to the voltage.
+            Where a model was built for a lower voltage, or a film has no equilibrium up to this.
         """
         for model in self.models:
             model.check(self.rig.film_voltage(voltage))
@@ -94,7 +95,7 @@ class LumpedCase:
             *self.specimens, *(model.specimen for model in self.models)))
 
     def _cones(self, mass: float, remarks: list[str]) -> list[Actuator]:
-        """Actuators of cones, as the paper has them."""
+        """Make the paper's cone actuators."""
         specimens = (self.specimens if self.table_1 is None else
                      [eq8(specimen, self.table_1) for specimen in self.specimens])
         try:
@@ -110,7 +111,7 @@ class LumpedCase:
 
 @dataclass(frozen=True)
 class ChosenActuators:
-    """The actuators of a case, and how they were chosen, in words."""
+    """The actuators of a case, and remarks on how they were chosen."""
 
     case: LumpedCase
     actuators: tuple[Actuator, ...]
@@ -118,10 +119,10 @@ class ChosenActuators:
 
     def responses(self, wave: Wave, signal: Signal, swing: bool = False,
                   progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
-        """Response of each under the signal of a wave, sampled with its interval.
+        """Simulate each actuator's response to a wave's signal, sampled at the wave's interval.
 
         ``swing``: the plate of a model whose film has branches has inertia. ``progress`` is called
-        with a specimen's name, then with the ``share`` of the signal that is over.
+        with a specimen's name, then with the finished ``share`` of the signal.
         """
         def over(share: float) -> None:
             progress(share=share)
@@ -130,20 +131,20 @@ class ChosenActuators:
         for actuator in self.actuators:
             progress(actuator.specimen.name)
             responses.append(self.in_time(actuator).response(wave, signal, swing, over))
-        # Eq. (8) with Table 1's constants can be the film of no specimen file.
+        # With Table 1's constants, Eq. (8) can describe a film that no specimen file can.
         specimens = tuple(actuator.specimen for actuator in self.actuators
                           if self.case.table_1 is None)
         return Responses(tuple(responses), specimens, self.case.rig)
 
     def in_time(self, actuator: Actuator) -> InTime:
-        """One of the actuators in time: by the film of its model where that has one."""
+        """Make the time model of an actuator, with its reduced film where it has one."""
         for model in self.case.models:
             if model.film and model.specimen.name == actuator.specimen.name:
                 return FilmInTime(model, actuator.mass, actuator.rig)
         return CirclesInTime(actuator, self.remarks)
 
     def linear(self, voltage: float, by: Input = "U") -> LinearResult:
-        """Small motions of each about rest at a voltage [V]."""
+        """Linearise each actuator about its equilibrium at a voltage [V]."""
         remarks = [*self.remarks]
         if voltage == 0 and by == "U":
             remarks.append(remark("no_voltage"))

@@ -1,8 +1,8 @@
 """The lumped model's motion and its exact derivatives by constants, over all steps at once.
 
-A step of so small a model is a few microseconds of arithmetic and far more of calls, so all steps
-are solved together, and their lengths are those of a mesh that moves as a whole. The rule is one of
-:mod:`tympan.fem.transient.collocation`.
+One step of such a small model takes a few microseconds of arithmetic, and the Python calls take far
+longer. So all steps are solved together, on a mesh of steps that moves as a whole. The rule is one
+of :mod:`tympan.fem.transient.collocation`.
 """
 
 from __future__ import annotations
@@ -24,39 +24,43 @@ from tympan.studies.signals import Signal
 #: Derivatives of an actuator's rates by p constants, (…, size, p), at states and voltages.
 Slopes = Callable[[Array, Array], Array]
 
-#: Rule of a step: of sixth order, as the quintics between its ends are. What swings without loss it
-#: does not damp.
+#: Rule of a step, of sixth order like the quintics between the step's ends. It does not damp
+#: lossless oscillations.
 _RULE = gauss(3)
-#: Stages of a step.
+#: Number of stages of a step.
 _STAGES = len(_RULE.nodes)
 
-#: Error of the quintics [m].
+#: Admissible error of the quintics [m].
 _PRECISION = 1e-10
-#: Change of the deflection [m] from which Newton's next step, the one with derivatives, is exact.
+#: Change of the deflection [m] below which Newton's next step, the one with derivatives, is exact.
 _CLOSE = 1e-7
 
-#: Most of Newton's iterations over a whole mesh. If they do not end by then, halves of it are
+#: Most Newton iterations over a whole mesh. If they do not converge, the halves of the mesh are
 #: solved one after the other.
 _NEWTON = 12
-#: Fewest of them, the last of which changes nothing.
+#: Fewest Newton iterations; the last of them changes nothing.
 _PASSES = 2
-#: Most meshes, each made by the errors on the one before. Set by trial.
+#: Most meshes, each made by the errors on the one before. The number was found by trial.
 _ROUNDS = 8
 
-_GROWTH = 5.0  # of a step from mesh to mesh, at first; then they only shrink, and there is an end
-_STEPS = 20_000  # of a first mesh, unless the signal has more pieces
-_LEAST = 24  # of a piece of a signal of few
+#: Largest growth of a step from mesh to mesh, at first. Later steps only shrink, so that the
+#: refinement ends.
+_GROWTH = 5.0
+#: Steps of a first mesh, unless the signal has more pieces.
+_STEPS = 20_000
+#: Fewest steps of a piece, for a signal of few pieces.
+_LEAST = 24
 
 
 @dataclass(frozen=True, eq=False)
 class CollocatedMotion:
     """States at the nodes of a mesh, dense in time by Hermite's quintics of y, ẏ, ÿ.
 
-    ``ends`` are y, ẏ, ÿ at both ends of every step, shape (2, 3, steps), and ``slopes`` their
-    derivatives by p constants, (2, 3, steps, p): where the voltage jumps at a node there are two
-    accelerations. ``breaks`` says of the inner nodes where the voltage has a jump or a kink.
-    ``stages`` are the states within the steps, (steps, 3, size), ``stage_slopes`` their
-    derivatives, (steps, 3, size, p), and ``creep`` how fast the branches move at the nodes.
+    ``ends`` holds y, ẏ, ÿ at both ends of every step, shape (2, 3, steps). ``slopes`` holds their
+    derivatives by p constants, (2, 3, steps, p). Where the voltage jumps at a node, the node has
+    two accelerations. ``breaks`` marks the inner nodes where the voltage has a jump or a kink.
+    ``stages`` holds the states within the steps, (steps, 3, size), ``stage_slopes`` their
+    derivatives, (steps, 3, size, p). ``creep`` holds the rates of the branches at the nodes.
     """
 
     time: Array
@@ -69,7 +73,10 @@ class CollocatedMotion:
     creep: Array
 
     def deflection(self, time: Array) -> tuple[Array, Array, Array]:
-        """y [m], ẏ [m/s], (times,), and y's derivatives, (times, p); at rest beyond the mesh."""
+        """Interpolate y [m], ẏ [m/s], shape (times,), and y's derivatives, (times, p).
+
+        Beyond the mesh the plate is at rest.
+        """
         step, h, s = self._within(time)
         r = 1 - s
         basis = np.array([
@@ -89,7 +96,7 @@ class CollocatedMotion:
         return y, speed, slopes
 
     def state(self, time: Array) -> Array:
-        """States at times, shape (times, size): y and ẏ by the quintic, the branches by cubics."""
+        """Interpolate states, (times, size): y and ẏ by the quintic, the branches by cubics."""
         y, speed, _ = self.deflection(time)
         step, h, s = self._within(time)
         h, s = h[:, None], s[:, None]
@@ -101,7 +108,7 @@ class CollocatedMotion:
 
     @property
     def errors(self) -> Array:
-        """Error of the quintic of each step [m], by how its fifth derivative changes."""
+        """Error of each step's quintic [m], from the change of its fifth derivative."""
         width = np.diff(self.time)
         (y0, v0, a0), (y1, v1, a1) = self.ends
         fifth = 120 * (6 * (y1 - y0) - 3 * width * (v0 + v1) + width**2 * (a1 - a0) / 2) / width**5
@@ -113,7 +120,7 @@ class CollocatedMotion:
                           / 46080)
 
     def _within(self, time: Array) -> tuple[Numbers, Array, Array]:
-        """The step of each time, its width [s], and which share of it has passed."""
+        """Find the step of each time, its width [s], and the share of it that has passed."""
         at = np.clip(time, self.time[0], self.time[-1])
         step = np.clip(np.searchsorted(self.time, at, "right") - 1, 0, len(self.time) - 2)
         width = np.diff(self.time)[step]
@@ -122,12 +129,12 @@ class CollocatedMotion:
 
 @dataclass(eq=False)
 class CollocationSolver:
-    """Solves an actuator's motion under one signal, for one set of constants after the other.
+    """Solver of an actuator's motion under one signal, for one set of constants after another.
 
-    Newton's method runs over all steps at once, begun from the last motion and its derivatives;
-    where it does not converge, over half of them. Derivatives are the same linear equations with
-    other right sides. The mesh moves until its quintics are within ``precision`` [m]. What takes
-    more than so many evaluations of the rates is an InputError.
+    Newton's method runs over all steps at once, begun from the last motion and its derivatives.
+    Where it does not converge, it runs over half of them. Derivatives solve the same linear
+    equations with other right sides. The mesh moves until its quintics are within ``precision``
+    [m]. A motion that takes more than ``most`` evaluations of the rates is an InputError.
     """
 
     signal: Signal
@@ -140,15 +147,15 @@ class CollocationSolver:
     def solve(self, actuator: Actuator, start: Array, mesh: Array | None = None,
               constants: Array | None = None, by_constants: Slopes | None = None
               ) -> CollocatedMotion:
-        """The motion from a state and its derivatives by constants, ``start``, shape (size, 1 + p).
+        """Solve the motion from a state and its derivatives by constants, ``start`` (size, 1 + p).
 
-        ``mesh`` are the times to begin with [s], by default those of the last motion, or of
-        :func:`first_mesh`; ``by_constants`` what drives the derivatives.
+        ``mesh`` holds the times [s] of the first mesh, by default those of the last motion, or of
+        :func:`first_mesh`. ``by_constants`` gives the derivatives of the rates by the constants.
 
         Raises
         ------
         Stopped
-            Where the motion goes beyond the model's reach: its time is up to when there is one.
+            Where the motion leaves the model's range: its time is the last at which it is inside.
         InputError
             Where it takes more evaluations of the rates than allowed.
         """
@@ -169,7 +176,7 @@ class CollocationSolver:
         return motion
 
     def check(self, steps: int) -> None:
-        """Refuse what takes too much, if so many more steps do."""
+        """Refuse the motion if ``steps`` more steps would take too many evaluations."""
         if self.evaluations + _PASSES * _STAGES * steps > self.most:
             raise InputError("takes too many steps: make it shorter or with fewer bends",
                              key="signal", given=f"{len(self.signal.breaks)} bends in "
@@ -214,7 +221,7 @@ class CollocationSolver:
         return None
 
     def _moved(self, motion: CollocatedMotion, errors: Array, growth: float) -> Array:
-        """A mesh whose steps all err alike: as many as each piece of the voltage needs for it.
+        """Make a mesh whose steps have equal errors, with as many steps per piece as this needs.
 
         No step grows by more than ``growth``.
         """
@@ -232,15 +239,16 @@ class CollocationSolver:
 
 
 def first_mesh(actuator: Actuator, start: Array, signal: Signal) -> Array:
-    """Times [s] to begin with: after each break two steps for a radian of the fastest pole.
+    """Make the first mesh [s]: after each break two steps for a radian of the fastest pole.
 
-    As its motion dies the steps grow, for their error goes as its height and the sixth power.
+    As the motion decays the steps grow, for their error goes as its amplitude and the sixth power
+    of the step.
     """
     breaks = signal.breaks
     poles = np.linalg.eigvals(actuator.linear(start, signal.first)[1])
     fastest = complex(max(poles, key=abs))
-    # A film that charges is followed from its first moments: the rule does not damp what it passes
-    # over.
+    # A film that charges is resolved from its first moments: the rule does not damp what a step
+    # skips.
     first = 0.5 / abs(fastest)
     if not actuator.charges:
         first = max(first, float(np.ptp(breaks)) / _STEPS)
@@ -250,7 +258,7 @@ def first_mesh(actuator: Actuator, start: Array, signal: Signal) -> Array:
 
 
 def _graded(length: float, first: float, decay: float, least: int) -> Array:
-    """Times from 0 to a length [s], steps of ``first`` exp(``decay`` t/6), ``least`` of them."""
+    """Grade times from 0 to a length [s], steps ``first`` exp(``decay`` t/6), ``least`` or more."""
     widest, rate = max(length / least, first), decay / 6
     grown = min(length, np.log(widest / first) / rate) if rate * length > 1e-6 else 0.0
     if grown == 0:
@@ -298,11 +306,11 @@ class _Mesh:
 
 
 def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[Array, Array]:
-    """One step of Newton's method: nodes (steps + 1, size, 1 + p), stages (steps, 3, size, 1 + p).
+    """Take one Newton step: nodes (steps + 1, size, 1 + p), stages (steps, 3, size, 1 + p).
 
-    ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p)
-    what drives those. Every stage is affine in the state its step begins with, so only that is
-    handed on from step to step.
+    ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p) the
+    right side for the derivatives. Every stage is affine in the state at the start of its step, so
+    only that state is passed on from step to step.
     """
     steps, _, size = stages.shape
     rates, slopes = mesh.actuator.linear(stages, mesh.volts)
@@ -321,7 +329,7 @@ def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[A
 
 
 def _chained(across: Array, added: Array, start: Array) -> Array:
-    """x of x_{n+1} = ``across``_n x_n + ``added``_n, (steps + 1, …): two steps are one twice."""
+    """Solve x_{n+1} = ``across``_n x_n + ``added``_n, (steps + 1, …), by joining pairs of steps."""
     nodes = np.empty((len(across) + 1, *start.shape))
     nodes[0] = start
     if len(across) == 1:

@@ -1,6 +1,6 @@
 """Eq. (8) of the source paper with the constants of its Table 1, as a film of lumped models.
 
-Lumped models alone can have such a film: as a membrane it has no stable shape
+Only lumped models can have such a film: as a membrane it has no stable shape
 (``tympan.fem.film.library.REFUSED``).
 """
 
@@ -14,14 +14,14 @@ from tympan.geometry.specimen import Specimen
 
 
 def table_1_law() -> Separable:
-    """Eq. (8) with Table 1's constants, from the library of materials."""
+    """Take Eq. (8) with Table 1's constants from the library of materials."""
     law = EXAMINED["paper-table-1"]
     assert isinstance(law, Separable)
     return law
 
 
 def eq8(specimen: Specimen, relative_permittivity: float) -> Specimen:
-    """Specimen whose film follows Eq. (8) with Table 1's constants; ε_r, lost, must be given."""
+    """Make a specimen's film follow Eq. (8) with Table 1's constants; the lost ε_r is given."""
     reference = specimen.membrane.area_prestretch**0.5
     film = replace(specimen.membrane, material=replace(table_1_law(), reference=reference),
                    relative_permittivity=relative_permittivity)

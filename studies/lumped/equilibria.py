@@ -16,17 +16,20 @@ from tympan.fem.roots import root_between
 from tympan.studies.lumped.actuator import Actuator
 
 LumpedBalance = Callable[[Any], tuple[Any, Any]]
+#: Points of the grid of deflections.
 _GRID = 4001
-_TOUCHING = 1e-9  # of the weight: a minimum of |balance| below it is a root the curve touches
+#: Tolerance of a root that the curve only touches, over the load: largest minimum of |balance|.
+_TOUCHING = 1e-9
+#: Most steps of Newton's method.
 _ROUNDS = 60
 
 
 def roots(actuator: Actuator, voltage: float, way: float = 1.0) -> tuple[Array, Array]:
-    """All deflections at rest [m] from flat to its reach, outwards, and the stiffness there [N/m].
+    """Find all deflections at rest [m] from flat to the model's reach, and the stiffness [N/m].
 
-    A rest of positive stiffness is stable. Extrema of the balance are refined, so that two roots
-    closer than the grid and one where the curve only touches are seen too. ``way`` -1: those of a
-    plate that a mechanism lifts.
+    The roots are ordered outwards. A root of positive stiffness is stable. Extrema of the balance
+    are refined, to also find two roots closer than the grid, and a root where the curve only
+    touches. ``way`` -1 finds the roots of a plate that a mechanism lifts.
     """
     y = np.linspace(0.0, _end(actuator, way), _GRID)
 
@@ -57,17 +60,18 @@ def roots(actuator: Actuator, voltage: float, way: float = 1.0) -> tuple[Array, 
 
 
 def _end(actuator: Actuator, way: float) -> float:
-    """Deflection at the end of the model's reach on a way [m]."""
+    """Find the deflection at the end of the model's reach on a way [m]."""
     return actuator.reach if way > 0 else actuator.lowest
 
 
 def settle(balance: LumpedBalance, start: Any = 0.0, farthest: Any = None) -> Any:
-    """Deflections at rest [m] by Newton's method, of any shape the balance has.
+    """Find deflections at rest [m] by Newton's method, of any shape the balance has.
 
-    ``balance`` answers force less weight [N] and its derivative [N/m] at deflections. From the flat
-    film it climbs to the first rest without passing it as long as the balance is concave, as that
-    of the paper's cones is up to pull-in; nan where a step meets no stiffness or there is no end of
-    them. With ``farthest`` no step is longer [m], and none asks for stiffness.
+    ``balance`` computes force less weight [N] and its derivative [N/m] at deflections. From the
+    flat film Newton's method climbs to the first rest without passing it if the balance is concave,
+    as the balance of the paper's cones is up to pull-in. The result is nan where a step meets no
+    stiffness or the steps do not converge. With ``farthest`` [m] steps are limited to this length,
+    and need no stiffness.
     """
     y: Any = np.asarray(start, float)
     with np.errstate(all="ignore"):
@@ -83,9 +87,9 @@ def settle(balance: LumpedBalance, start: Any = 0.0, farthest: Any = None) -> An
 
 
 def rest_curve(actuator: Actuator, voltages: Any) -> Array:
-    """Deflections at rest [m] of one actuator at voltages [V] put on slowly; nan beyond pull-in.
+    """Find an actuator's deflections at rest [m] at slowly raised voltages [V]; nan past pull-in.
 
-    Beyond a limit point that a mechanism of the rig makes, the plate is at rest where it snaps to.
+    Beyond a limit point that a mechanism of the rig causes, the plate rests where it snaps to.
     """
     squared = np.asarray(actuator.rig.film_voltage(np.asarray(voltages, float))) ** 2
     start, limit = _start(actuator), pull_in(actuator)
@@ -95,15 +99,15 @@ def rest_curve(actuator: Actuator, voltages: Any) -> Array:
     holding = np.maximum.accumulate(np.append(0.0, squared_at(actuator, y[1:])))
     below = np.searchsorted(holding, squared, "right") - 1
     inside = squared <= (holding[-1] if limit is None else limit[0] ** 2)
-    # Below the rest and near it, from where Newton's method climbs to it.
+    # This point is below the rest and near it; from it Newton's method climbs to the rest.
     settled = settle(lambda at: actuator.balance(at, voltages), y[np.clip(below, 0, len(y) - 2)])
     return np.where(inside, settled, np.nan)
 
 
 def rest(actuator: Actuator, voltage: float) -> float:
-    """Deflection where one actuator settles [m] when load and voltage are put on slowly.
+    """Find the deflection [m] of one actuator when load and voltage are applied slowly.
 
-    Beyond pull-in that is nowhere, a VoltageError.
+    Beyond pull-in there is no rest: a VoltageError.
     """
     y = float(rest_curve(actuator, voltage))
     if np.isnan(y):
@@ -115,24 +119,24 @@ def rest(actuator: Actuator, voltage: float) -> float:
 
 @lru_cache(maxsize=32)
 def _start(actuator: Actuator) -> float | None:
-    """Deflection [m] at which the plate comes to rest without voltage, from the flat film on."""
+    """Find the deflection [m] at which the plate rests without voltage, from the flat film on."""
     way = -1.0 if actuator.balance(0.0, 0.0)[0] > 0 else 1.0
     places, stiffness = roots(actuator, 0.0, way)
     return next(iter(places[stiffness > 0].tolist()), None)
 
 
 def _outwards(actuator: Actuator, start: float, end: float | None = None) -> Array:
-    """Deflections [m] from the rest without voltage on, as the voltage moves the plate."""
+    """Space deflections [m] from the rest without voltage on, as the voltage moves the plate."""
     return np.linspace(start, _end(actuator, start or 1.0) if end is None else end, _GRID)
 
 
 @lru_cache(maxsize=32)
 def pull_in(actuator: Actuator) -> tuple[float, float] | None:
-    """Film voltage [V] and deflection [m] where the rest that begins without voltage ends, or None.
+    """Find film voltage [V] and deflection [m] at which the rest from 0 V on ends, or None.
 
     The balance is linear in the squared film voltage, so every rest lies on u²(y) = (elastic force
     − weight)/(electric force per V²), :func:`squared_at`, and pull-in is its first maximum. Where
-    a mechanism of the rig softens further out, the plate snaps on to the next rest if there is one.
+    a mechanism of the rig softens further out, the plate snaps to the next rest if there is one.
     """
     start = _start(actuator)
     if start is None:
@@ -159,7 +163,7 @@ def pull_in(actuator: Actuator) -> tuple[float, float] | None:
 
 
 def highest(actuator: Actuator) -> float:
-    """Film voltage [V] of pull-in, or, without, that which moves it to the end of its reach."""
+    """Find the film voltage [V] of pull-in, or without pull-in that of the end of the reach."""
     limit, start = pull_in(actuator), _start(actuator)
     if limit is not None:
         return limit[0]
@@ -168,7 +172,7 @@ def highest(actuator: Actuator) -> float:
 
 
 def limit_words(actuator: Actuator) -> str:
-    """Why there may be no rest."""
+    """Word the reason why there is no rest."""
     if _start(actuator) is None:
         return "the mass is too large without voltage already"
     end = "pull-in"
@@ -179,6 +183,6 @@ def limit_words(actuator: Actuator) -> str:
 
 
 def squared_at(actuator: Actuator, y: Array | float, strains: Any = None) -> Array:
-    """U² across the film [V²] at which deflections [m] are at rest, as in `Actuator.balance`."""
+    """Compute U² across the film [V²] that holds deflections [m], as in `Actuator.balance`."""
     force = actuator.balance(y, 0.0, strains)[0]
     return np.asarray(force / -actuator.electric(y)[1])

@@ -26,10 +26,11 @@ from tympan.studies.trace import Trace, unclosed
 
 def film_deflections(film: ReducedFilm, signals: Sequence[Signal], masses: Sequence[float],
                      when: Array, rig: Rig = Rig(), inertia: bool = False) -> Array:
-    """Deflections [m] at times [s] of many runs, each under a signal and a mass [kg].
+    """Simulate the deflections [m] at times [s] of many runs, each under a signal and a mass [kg].
 
-    Shape (runs, times); nan from where a film has pulled in. The signals must have the same breaks,
-    so that the runs share their steps: thirty cost about three. ``inertia``: their plates swing.
+    Shape (runs, times); nan from the time on at which a film pulls in. The signals must have the
+    same breaks, so that the runs share their steps: thirty runs cost about as much as three single
+    ones. ``inertia``: the plates have inertia.
     """
     motions = [film_motion(film, signal, mass, rig, inertia)
                for signal, mass in zip(signals, masses, strict=True)]
@@ -60,12 +61,14 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
 def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
                 inertia: bool = False, error: float = ERROR, budget: Budget | None = None
                 ) -> ReducedMotion:
-    """A reduced film under a nominal mass [kg] and signal on a rig; ``inertia``: its plate swings.
+    """Put a reduced film in motion under a nominal mass [kg] and a signal on a rig.
+
+    ``inertia``: the plate has inertia.
 
     Raises
     ------
     InputError
-        When the rig has what the reduced film does not know.
+        When the rig has a part that the reduced film cannot model.
     """
     checked_load(mass, signal.peak)
     if any(rig.weight_offset):
@@ -81,7 +84,7 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
     biases = solved_loading(rig.loading, Settings()).biases
     plate = float(film.specimen.plate_area) if rig.plate_pressure else 0.0
     force = float(rig.force(mass, plate)) - rig.gas_pressure * (film.gas_area or 0.0)
-    # Where the film charges, the leak past it is the circuit's.
+    # Where the film charges through a resistance, the circuit includes the leak.
     supplied = Supplied(signal, rig.source if rig.series_resistance else rig)
     return ReducedMotion(film, force, supplied, biases, moved if inertia else None,
                          rig.plate_damping, error, budget, rig.circuit)
@@ -90,10 +93,10 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,
                   period: float | None = None, step: bool = False, inertia: bool = False,
                   progress: ShareDone = lambda share: None) -> ModelResponse:
-    """The response of a model with a film in time, sampled with an interval [s].
+    """Simulate the response of a model with a film in time, sampled at an interval [s].
 
-    ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
-    ``progress`` is called with the share of the signal that is over.
+    ``period`` is the signal's period [s], if it has one. ``step`` says that the signal is a step.
+    ``progress`` is called with the finished share of the signal.
     """
     assert model.film is not None
     motion = film_motion(model.film, signal, mass, rig, inertia, budget=Budget(WORK))

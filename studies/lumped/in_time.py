@@ -1,4 +1,4 @@
-"""Actuators in time: what simulation and control ask of circles, and of a reduced film."""
+"""Actuators in time: the common interface of circles and reduced films."""
 
 from __future__ import annotations
 
@@ -26,29 +26,29 @@ class InTime(Protocol):
 
     @property
     def origin(self) -> list[str]:
-        """Origin of what is not the film's own, in words."""
+        """Remarks on the origin of constants that are not the film's own."""
 
     def circles(self, voltage: float) -> Actuator:
-        """Circles that move as it does about a nominal voltage [V]: a controller's design model."""
+        """Make circles that move alike about a nominal voltage [V]: a controller's design model."""
 
     def resting(self, voltage: float) -> Plant:
-        """The actuator at rest at a nominal voltage [V]."""
+        """Bring the actuator to rest at a nominal voltage [V]."""
 
     def driven(self, signal: Signal, time: Array) -> Array:
-        """Deflections [m] at times [s] under a signal, from rest at its first voltage.
+        """Simulate deflections [m] at times [s] under a signal, from rest at its first voltage.
 
         Raises
         ------
         InputError
-            Where it does not come to the signal's end.
+            Where the motion stops before the signal's end.
         """
 
     def response(self, wave: Wave, signal: Signal, swing: bool, progress: ShareDone
                  ) -> ModelResponse:
-        """Response to the signal of a wave, sampled with its interval.
+        """Simulate the response to the signal of a wave, sampled at the wave's interval.
 
-        ``swing``: the plate of a film that may follow without inertia has inertia. ``progress`` is
-        called with the share of the signal that is over.
+        ``swing``: the plate has inertia; without ``swing`` that of a reduced film has none.
+        ``progress`` is called with the finished share of the signal.
         """
 
 
@@ -99,10 +99,10 @@ class FilmInTime:
         return []
 
     def circles(self, voltage: float) -> Actuator:
-        """Circles of the model with one branch that stands for those of the film.
+        """Make circles of the model with one branch that replaces the film's branches.
 
-        It stiffens the plate at rest at the voltage as they do at once, and has the mean of their
-        times, weighted with their moduli.
+        At the voltage the branch has the instantaneous stiffness of the film's branches against the
+        plate. Its time is the mean of their times, weighted with their moduli.
         """
         still, film = self.model.actuator(self.mass, self.rig), self.film
         plant = self.resting(voltage)
@@ -138,7 +138,7 @@ class FilmInTime:
 
 
 def _along_plate(stiffness: Array) -> float:
-    """Stiffness against the plate's deflection, the other shapes in balance [N/m]."""
+    """Compute the stiffness against the plate's deflection, other shapes in equilibrium [N/m]."""
     return float(1 / np.linalg.inv(stiffness)[0, 0])
 
 

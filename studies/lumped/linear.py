@@ -21,22 +21,24 @@ if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
 
-#: What drives the model: the voltage, or its square, with which the force goes.
+#: Input of the model: the voltage, or its square, to which the force is proportional.
 Input = Literal["U", "U2"]
 INPUTS: dict[Input, tuple[str, str]] = {"U": ("voltage", "V"), "U2": ("voltage_squared", "V2")}
 
-_REAL = 1e-9  # of a pole's size: an imaginary part that is none
-_HIDDEN = 1e-9  # share of the plate in a motion that does not move it
+#: Largest imaginary part, over the pole's size, that is rounding error.
+_REAL = 1e-9
+#: Largest share of the plate in a motion that does not move it.
+_HIDDEN = 1e-9
 
 
 @dataclass(frozen=True)
 class Pole:
-    """A pole [1/s], of a pair the upper one, and what moves.
+    """A pole [1/s], for a pair the upper one, and its motion.
 
-    ``name`` is *oscillation* of the plate on the film, *overdamped plate* where that does not
+    ``name`` is *oscillation* of the plate on the film, *overdamped plate* where the plate does not
     swing, *charging* of the film, *creep* of the branches, *creep between circles*, which does not
-    move the plate, or *pull-in*, which grows. ``share`` is its part of the gain, of both poles of a
-    pair; None of a motion that never ends.
+    move the plate, or *pull-in*, which grows. ``share`` is the pole's part of the gain, for a pair
+    that of both poles. It is None for a motion that never ends.
     """
 
     name: str
@@ -45,7 +47,7 @@ class Pole:
 
     @property
     def frequency(self) -> float:
-        """Frequency of an oscillation [Hz]; 0 without any."""
+        """Frequency of an oscillation [Hz]; 0 without oscillation."""
         return float(self.value.imag / (2 * np.pi))
 
     @property
@@ -54,7 +56,7 @@ class Pole:
 
     @property
     def time(self) -> float | None:
-        """Time in which it falls, or grows, by a factor e [s]; None of what does neither."""
+        """Time in which it falls or grows by a factor e [s]; None if it does neither."""
         return float(1 / abs(self.value.real)) if self.value.real else None
 
     def json(self) -> dict[str, Any]:
@@ -70,10 +72,10 @@ class Linear:
 
     A film that charges through a resistance has its charge [C] as a last state.
 
-    δu is of the ``driven_by``: the voltage [V] or its square [V²]. ``gain`` is δy/δu at rest [m/V
-    or m/V²]. ``film_frequency`` is the plate's on the film alone [Hz], its branches relaxed, as
-    :mod:`tympan.studies.modes` has it; the branches make the oscillation faster. ``specimen`` and
-    ``mass`` [kg] say of which actuator.
+    ``driven_by`` names the input u: the voltage [V] or its square [V²]. ``gain`` is δy/δu at rest
+    [m/V or m/V²]. ``film_frequency`` [Hz] is the plate's on the film alone, its branches relaxed,
+    as in :mod:`tympan.studies.modes`; the branches make the oscillation faster. ``specimen`` and
+    ``mass`` [kg] identify the actuator.
     """
 
     a: Array
@@ -105,7 +107,7 @@ class Linear:
 
     @property
     def named_poles(self) -> tuple[Pole, ...]:
-        """The slowest first, of a pair the upper one."""
+        """Poles with names, the slowest first, for a pair the upper one."""
         values, right = np.linalg.eig(self.a)
         inverse = np.linalg.pinv(right)
         taken = np.abs(right * inverse.T)  # participation of every state in every motion
@@ -126,7 +128,7 @@ class Linear:
         return tuple(poles)
 
     def to_control(self) -> Any:
-        """The same as a python-control ``StateSpace``, if that is installed."""
+        """Convert it to a python-control ``StateSpace``, if python-control is installed."""
         try:
             import control
         except ImportError:
@@ -136,7 +138,7 @@ class Linear:
                           outputs=["deflection"], states=self.states)
 
     def to_scipy(self) -> StateSpace:
-        """The same as a ``scipy.signal.StateSpace``."""
+        """Convert it to a ``scipy.signal.StateSpace``."""
         from scipy.signal import StateSpace
 
         return StateSpace(self.a, self.b, self.c, self.d)
@@ -144,7 +146,7 @@ class Linear:
     def write_csv(self, file: Path) -> None:
         """Write A, B, C and D as one table: a row for each rate of a state, and for the output.
 
-        Columns are the states, then what drives the model.
+        The columns are the states, then the model's input.
         """
         table = np.block([[self.a, self.b], [self.c, self.d]])
         names = [*(f"rate of {state}" for state in self.states), "deflection"]
@@ -152,17 +154,17 @@ class Linear:
                   [[name, *map(float, row)] for name, row in zip(names, table, strict=True)])
 
     def write_arrays(self, file: Path) -> None:
-        """Write A, B, C, D and the numbers beside them by name, as NAME.mat or NAME.npz."""
+        """Write A, B, C, D and the other numbers by name, as NAME.mat or NAME.npz."""
         write_arrays(file, {name: np.array(value) for name, value in self.motions().items()
                             if name != "poles"})
 
     def json(self) -> dict[str, Any]:
-        """The motions with what they are of."""
+        """Convert motions, specimen, mass and warnings to a JSON object."""
         return {"specimen": self.specimen, "mass_kg": self.mass, **self.motions(),
                 "warnings": list(self.warnings)}
 
     def motions(self) -> dict[str, Any]:
-        """State space, poles and gain as a JSON object."""
+        """Convert state space, poles and gain to a JSON object."""
         _, unit = INPUTS[self.driven_by]
         return {"deflection_m": self.deflection, "voltage_V": self.voltage, "input": self.driven_by,
                 "states": self.states,
@@ -179,7 +181,7 @@ class LinearResult:
 
     linear: tuple[Linear, ...]
 
-    #: What writes the matrices of the only one, by the ending of a file's name.
+    #: Writers of the matrices of a single actuator, by file name ending.
     writers: ClassVar[Mapping[str, Callable[[LinearResult, Path], None]]] = {
         ".csv": lambda result, file: result._only.write_csv(file),
         ".npz": lambda result, file: result._only.write_arrays(file),
@@ -192,11 +194,11 @@ class LinearResult:
                 for linear in self.linear for pole in linear.named_poles]
 
     def to_control(self) -> Any:
-        """The only one as a python-control ``StateSpace``, if that is installed."""
+        """Convert a single actuator's motions to a python-control ``StateSpace``, if installed."""
         return self._only.to_control()
 
     def to_scipy(self) -> StateSpace:
-        """The only one as a ``scipy.signal.StateSpace``."""
+        """Convert a single actuator's motions to a ``scipy.signal.StateSpace``."""
         return self._only.to_scipy()
 
     @property
@@ -228,10 +230,10 @@ def _name(pole: complex, plate: float, charge: float) -> str:
 
 def linearise(actuator: Actuator, voltage: float, deflection: float | None = None,
               by: Input = "U") -> Linear:
-    """Small motions about rest at a voltage [V], by default the stable one; exact derivatives.
+    """Linearise about rest at a voltage [V], by default the stable rest; exact derivatives.
 
-    The film's pull goes with the square of the voltage, so at 0 kV a small voltage does nothing:
-    there ``by="U2"`` tells what the voltage does.
+    The film's pull is proportional to the square of the voltage, so at 0 kV a small voltage has no
+    effect. There use ``by="U2"``, for the effect of the squared voltage.
     """
     at = rest(actuator, voltage) if deflection is None else deflection
     about = actuator.about(voltage) if by == "U2" else voltage

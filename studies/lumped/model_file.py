@@ -1,6 +1,6 @@
-"""A lumped model as a file to take away: TOML with plain SI numbers; it reads back equal.
+"""The file of a lumped model: TOML with plain SI numbers; reading it gives an equal model.
 
-The formulas that are written above them stand in ``model_file.txt``, those of a film in time in
+The formulas at the top of the file come from ``model_file.txt``, those of a film in time from
 ``reduced_film.txt``.
 """
 
@@ -26,7 +26,7 @@ from tympan.studies.lumped.actuator import BORROWED, Actuator, Viscous
 
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
-#: Viscous constants of circles whose film has branches of its own: none.
+#: Viscous constants of circles whose film has branches of its own: no viscosity.
 STILL = Viscous(0.0, 1.0, 0.0)
 
 
@@ -35,10 +35,10 @@ class LumpedModel:
     """Model of a specimen: circles of radii [m], the shortest first, weights α, two factors.
 
     The film's law, thickness, prestretch and permittivity, and the plate's size, are those of
-    ``specimen``. ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest
-    across the film [V] that it is for: these circles keep their hoop stretch, so they do not pull
-    in where the film does. ``gas_area`` [m²] is that on which a gas below film and plate lifts the
-    plate; where a file has none it is the circles' own.
+    ``specimen``. ``flat_capacitance`` [F] is that of the whole flat film. ``highest_voltage`` [V]
+    is the highest voltage across the film that the model is valid for: these circles keep their
+    hoop stretch, so they do not pull in where the film does. ``gas_area`` [m²] is the area on which
+    a gas below film and plate lifts the plate. Where a file has no such area, the circles' is used.
     """
 
     specimen: Specimen
@@ -58,7 +58,7 @@ class LumpedModel:
                               flat_capacitance=self.flat_capacitance)
 
     def check(self, voltage: float) -> None:
-        """Refuse a voltage across the film [V] beyond those it is for."""
+        """Refuse a voltage across the film [V] above the highest that the model is for."""
         if abs(voltage) > self.highest_voltage * (1 + 1e-9):
             raise VoltageError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} "
                                "kV across the film and does not know its pull-in: build it "
@@ -91,7 +91,7 @@ def write_model(file: Path, model: LumpedModel) -> None:
 
 
 def _film_content(film: ReducedFilm) -> dict[str, Any]:
-    """The tables of a reduced film: gradients by shape, each 11, 12, 21, 22, 31, 32."""
+    """Make the tables of a reduced film: gradients by shape, each 11, 12, 21, 22, 31, 32."""
     gradients = film.gradients.transpose(1, 0, 2, 3).reshape(len(film.volumes), -1)
     return {"error": dict(film.errors),
             "point": [{"volume_m3": volume, "covered": covered, "gradient_per_m": gradient}
@@ -101,7 +101,7 @@ def _film_content(film: ReducedFilm) -> dict[str, Any]:
 
 
 def read_model(file: Path | str) -> LumpedModel:
-    """The model of a file."""
+    """Read a model from its file."""
     table = Table.read(file, "lumped model")
     specimen = load_specimen(replace(table.table("specimen"), plain=True))
     circles = table.tables("circle")

@@ -18,22 +18,22 @@ from tympan.studies.lumped.equilibria import settle, squared_at
 from tympan.studies.lumped.film_response import film_motion
 from tympan.studies.signals import Pieces
 
-#: Stages of a step: order 7, so that a step of a radian of the swing errs by 1e-6.
+#: Stages of a step: order 7, so that a step of one radian of the swing has an error of 1e-6.
 _STAGES = 4
-#: Most of a swing in a step [rad].
+#: Largest phase of the swing in a step [rad].
 _RADIANS = 1.0
-#: Most that a film charges in a step, in times by a factor e: what is left is known to 1e-4 of it.
+#: Longest step, over the charging time: the remaining charge is then accurate to 1e-4 of itself.
 _FALLEN = 3.0
-#: Steps at most that only the charging asks for: a film that charges sooner does so at once.
+#: Most steps that the charging alone requires; a faster film is taken as charged at once.
 _CHARGING = 50
-#: Newton's corrections of a step at most; it takes two or three.
+#: Most of Newton's corrections of a step; it needs two or three.
 _CORRECTIONS = 6
-#: The last correction [m]: of what is left after it the square counts.
+#: Size of the last correction [m]: the error after it is of second order.
 _LAST = 1e-9
 
 
 class Plant(Protocol):
-    """A film with its plate at a moment; one, or several at once."""
+    """A film with its plate at a moment; one film or several at once."""
 
     @property
     def deflection(self) -> Any:
@@ -44,23 +44,23 @@ class Plant(Protocol):
         """Capacitance [F]."""
 
     def after(self, voltage: Any, duration: float) -> Self:
-        """The same after a nominal voltage [V] was held for a time [s]."""
+        """Move the plant while a nominal voltage [V] is held for a time [s]."""
 
     def holds(self, deflection: Any, voltage: Any) -> Any:
-        """Whether a nominal voltage [V] holds a deflection [m], or pulls beyond it, as it crept."""
+        """Test whether a nominal voltage [V] holds the crept film at a deflection [m] or beyond."""
 
     def under(self, mass: Any) -> Self:
-        """The same in motion under another mass [kg]."""
+        """Put another mass [kg] on the plant in its motion."""
 
     def rested(self, voltage: float) -> Self:
-        """The same at rest at a nominal voltage [V]."""
+        """Bring the plant to rest at a nominal voltage [V]."""
 
 
 @dataclass(frozen=True, eq=False)
 class LumpedPlant:
-    """The lumped model of an actuator, or of an array of them, in a state.
+    """The lumped model of an actuator, or of an array of actuators, in a state.
 
-    ``past``: the length of its last step [s], and the states at its start and its stages.
+    ``past``: the length of its last step [s], and the states at the step's start and stages.
     """
 
     actuator: Actuator
@@ -69,7 +69,7 @@ class LumpedPlant:
 
     @classmethod
     def resting(cls, actuator: Actuator, voltage: float = 0.0) -> LumpedPlant:
-        """The plant at rest at a voltage [V]."""
+        """Make the plant at rest at a voltage [V]."""
         y = settle(lambda at: actuator.balance(at, voltage), actuator.flat)
         if not np.isfinite(y).all():
             raise Failure(f"the film does not rest at {voltage / 1e3:g} kV")
@@ -113,7 +113,7 @@ class LumpedPlant:
     def _stepped(self, voltage: Any, duration: float) -> LumpedPlant:
         rule, state, size = radau(_STAGES), self.state, self.state.shape[-1]
         weights = duration * rule.matrix
-        # Stages first: actuators broadcast behind them.
+        # The stages are the first axis; the actuators broadcast on the axes behind it.
         stages = np.tensordot(rule.beyond(1.0), self.past[1], 1) \
             if self.past and self.past[0] == duration else np.repeat(state[None], _STAGES, 0)
         for _ in range(_CORRECTIONS):
@@ -131,7 +131,7 @@ class LumpedPlant:
 
 @dataclass(frozen=True, eq=False)
 class FilmPlant:
-    """A reduced film in time, whose plate of a nominal mass [kg] swings, on a rig."""
+    """A reduced film in time on a rig; its plate of a nominal mass [kg] has inertia."""
 
     film: ReducedFilm
     mass: float
@@ -140,7 +140,7 @@ class FilmPlant:
 
     @classmethod
     def resting(cls, film: ReducedFilm, mass: float, rig: Rig, voltage: float = 0.0) -> FilmPlant:
-        """The plant at rest at a voltage [V]."""
+        """Make the plant at rest at a voltage [V]."""
         begin = film_motion(film, _held(voltage, 1.0), mass, rig, inertia=True).begin
         return cls(film, mass, rig, begin)
 
@@ -160,11 +160,11 @@ class FilmPlant:
         return replace(self, mass=mass)
 
     def holds(self, deflection: float, voltage: float) -> bool:
-        """Test whether a plate without inertia would come so far [m] at once."""
+        """Test whether a plate without inertia would reach this deflection [m] at once."""
         film, moment = self.film.tabulated, self.moment
         flow = moment.memory.step(film.strain(moment.q), 0.0)
         loads = moment.loads
-        if not self.rig.series_resistance:  # through which the film has not charged at once
+        if not self.rig.series_resistance:  # through a resistance, the film is not charged at once
             squared = float(self.rig.film_voltage(voltage)) ** 2
             loads = replace(loads, voltage_squared=squared)
         return bool(film.carried(moment.q, moment.loads, loads, flow)[0] >= deflection)

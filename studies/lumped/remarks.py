@@ -1,4 +1,4 @@
-"""Remarks with any result of a lumped model: where its constants are from."""
+"""Remarks with any result of a lumped model: the origin of its constants."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _WORDS = words_beside(__file__)
 
 
 def remark(key: str, **values: object) -> str:
-    """A sentence of remarks.toml with its numbers."""
+    """Fill a sentence of remarks.toml with its numbers."""
     return _WORDS[key].format(**values)
 
 
 def origin(actuator: Actuator) -> list[str]:
-    """Origin of what is not the film's own: the paper's viscous constants, the paper's cones.
+    """Word the origin of what is not the film's own: the paper's viscous constants and cones.
 
-    And what of its film it leaves out.
+    The remarks also name branches of the film that the model leaves out.
     """
     remarks, viscous, specimen = [], actuator.viscous, actuator.specimen
     if viscous.borrowed:
@@ -39,18 +39,18 @@ def origin(actuator: Actuator) -> list[str]:
 
 def of_loads(specimen: Specimen, masses: Iterable[float], voltages: Iterable[float], rig: Rig
              ) -> list[str]:
-    """Remarks on the masses [kg] and nominal voltages [V] of a specimen's readings."""
+    """Collect remarks on the masses [kg] and nominal voltages [V] of a specimen's readings."""
     return [f"{specimen.name}: {words}"
             for words in Case.greatest(specimen, masses, voltages, rig).remarks]
 
 
 def is_cone(actuator: Actuator) -> bool:
-    """Whether its circles are the paper's cones."""
+    """Test whether an actuator's circles are the paper's cones."""
     return not isinstance(actuator.circles, MembraneCircle)
 
 
 def softness(actuator: Actuator) -> str:
-    """Ratio of the stiffness of membranes to that of their cones, in words."""
+    """Word the ratio of the stiffness of membranes to that of their cones."""
     circles = MembraneCircle(actuator.specimen, actuator.circles.radius)
     factors = np.unique(np.round(circles.membrane_factor, 2))
     return " to ".join(f"{factor:g}" for factor in (factors.min(), factors.max())[:len(factors)])

@@ -1,4 +1,4 @@
-"""Eq. (5) in time: responses to any signal, creep alone, and what they tell."""
+"""Eq. (5) in time: responses to any signal, creep alone, and the numbers of a response."""
 
 from __future__ import annotations
 
@@ -31,24 +31,32 @@ from tympan.studies.lumped.remarks import origin, remark
 from tympan.studies.signals import Signal, lagging, nominal
 from tympan.studies.trace import Response, sample_count, unclosed, with_rest
 
-_PRECISION = 1e-11  # of a response [m]
-_WINDOW = 4000  # steps of a first mesh that are solved at once
+#: Precision of a response [m].
+_PRECISION = 1e-11
+#: Steps of a first mesh that are solved at once.
+_WINDOW = 4000
+#: Factor by which steps are refined where the motion stops.
 _FINER = 8
-_SAMPLES = 400  # of a period
-_WITHIN = 8  # times of a step between which extremes are sought
-_SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
-#: Samples that are computed at once.
+#: Samples of a period.
+_SAMPLES = 400
+#: Times of a step between which extremes are sought.
+_WITHIN = 8
+#: Shortest time [s] of a motion: a film that cannot be followed for this long has pulled in.
+_SHORTEST = 1e-9
+#: Number of samples that are computed at once.
 _TOGETHER = 100_000
-_WORK = 10_000_000  # evaluations of the rates: the better part of a minute
-_LIGHTEST = 1e-6  # [kg]
+#: Most evaluations of the rates: nearly a minute.
+_WORK = 10_000_000
+#: Smallest moving mass [kg].
+_LIGHTEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class LumpedMotion:
     """Motion of an actuator, dense in time.
 
-    ``ends`` are the times between ``motions``, from 0 to when it is over [s]; ``stopped``: where it
-    left the model's reach, None where it did not.
+    ``ends`` holds the times [s] between ``motions``, from 0 to the end. ``stopped`` says where the
+    motion left the model's reach; None where it did not.
     """
 
     actuator: Actuator
@@ -63,7 +71,7 @@ class LumpedMotion:
         return float(self.ends[-1])
 
     def state(self, time: Array) -> Array:
-        """States at times [s], shape (times, size)."""
+        """Interpolate states at times [s], shape (times, size)."""
         time = np.asarray(time, float)
         number = np.clip(np.searchsorted(self.ends, time, "right") - 1, 0, len(self.motions) - 1)
         result = np.empty((len(time), self.actuator.size))
@@ -72,11 +80,11 @@ class LumpedMotion:
         return result
 
     def voltage(self, time: Array) -> Array:
-        """The signal at times [V]; at a jump what comes after it."""
+        """Evaluate the signal at times [V]; at a jump it has the value after it."""
         return nominal(self.signal, time)
 
     def deflection(self, time: Array) -> Array:
-        """y at times [m]."""
+        """Interpolate y at times [m]."""
         parts = np.array_split(time, len(time) // _TOGETHER + 1)
         return np.concatenate([self.state(part)[:, 0] for part in parts])
 
@@ -90,7 +98,7 @@ class LumpedMotion:
             times = np.append(times, motion.time[-1]).clip(0, self.end)
             y, speed, _ = motion.deflection(times)
             turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
-            # Where its speed is a line the deflection is flat: an error of the time hardly counts.
+            # At an extreme the deflection is flat: an error of its time hardly counts.
             passed = speed[turns] / (speed[turns] - speed[turns + 1])
             turned = times[turns] + passed * np.diff(times)[turns]
             found += [y, motion.deflection(turned)[0]]
@@ -98,7 +106,7 @@ class LumpedMotion:
         return float(every.min()), float(every.max())
 
     def last_loop(self, period: float) -> pd.DataFrame:
-        """Voltages [V] and deflections [m] of the last whole period [s] of a sine."""
+        """Sample voltages [V] and deflections [m] of the last whole period [s] of a sine."""
         time = np.linspace(self.end - period, self.end, _SAMPLES + 1)
         return pd.DataFrame({"voltage": self.voltage(time), "deflection": self.deflection(time)})
 
@@ -107,7 +115,7 @@ class LumpedMotion:
 class ModelResponse(Response):
     """Response of a lumped model: of circles, or of a film that is reduced to a few shapes.
 
-    What one of them does not have is None.
+    Values that a model does not have are None.
     """
 
     file = "simulate.json"
@@ -134,12 +142,13 @@ class ModelResponse(Response):
 def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
              precision: float = _PRECISION,
              progress: ShareDone = lambda share: None) -> LumpedMotion:
-    """The response to a signal, by default from rest at its first voltage, to a precision [m].
+    """Simulate the response to a signal, by default from rest at its first voltage.
 
-    By collocation over many steps at once. ``progress`` is called with the share of the signal that
-    is over. A motion that leaves the model's reach ends there: ``LumpedMotion.stopped``. A signal
-    beyond pull-in or the model's reach is refused: no rest holds the film there. So is a mass next
-    to nothing, and what would take minutes.
+    The method is collocation over many steps at once, to a ``precision`` [m]. ``progress`` is
+    called with the finished share of the signal. A motion that leaves the model's reach ends there:
+    ``LumpedMotion.stopped``. A signal beyond pull-in or the model's reach is refused, because no
+    equilibrium holds the film there. Refused, too, are a nearly zero mass and a signal that would
+    take minutes.
     """
     if actuator.moved < _LIGHTEST:
         raise InputError("must move at least 1 mg: the model has no mass but this, not the film's",
@@ -162,7 +171,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
         try:
             motion = solver.solve(actuator, state[:, None], window)
         except Stopped as ending:
-            # On to where there is a motion yet, in finer steps, which may follow it further.
+            # Solve up to where the motion exists, in finer steps, which may follow it further.
             whole = max(int(np.searchsorted(window, ending.time, "right")) - 1, 1)
             if window[whole] - window[0] < _SHORTEST:
                 gone = float(window[0])
@@ -194,10 +203,11 @@ def _leaves(motion: CollocatedMotion, reach: float) -> float | None:
 
 
 def slow_ends(actuator: Actuator, signal: Signal) -> Array:
-    """Deflections [m] at the ends of a signal's pieces, the rest before it first, without inertia.
+    """Find the deflections [m] at the ends of a signal's pieces, without inertia and η₂.
 
-    And without η₂: only the branches move, where the oscillation after a jump is gone. Of any array
-    of actuators, shape (pieces + 1, …); nan where there is no rest.
+    The first is the equilibrium before the signal. Only the branches move: each deflection is the
+    one after the oscillation of a jump has decayed. The actuators may be an array; the shape is
+    (pieces + 1, …). It is nan where there is no equilibrium.
     """
     y = settle(lambda at: actuator.balance(at, signal.first), actuator.flat)
     strains = actuator.strains(actuator.rest(y, signal.first))
@@ -226,10 +236,10 @@ def slow_ends(actuator: Actuator, signal: Signal) -> Array:
 
 def sample(response: LumpedMotion, interval: float, period: float | None = None,
            step: bool = False, remarks: Sequence[str] = ()) -> ModelResponse:
-    """A response with an interval [s], and what it tells.
+    """Sample a response at an interval [s], and compute its numbers.
 
-    ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step, after
-    which an oscillation settles; ``remarks`` are on how the actuator was chosen.
+    ``period`` is the signal's period [s], if it has one. ``step`` says that the signal is a step,
+    after which an oscillation settles. ``remarks`` are on how the actuator was chosen.
     """
     actuator, stopped, rig = response.actuator, response.stopped, response.actuator.rig
     name, first = actuator.specimen.name, response.signal.first
@@ -244,7 +254,7 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
     if limit is not None and deflection[-1] > limit[1]:
         warnings.append(remark("beyond_pull_in", limit=1e3 * limit[1]))
     flat = flat_capacitance(actuator.specimen)
-    # Its plate has inertia: at a jump it has not moved yet.
+    # The plate has inertia: at a jump it has not moved yet.
     shown = with_rest(response.signal, time, voltage, deflection, float(deflection[0]))
     return ModelResponse.of(
         response.signal, time, deflection, *response.extremes, step,
@@ -264,6 +274,6 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
 
 
 def _area(loop: pd.DataFrame) -> float:
-    """∮ y du [V m]: positive where the deflection lags behind."""
+    """Integrate ∮ y du [V m]: positive where the deflection lags behind."""
     u, y = loop["voltage"].to_numpy(), loop["deflection"].to_numpy()
     return float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))

@@ -1,4 +1,4 @@
-"""The lumped model of a specimen for the loads at hand, built where it is asked for and kept."""
+"""The lumped model of a specimen for given loads, built when first needed and cached."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ _STORE = Store("lumped", 1000)
 def suited_model(specimen: Specimen, mass: float, voltage: float, settings: Settings,
                  rig: Rig = Rig(), progress: Progress = lambda _: None
                  ) -> LumpedModel:
-    """Model that ``tympan lumped build`` makes of a specimen under a mass [kg], 0 to a voltage [V].
+    """Build, or read from the cache, a model under a mass [kg] for 0 to a voltage [V].
 
-    It has no reduced film, and :data:`tympan.studies.lumped.actuator.BORROWED` viscous constants.
-    It is kept on disk, so that the next time it is there at once.
+    It is the model of ``tympan lumped build`` without a reduced film, with
+    :data:`tympan.studies.lumped.actuator.BORROWED` viscous constants. It is stored on disk, so that
+    the next call only reads it.
 
     Raises
     ------
     InputError
-        When the field model has no equilibrium up to the voltage, or the rig is none of a lumped
-        model's.
+        When the field model has no equilibrium up to the voltage, or a lumped model cannot
+        represent the rig.
     """
     voltages = (0.0, voltage / 2, voltage) if voltage > 0 else (0.0,)
     key = digest("lumped", specimen, settings, rig, mass, voltage, *_sources())
@@ -51,6 +52,6 @@ def _model(specimen: Specimen, content: bytes) -> LumpedModel:
 
 
 def _sources() -> list[str]:
-    """Sources that decide a model beside the solvers, which the key has already."""
+    """Read the sources that decide a model, besides the solvers, which the key includes."""
     files = [Path(building.__file__), *sorted(Path(alpha.__file__).parent.glob("*.py"))]
     return [file.read_text(encoding="utf-8") for file in files]

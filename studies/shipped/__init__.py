@@ -1,7 +1,7 @@
 """Files that come with tympan: the source paper's three actuators, and a study of them.
 
-Their sizes and loads are the paper's. Their material is one of the library: the paper's own
-constants make no membrane (``fem/film/library.toml``).
+Their sizes and loads are the paper's. Their material is from the library: the paper's own
+constants give no stable membrane (``fem/film/library.toml``).
 """
 
 from __future__ import annotations
@@ -22,5 +22,5 @@ STUDY = Path(__file__).with_name("study.toml")
 
 @cache
 def actuators() -> tuple[Specimen, ...]:
-    """The three actuators, the circle first."""
+    """Load the three actuators, the circle first."""
     return tuple(map(load_specimen, FILES.values()))

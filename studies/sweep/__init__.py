@@ -1,6 +1,6 @@
-"""Many specimens under many loads, planned from SWEEP.toml: kept case by case, one table.
+"""Many specimens under many loads, planned in SWEEP.toml: stored case by case, in one table.
 
-``plan.py`` checks the plan, ``task.py`` is what one process solves, ``run.py`` keeps what is
-finished and ``table.py`` lays it out; ``best.py`` looks for the best cases, ``cluster.py`` is for
-several machines. What may be asked of a specimen beside its cases is added in ``asked.py`` alone.
+``plan.py`` checks the plan, ``task.py`` solves one specimen in one process, ``run.py`` stores
+finished cases and ``table.py`` makes the table. ``best.py`` finds the best cases, ``cluster.py``
+uses several machines. Further questions on a specimen are added in ``asked.py`` alone.
 """

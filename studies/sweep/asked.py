@@ -1,4 +1,4 @@
-"""Questions of SWEEP.toml on every specimen beside its cases: several columns, or one quantity."""
+"""Questions of SWEEP.toml on every specimen besides its cases: several columns, or one quantity."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
 from tympan.studies.tolerance.given import Tolerances, causes
 from tympan.studies.wanted import QUANTITIES, Quantity
 
-#: Values by column, with "warnings" or the reason why there are none.
+#: Values by column, with "warnings" or the reason why there are no values.
 Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Ask:
-    """Questions: names of :data:`QUESTIONS`, and what circles stand for a specimen.
+    """Questions: names of :data:`QUESTIONS`, and settings of the circles for a specimen.
 
-    ``tolerances``: how numbers of films scatter; by default as their material's do.
+    ``tolerances``: the scatter of the films' numbers, by default that of their material.
     """
 
     names: tuple[str, ...] = ()
@@ -44,12 +44,12 @@ class Ask:
     tolerances: Tolerances | None = None
 
     def banded(self, tolerances: Tolerances) -> Ask:
-        """Questions with that for bands of films that scatter so."""
+        """Add the question for bands of films with these tolerances."""
         names = tuple(dict.fromkeys((*self.names, BANDS)))
         return replace(self, names=names, tolerances=tolerances)
 
     def check(self, specimen: Specimen) -> None:
-        """Refuse tolerances of what a specimen has not."""
+        """Refuse tolerances of numbers that a specimen does not have."""
         if BANDS in self.names and specimen.plate is not None:
             try:
                 causes(specimen, self.tolerances or Tolerances())
@@ -70,37 +70,40 @@ class AskedCase:
 
 @dataclass(frozen=True, eq=False)
 class SolvedCase(AskedCase):
-    """A case and what was solved of it."""
+    """A case and its solution."""
 
     model: Model
     outcome: Outcome
 
 
-#: Displacements of the curves on which a stroke is looked for, which are smooth.
+#: Number of deflections of the smooth curves on which a stroke is found.
 _POINTS = 9
-#: What is said of a row without voltage.
+#: Warning of a row without voltage.
 _NO_STROKE = "there is no stroke without voltage"
 
-#: What a quantity asks of a case; of what depends on no voltage that needs not be solved.
+#: Function that answers a question on a case. Without ``voltage`` in its loads it must not use the
+#: solution.
 Answer = Callable[[Any], Any]
 
-#: What a family answers for its rows, films first: a record, or None where finite elements must.
+#: Function of a family that answers for its rows, films first: a record, or None where finite
+#: elements must solve the row.
 FamilyAnswer = Callable[[FilmGrid], list[list[Record | None]]]
 
-#: The quantity that tolerances are for.
+#: Name of the question that uses tolerances.
 BANDS = "bands"
 
 
 @dataclass(frozen=True)
 class SweepQuestion:
-    """Something to ask: ``columns`` with what each holds, its unit at the end of its name.
+    """A question: its ``columns`` with their meanings; a unit ends a column's name.
 
-    ``{n}`` in a name is the number of a circle. ``shown`` are the columns that say most. ``loads``
-    are those it depends on, from the front of mass and voltage; ``answer`` is asked once for each
-    of their values, or once ``together`` for a list of records, masses first. ``by_family``: how a
-    family of films answers it; without, what asks for equilibria needs those of finite elements.
-    ``equilibria``: as many cost as much as an answer by finite elements to one of these.
-    ``change``: whether it is what changes from no voltage to that of the case.
+    ``{n}`` in a name is the number of a circle. ``shown`` lists the most important columns.
+    ``loads`` are the loads it depends on, from mass and voltage in this order. ``answer`` is called
+    once for each of their values, or once ``together`` for a list of records, masses first.
+    ``by_family`` is a family's function to answer it. Without that function, a question on
+    equilibria needs finite elements. ``equilibria`` is the number of equilibria that cost as much
+    as one answer by finite elements. ``change``: whether the answer is a change from 0 V to the
+    case's voltage.
     """
 
     name: str
@@ -115,25 +118,25 @@ class SweepQuestion:
     change: bool = False
 
     def names(self, circles: int) -> list[str]:
-        """Its columns for so many circles at most."""
+        """List its columns for at most ``circles`` circles."""
         return [name.format(n=number) for name in self.columns
                 for number in range(1, circles + 1 if "{n}" in name else 2)]
 
     def meaning_of(self, column: str) -> str:
-        """Meaning of one of its columns."""
+        """Find the meaning of one of its columns."""
         return self.columns.get(column) or self.columns[re.sub(r"\d+", "{n}", column, count=1)]
 
     @property
     def of_states(self) -> bool:
-        """Whether it asks for the equilibria of cases."""
+        """Whether it needs the equilibria of cases."""
         return "voltage" in self.loads and not self.together
 
     def every(self, loads: Mapping[str, int]) -> int:
-        """Numbers of cases to which one answer belongs, of so many loads."""
+        """Count the cases that share one answer, from the numbers of loads."""
         return prod(count for load, count in loads.items() if load not in self.loads)
 
     def records(self, asked: AskedCase) -> list[Record]:
-        """The answer, or why there is none, to all that it is asked for at a case."""
+        """Answer the question at a case; without an answer, give the reason."""
         try:
             answer = self.answer(asked)
             return answer if self.together else [answer]
@@ -141,21 +144,21 @@ class SweepQuestion:
             reason = str(InputError(error.allowed, key=error.key))
         except (Failure, OSError):
             raise
-        except Exception as error:  # whatever a library raises must not cost the rest
+        except Exception as error:  # a library's error must not stop the rest
             reason = f"{type(error).__name__}: {error}"
         loads = len(asked.masses) * len(asked.voltages) if self.together else 1
         return [{"warnings": [reason]}] * loads
 
 
 class Questions(Registry[SweepQuestion]):
-    """Questions by name. A quantity of films that no column has yet is one, of its own name."""
+    """Questions by name. A quantity of films that no column has yet is a question of its name."""
 
     def __missing__(self, name: str) -> SweepQuestion:
         return _of_quantity(QUANTITIES[name])
 
     @property
     def known(self) -> dict[str, SweepQuestion]:
-        """All that can be asked: the questions, then the quantities."""
+        """All possible questions: the questions themselves, then the quantities."""
         taken = {item.name for item in fields(CaseResult)}
         taken |= {column for each in self.values() for column in each.columns}
         return {**self, **{name: self[name] for name, each in QUANTITIES.items()
@@ -166,9 +169,9 @@ QUESTIONS = Questions("name")
 
 
 def _of_quantity(quantity: Quantity) -> SweepQuestion:
-    """The question for a quantity of films, by finite elements."""
+    """Make the question for a quantity of films, by finite elements."""
     def answer(asked: AskedCase) -> Record:
-        from tympan.studies.design.exact import ExactFilm  # at need: it imports the limits
+        from tympan.studies.design.exact import ExactFilm  # late: it imports the limits
 
         case = asked.case
         film = ExactFilm(case.specimen, case.mass, case.voltage, case.rig, asked.settings)
@@ -186,7 +189,7 @@ def question(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
                 loads: tuple[str, ...] = (), together: bool = False,
                 by_family: FamilyAnswer | None = None, equilibria: int = 0,
                 change: bool = False) -> Callable[[Answer], SweepQuestion]:
-    """Make a function the quantity of its name."""
+    """Register a function as the question of its name."""
     def registered(answer: Answer) -> SweepQuestion:
         name = answer.__name__.strip("_")
         made: SweepQuestion = QUESTIONS.register(

@@ -1,8 +1,8 @@
-"""The best cases of a sweep: the largest of a result at one voltage, conditions kept on the way.
+"""The best cases of a sweep: the largest of a result at one voltage, under conditions.
 
-A film goes through every voltage from the lowest to that one, and its stress, for one, is largest
-without voltage. So a condition on what depends on the voltage must hold at all of them. Strokes,
-and what else changes from no voltage to one, are none at first: a least one must be reached at that
+A film passes every voltage from the lowest to that one, and its stress, for example, is largest
+without voltage. So a condition on a result that depends on the voltage must hold at all of them.
+Strokes, and other changes from 0 V, are 0 at first: a least value of them must be reached at that
 voltage alone.
 """
 
@@ -26,11 +26,11 @@ from tympan.studies.sweep.table import LOAD_UNITS, beyond_limits, column_name
 if TYPE_CHECKING:
     import xarray as xr
 
-#: How a condition compares, and what of several values is farthest from keeping it.
+#: Comparison of a condition, and the extreme of several values that is farthest from meeting it.
 _SIGNS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "<=": (operator.le, "max"), "<": (operator.lt, "max"),
     ">=": (operator.ge, "min"), ">": (operator.gt, "min")}
-#: Values of a key from which on one of them is not at an end.
+#: Fewest values of a key for which an end of them is reported.
 _SIDES = 3
 _CONDITION = re.compile(r"\s*(?P<name>[^<>=]+?)\s*(?P<sign><=|>=|<|>)\s*(?P<bound>[^<>=]+?)\s*")
 
@@ -39,7 +39,7 @@ _CONDITION = re.compile(r"\s*(?P<name>[^<>=]+?)\s*(?P<sign><=|>=|<|>)\s*(?P<boun
 class Condition:
     """Condition that a case must keep, such as "max_true_stress < 131 kPa", as it was written.
 
-    ``column`` of the table compares by ``sign`` with the ``bound`` [SI].
+    The ``column`` of the table is compared by ``sign`` with the ``bound`` [SI].
     """
 
     text: str
@@ -49,7 +49,7 @@ class Condition:
 
     @classmethod
     def read(cls, text: str, table: xr.Dataset) -> Condition:
-        """The condition of a text on a sweep's table."""
+        """Read a condition on a sweep's table from a text."""
         match = _CONDITION.fullmatch(text)
         if match is None:
             raise InputError('must be a result, one of <, <=, > and >=, and a value, such as '
@@ -62,7 +62,7 @@ class Condition:
             raise InputError(error.allowed, key="under", given=text) from None
 
     def worst(self, values: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray | None]:
-        """The value farthest from keeping it along the voltages, and at which of them [V]."""
+        """Find the value farthest from keeping it along the voltages, and its voltage [V]."""
         if "voltage" not in values.dims:
             return values, None
         farthest = _SIGNS[self.sign][1]
@@ -74,7 +74,7 @@ class Condition:
         return getattr(values, farthest)("voltage"), values["voltage"][place]
 
     def holds(self, worst: xr.DataArray) -> xr.DataArray:
-        """Whether it does at the value farthest from it; not of what was not found."""
+        """Test the condition at the value farthest from it; false for a missing value."""
         held: xr.DataArray = _SIGNS[self.sign][0](worst, self.bound) & worst.notnull()
         return held
 
@@ -83,14 +83,14 @@ class Condition:
 class Best:
     """The best cases of a sweep, the best one first.
 
-    ``of`` is the result that is largest, ``at_V`` the nominal voltage it is compared at, None where
-    voltages differ from specimen to specimen. ``cases``: how many there are at that voltage;
-    ``equilibria``: those with an equilibrium at every voltage up to it; ``kept``: how many of these
-    keep each condition; ``rows``: the best of those that keep all, with what they differ in, the
-    result, ``beyond``: the limits it is beyond by then, and
-    ``limited``: by condition the ``value`` of its ``column`` that is farthest from keeping it, None
-    where that was never reached, and at which voltage ``at_V``. ``ends``: the keys in which the
-    best one has the smallest or the largest of three or more values: more may lie beyond.
+    ``of`` is the result that is largest. ``at_V`` is the nominal voltage of the comparison, None
+    where voltages differ from specimen to specimen. ``cases`` is the number of cases at that
+    voltage; ``equilibria`` of those with an equilibrium at every voltage up to it; ``kept`` how
+    many of these keep each condition. ``rows`` are the best of the cases that keep all, with their
+    differing inputs, the result, and ``beyond``, the limits they are beyond at that voltage.
+    ``limited`` holds by condition the ``value`` of its ``column`` that is farthest from keeping it,
+    None where that was never reached, and its voltage ``at_V``. ``ends`` are the keys of which the
+    best case has the smallest or the largest of three or more values: better cases may lie beyond.
     """
 
     of: str
@@ -103,12 +103,12 @@ class Best:
     ends: tuple[str, ...] = ()
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object."""
+        """Convert the result to a JSON object."""
         return {**vars(self), "under": list(self.under), "ends": list(self.ends),
                 "kept": dict(self.kept), "rows": [dict(row) for row in self.rows]}
 
     def to_pandas(self) -> Any:
-        """A row per case."""
+        """Make a table with a row per case."""
         import pandas as pd
 
         return pd.DataFrame([
@@ -120,11 +120,11 @@ class Best:
 
 def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
          under: str | Sequence[str] = (), count: int = 5) -> Best:
-    """The cases with the largest of a result at one voltage that keep conditions up to it.
+    """Find the cases with the largest of a result at one voltage that keep conditions up to it.
 
-    ``of`` is a column of the table, "stroke" or "stroke_m"; ``at`` one of the sweep's voltages, the
-    highest where it is left out; ``under`` conditions such as "max_true_stress < 131 kPa", commas
-    or a list between several; at most ``count`` cases.
+    ``of`` is a column of the table, "stroke" or "stroke_m". ``at`` is one of the sweep's voltages,
+    by default the highest. ``under`` holds conditions such as "max_true_stress < 131 kPa", with
+    commas or a list between several. ``count`` is the largest number of cases.
 
     Raises
     ------
@@ -170,13 +170,13 @@ def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
 
 
 def _changes() -> set[str]:
-    """Columns of what changes from no voltage to that of the row."""
+    """List the columns of changes from 0 V to the voltage of the row."""
     return {"stroke_m", *(column for quantity in QUESTIONS.known.values() if quantity.change
                           for column in quantity.columns)}
 
 
 def column_of(name: str, table: xr.Dataset, key: str = "under") -> str:
-    """The column of numbers of a name, with or without its unit, with blanks or underscores."""
+    """Find the column of numbers by name, with or without its unit, with blanks or underscores."""
     spelled: dict[str, str] = {}
     for label, values in table.data_vars.items():
         if values.dtype.kind in "fi":
@@ -201,7 +201,7 @@ def _value(text: str, unit: str) -> float:
 
 
 def _never_reached(table: xr.Dataset, column: str) -> xr.DataArray:
-    """A column; margins without a field, and voltages of limits that were not met, are infinite."""
+    """Take a column; margins without a field, and voltages of unmet limits, become infinite."""
     values = table[column]
     if column == "breakdown_margin":
         return values.fillna(np.inf).where(table["status"] == "equilibrium")
@@ -209,7 +209,7 @@ def _never_reached(table: xr.Dataset, column: str) -> xr.DataArray:
               if str(name).endswith("_spread")]
     if column not in limits:
         return values
-    # Of a film none of whose limits was found, for some reason, nothing is known.
+    # If no limit of a film was found and a warning says why, nothing is known about its limits.
     some = table["limits_warnings"] == ""
     for name in limits:
         some = some | table[name].notnull()
@@ -226,7 +226,7 @@ def _on(values: xr.DataArray, place: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _ends(table: xr.Dataset, place: Mapping[str, Any]) -> tuple[str, ...]:
-    """Keys of a grid, three values and more of each, whose first or last one a case has."""
+    """List the keys of a grid with three or more values of which a case has the first or last."""
     values = {axis: table[axis].values for axis in place if axis not in ("specimen", *LOAD_UNITS)}
     return tuple(axis for axis, those in values.items() if len(those) >= _SIDES
                  and those.dtype.kind == "f" and place[axis] in (those.min(), those.max()))
@@ -235,7 +235,7 @@ def _ends(table: xr.Dataset, place: Mapping[str, Any]) -> tuple[str, ...]:
 def _row(table: xr.Dataset, value: xr.DataArray, place: dict[str, Any], column: str,
          limited: Sequence[tuple[Condition, xr.DataArray, xr.DataArray | None]]
          ) -> dict[str, Any]:
-    """Row of a case: its result, and how near it comes to each condition."""
+    """Make the row of a case: its result, and how near it comes to each condition."""
     here = value.sel(place)
     row = {column_name(table, str(name)): part.item() for name, part in here.coords.items()
            if name != "base" and part.ndim == 0}

@@ -1,4 +1,4 @@
-"""A function of many things on a Dask cluster, as ``parallel`` has it on one machine."""
+"""A function of many items on a Dask cluster, as ``parallel`` has it on one machine."""
 
 from __future__ import annotations
 
@@ -17,38 +17,42 @@ from tympan.base.progress import Progress
 from tympan.studies.parallel import Item, NoValue, Value, value_or_reason
 from tympan.studies.sweep.task import solver
 
-_PATIENCE = 10.0  # [s]: how long a scheduler may take to answer
-_LOADING = 20.0  # [s]: how long a worker may take to load tympan
-_GLANCE = 1.0  # [s]: how often it is looked whether there are workers
+#: Longest time for a scheduler's answer [s].
+_PATIENCE = 10.0
+#: Longest time for a worker to load tympan [s].
+_LOADING = 20.0
+#: Interval of checking whether there are workers [s].
+_GLANCE = 1.0
 
-#: What solves on a worker; a text, since what lacks tympan can do nothing with its functions.
+#: Expression for a worker's version; a text, since a worker without tympan cannot load functions.
 _SOLVER = "__import__('tympan.studies.sweep.task', fromlist=['solver']).solver()"
 
-#: glibc's number of its threshold for trimming, from malloc.h, and its own limit for it [bytes].
+#: glibc's number of its trim threshold, from malloc.h, and its largest value [bytes].
 _TRIM = (-1, 64 << 20)
-#: glibc's number of its threshold for mapping, and its own limit for it [bytes].
+#: glibc's number of its mmap threshold, and its largest value [bytes].
 _MAP = (-3, 32 << 20)
 
-#: The environment variable by which Dask sets the threshold for trimming.
+#: Environment variable by which Dask sets the trim threshold.
 _TRIM_SET = "MALLOC_TRIM_THRESHOLD_"
-#: glibc's default threshold for mapping [bytes].
+#: glibc's default mmap threshold [bytes].
 _MAP_DEFAULT = 128 << 10
 
 
 def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str,
             wait: float = 60.0, say: Progress = lambda words: None
             ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Values by key as they come back from a scheduler, such as at ``tcp://10.0.0.5:8786``.
+    """Yield values by key as they come back from a scheduler, such as ``tcp://10.0.0.5:8786``.
 
-    Where there is no worker it waits for one, ``wait`` seconds, and says so once. Dask tries an
-    item again when its worker dies; one over which several died is given up, as Dask is set up to.
+    Where there is no worker it waits ``wait`` seconds for one, and says so once. Dask tries an item
+    again when its worker dies. After several deaths it gives up, according to its settings.
 
     Raises
     ------
     InputError
         When no scheduler answers at the address.
     Failure
-        When there is no worker any more, or one has no tympan, or another; it is named.
+        When there is no worker any more, or a worker has no tympan, or another version; the
+        message names it.
     """
     try:
         from distributed import Client
@@ -63,7 +67,7 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
         while not workers.present():
             time.sleep(_GLANCE)
         workers.check()
-        # In a worker without tympan it is the call that fails, not the connection it came by.
+        # In a worker without tympan the call fails, and not the connection that brought it.
         calls = [pickle.dumps(_Call(function, item)) for item in items.values()]
         futures = client.map(pickle.loads, calls, key=[f"tympan-{key}" for key in items],
                              pure=False)
@@ -88,7 +92,7 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
 
 
 def _reach(address: str) -> None:
-    """Refuse what is no scheduler; Dask's client itself may try to connect without an end."""
+    """Refuse an address without a scheduler; Dask's client may try to connect for ever."""
     from distributed import rpc
     from distributed.security import Security
 
@@ -99,7 +103,7 @@ def _reach(address: str) -> None:
 
     try:
         answer = asyncio.run(asyncio.wait_for(kind(), _PATIENCE))
-    except Exception as error:  # whatever speaks another language there makes Dask raise
+    except Exception as error:  # Dask raises any error where another protocol answers
         reason = f": {error}" if str(error) else ""
         raise InputError(f"no Dask scheduler answers there within {_PATIENCE:g} s{reason}",
                          key="--scheduler", given=address) from None
@@ -110,17 +114,17 @@ def _reach(address: str) -> None:
 
 @dataclass
 class _Workers:
-    """Those of a scheduler: whether there are any, and whether they can do the work."""
+    """Workers of a scheduler: whether there are any, and whether they can do the work."""
 
     client: Any
     address: str
     wait: float
     say: Progress
     checked: set[str] = field(default_factory=set)
-    missed: float | None = None  # since when
+    missed: float | None = None  # time since which there is no worker [s]
 
     def present(self) -> bool:
-        """Whether there is one; a Failure where there has been none for too long."""
+        """Test whether there is a worker; a Failure where there has been none for too long."""
         if self._addresses():
             self.missed = None
             return True
@@ -133,7 +137,7 @@ class _Workers:
         return False
 
     def check(self) -> None:
-        """Refuse those that solve otherwise than this process, or not at all, of the new ones."""
+        """Refuse new workers that have no tympan or another version than this process."""
         new = self._addresses() - self.checked
         if not new:
             return
@@ -153,19 +157,19 @@ class _Workers:
                               f"{type(answer).__name__}: {answer}")
 
     def scheduler_lost(self) -> Failure:
-        """Error to raise when the scheduler has gone."""
+        """Make the error for a scheduler that no longer answers."""
         return Failure(f"the scheduler at {self.address} does not answer any more")
 
     def _addresses(self) -> set[str]:
         try:
             return set(self.client.nthreads(callback_timeout=_LOADING))
-        except Exception:  # of any kind, by the moment in which it went
+        except Exception:  # the kind depends on the moment at which the scheduler stopped
             raise self.scheduler_lost() from None
 
 
 @dataclass(frozen=True)
 class _Call:
-    """A call that happens where it is unpickled, and is its value there."""
+    """A call that is executed where it is unpickled, and becomes its value there."""
 
     function: Callable[[Any], Any]
     item: Any
@@ -175,10 +179,10 @@ class _Call:
 
 
 def _hoarded(function: Callable[[Item], Value], item: Item) -> Value:
-    """A value, freed memory kept meanwhile.
+    """Compute a value while the process keeps freed memory.
 
-    Dask starts its workers so that they give back every array they free, to look small while they
-    wait. Taking the pages again made a specimen 40 % slower.
+    Dask starts its workers so that they give back every array they free, to need little memory
+    while they wait. Fetching the pages again made a specimen 40 % slower.
     """
     wanted = os.environ.get(_TRIM_SET, "")
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if wanted.isdigit() else None

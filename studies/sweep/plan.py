@@ -30,20 +30,20 @@ from tympan.studies.sweep.reduced import in_families
 from tympan.studies.sweep.task import SweepTask, solver
 from tympan.studies.tolerance.given import Tolerances
 
-#: Raw TOML values by dotted key: what one specimen of a sweep differs in.
+#: Raw TOML values by dotted key: the differences of one specimen of a sweep.
 Choice = dict[str, Any]
 
-#: More specimens than these are a slip of the pen.
+#: Most specimens; a larger number is a typing error.
 MOST = 1_000_000
-#: More keys that specimens differ in are a slip of the pen.
+#: Most keys that specimens differ in; a larger number is a typing error.
 _MOST_KEYS = 1000
-#: More values of these keys, of all specimens together, are a slip of the pen.
+#: Most values of these keys, of all specimens together; a larger number is a typing error.
 _MOST_VALUES = 2_000_000
-#: More cases, which are specimens under loads, are a slip of the pen.
+#: Most cases, which are specimens under loads; a larger number is a typing error.
 _MOST_CASES = 10_000_000
 
-#: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of
-#: the rig.
+#: Keys of a choice that are loads, and the prefix of its keys of the rig. All other keys belong to
+#: the specimen.
 _LOADS = ("mass", "voltage")
 _RIG = "rig."
 
@@ -54,7 +54,7 @@ _COUNT: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
 _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x),
                "must be a whole number from 0 to 4294967295")
 
-#: A sweep's voltages are found again within this share of the largest one.
+#: Relative tolerance for finding one of a sweep's voltages, over the largest one.
 _SAME = 1e-9
 
 
@@ -79,7 +79,7 @@ class LoadSpan:
 
 @dataclass(frozen=True)
 class SweepFile:
-    """Keys of a sweep's file; the tables whose keys are names stand as they are written."""
+    """Keys of a sweep's file; tables whose keys are names are kept as written."""
 
     specimen: Annotated[tuple[str, ...], Key("file of a specimen, or a list of them")]
     mass: Annotated[Any, Key("on the plate: one, a list, or a table of the keys below",
@@ -104,10 +104,10 @@ class SweepFile:
 
 @dataclass(frozen=True)
 class Entry:
-    """One specimen of a sweep: its name, the file's name it comes from, and what it differs in.
+    """One specimen of a sweep: its name, the name of its file, and its differences.
 
-    Those that differ in keys of the grid alone share a name. ``task`` is None where no such
-    specimen can be built, for ``reason``.
+    Entries that differ only in keys of the grid share a name. ``task`` is None where the specimen
+    cannot be built; ``reason`` says why.
     """
 
     name: str
@@ -121,10 +121,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Sweep:
-    """All specimens of a sweep, each with as many masses and as many voltages as the others.
+    """All specimens of a sweep, with equal numbers of masses and of voltages.
 
-    ``grid`` has the values of the grid's keys; of each name all their combinations stand together,
-    the last key's values changing first. ``at`` is the nominal voltage [V] at which maps and best
+    ``grid`` has the values of the grid's keys. For each name all their combinations stand together;
+    the last key's values change first. ``at`` is the nominal voltage [V] at which maps and best
     cases compare films, None for the highest.
     """
 
@@ -136,7 +136,7 @@ class Sweep:
     at: float | None = None
 
     def compared_at(self, at: float | str) -> Sweep:
-        """The sweep with one of its voltages at which maps and best cases compare films."""
+        """Choose one of the sweep's voltages at which maps and best cases compare films."""
         first = self.entries[0]
         if "voltage" in first.choice:
             raise InputError("the sweep's voltages differ from specimen to specimen: each is "
@@ -151,10 +151,10 @@ class Sweep:
 
 def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
                tolerances: Tolerances | None = None) -> Sweep:
-    """Read a sweep's file and check all its specimens; the files that it names lie beside it.
+    """Read a sweep's file and check all its specimens; its file names are relative to its folder.
 
-    Many specimens that differ in numbers alone are left to a reduced film of them all, unless they
-    are to be ``exact``. With ``tolerances`` the sweep asks for bands, too.
+    Many specimens that differ only in numbers are solved by one family of reduced films, unless
+    ``exact`` is true. With ``tolerances`` the sweep also asks for bands.
 
     Unknown keys, wrong units and values out of range, of the sweep and of any specimen, are errors.
     A combination of allowed values that cannot be built becomes an entry without a task; it is an
@@ -188,8 +188,8 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         ask.check(specimen)
         if specimen.plate is None:
             for mass in masses:
-                Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate
-        # A copy has none of what its check has computed: of a spline that is 100 kB.
+                Case(specimen, mass=mass, rig=rig)  # refuses loads that need a plate
+        # A copy has no cached values of the check: for a spline they have 100 kB.
         task = SweepTask(copy.deepcopy(specimen), rig, masses, voltages, settings, given.fields,
                          solver(), given.figures, ask)
         return Entry(name, base.stem, choice, masses, voltages, task)
@@ -211,13 +211,13 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
 
 def _common_loads(table: Table, given: SweepFile, varied: Collection[str], row: Choice,
                   specimens: Iterable[Mapping[str, Any]]) -> dict[str, tuple[float, ...]]:
-    """Read the masses [kg] and voltages [V] under which all specimens are solved alike.
+    """Read the masses [kg] and voltages [V] under which all specimens are solved.
 
-    A load in ``row``, of the list or the sample, is each specimen's own, and left out here.
+    A load in ``row``, of the list or the sample, is each specimen's own, and is left out here.
     """
     loads = dict[str, tuple[float, ...]]()
     if not _plates(specimens, varied) and "mass" not in (*varied, *table.data):
-        loads["mass"] = (0.0,)  # no plate, no mass
+        loads["mass"] = (0.0,)  # without a plate there is no mass
     for name in _LOADS:
         if name in varied and name in table:
             raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
@@ -228,13 +228,13 @@ def _common_loads(table: Table, given: SweepFile, varied: Collection[str], row: 
 
 
 def _plates(specimens: Iterable[Mapping[str, Any]], varied: Iterable[str]) -> bool:
-    """Whether some specimen's table has a plate, or a key of one varies."""
+    """Test whether a specimen's table has a plate, or a key of a plate varies."""
     return any("plate" in table for table in specimens) or any(
         key.partition(".")[0] == "plate" for key in varied)
 
 
 def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
-    """One of a sweep's voltages [V], which ascend; the highest where none is named."""
+    """Find one of a sweep's ascending voltages [V]; by default the highest."""
     if at is None:
         return float(voltages[-1])
     try:
@@ -249,7 +249,7 @@ def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
 
 
 def _ask(table: Table, given: SweepFile) -> Ask:
-    """Questions on every specimen, and the circles that stand for it."""
+    """Read the questions on every specimen, and the settings of its circles."""
     try:
         return Ask(given.ask, AlphaSettings(circles=given.circles, radii=given.radii))
     except InputError as error:
@@ -257,7 +257,7 @@ def _ask(table: Table, given: SweepFile) -> Ask:
 
 
 def _asked(table: Table, key: str) -> tuple[str, ...]:
-    """Names of questions."""
+    """Read the names of questions."""
     names = table.value(key, [])
     if not isinstance(names, list) or len(set(map(repr, names))) < len(names):
         raise table.error(key, f"must be a list of different ones of {', '.join(QUESTIONS.known)}, "
@@ -269,7 +269,7 @@ def _asked(table: Table, key: str) -> tuple[str, ...]:
 
 
 def _files(table: Table, key: str) -> tuple[str, ...]:
-    """Names of different files, of one or of a list."""
+    """Read the names of different files, from one name or a list."""
     given = table.value(key)
     names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
@@ -283,7 +283,7 @@ def _files(table: Table, key: str) -> tuple[str, ...]:
 
 
 def choices(table: Table, given: SweepFile) -> tuple[dict[str, list[Any]], list[Choice]]:
-    """The grid's values by key, and every row of the list with every point of the sample."""
+    """Read the grid's values by key, and join every row of the list with every sampled point."""
     grid = _columns(given.grid)
     for key, values in grid.items():
         if len(set(map(repr, values))) < len(values):
@@ -302,7 +302,7 @@ def choices(table: Table, given: SweepFile) -> tuple[dict[str, list[Any]], list[
 
 
 def with_choice(content: Mapping[str, Any], choice: Choice, table: Table) -> dict[str, Any]:
-    """A copy of nested tables with a choice's values; list elements are named by their number."""
+    """Copy nested tables with a choice's values; list elements are named by their number."""
     changed = copy.deepcopy(dict(content))
     for key, value in choice.items():
         *path, last = key.split(".")
@@ -319,7 +319,7 @@ def with_choice(content: Mapping[str, Any], choice: Choice, table: Table) -> dic
 
 
 def read_quantity(value: Any) -> tuple[float, str] | None:
-    """SI value and SI unit ("" of a plain number), None of what is neither.
+    """Read SI value and SI unit ("" of a plain number); None if it is not a quantity.
 
     Examples
     --------
@@ -339,14 +339,14 @@ def _index(items: list[Any], name: str, key: str, table: Table) -> int:
 
 
 def _limit(table: Table, key: str, what: str, count: int, most: int) -> None:
-    """Refuse a count before anything of that size is made."""
+    """Refuse too large a count before anything of that size is made."""
     if count > most:
         raise InputError(f"there must be at most {most} {what}", file=table.file,
                          key=table.path(key).strip("."), given=f"{count} of them")
 
 
 def _columns(table: Table | None) -> dict[str, list[Any]]:
-    """The lists of a table by key; keys must be dotted names in quotation marks."""
+    """Read the lists of a table by key; keys must be dotted names in quotation marks."""
     if table is None:
         return {}
     columns = {key: table.value(key) for key in table.data}
@@ -390,7 +390,7 @@ def _sample(table: Table, given: Sample | None) -> list[Choice]:
 
 
 def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str]:
-    """Low, high and SI unit."""
+    """Read low, high and SI unit."""
     read = [read_quantity(value) for value in values]
     first, *others = read
     if len(read) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
@@ -404,16 +404,16 @@ def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str
 
 
 def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:
-    """The specimen of a file, changed; other files it names are beside it.
+    """Load the specimen of a file with changes; files that it names are next to it.
 
-    An error is told of the sweep if that varies the key or one beside it, else of the file.
+    An error names the sweep if the sweep varies the key or a key next to it, else the file.
     """
     changes = {key: value for key, value in choice.items()
                if key not in _LOADS and not key.startswith(_RIG)}
     if not changes:
         return load_specimen(file)
     changed = with_choice(content, changes, table)
-    # A name of a file that the sweep varies stands in the sweep, and is counted from there.
+    # If the sweep varies the name of a file, the name is relative to the sweep's folder.
     names = any(key.rpartition(".")[2] == "file" for key in changes)
     try:
         return load_specimen(Table(table.file if names else file, changed))
@@ -428,14 +428,14 @@ def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choi
 
 
 def _rigs(table: Table, rig: Table, choices: Sequence[Choice]) -> list[Rig]:
-    """The rig of each choice; all choices have the same keys."""
+    """Make the rig of each choice; all choices have the same keys."""
     if any(key.startswith(_RIG) for key in choices[0]):
         return [_rig(table, rig, choice) for choice in choices]
     return [Rig.from_table(rig)] * len(choices)
 
 
 def _rig(table: Table, rig: Table, choice: Choice) -> Rig:
-    """The rig of a choice of its keys; what is wrong with these is an error of the sweep."""
+    """Make the rig of a choice; an error in its keys is an error of the sweep."""
     changes = {key.removeprefix(_RIG): value for key, value in choice.items()
                if key.startswith(_RIG)}
     try:
@@ -446,7 +446,7 @@ def _rig(table: Table, rig: Table, choice: Choice) -> Rig:
 
 
 def _load(table: Table, name: str, value: Any) -> float:
-    """One mass [kg] or voltage [V]."""
+    """Read one mass [kg] or voltage [V]."""
     try:
         number = quantity(value, name)
         checked_load(*((number, 0.0) if name == "mass" else (0.0, number)))
@@ -457,12 +457,12 @@ def _load(table: Table, name: str, value: Any) -> float:
 
 
 def _end(name: str, span: Table, key: str) -> float:
-    """First or last mass [kg] or voltage [V] of a span."""
+    """Read the first or last mass [kg] or voltage [V] of a span."""
     return _load(span, name, span.value(key))
 
 
 def _loads(table: Table, name: str) -> tuple[float, ...]:
-    """All masses [kg], different ones, or all voltages [V], ascending."""
+    """Read all masses [kg], which must differ, or all voltages [V], which must ascend."""
     value = table.value(name)
     if isinstance(value, Mapping):
         read_end = partial(_end, name)
@@ -480,22 +480,22 @@ def _loads(table: Table, name: str) -> tuple[float, ...]:
 
 
 def _raw(table: Table, key: str) -> Any:
-    """Value of a key that may have several forms, None where it is left out."""
+    """Read the value of a key that may have several forms; None where it is missing."""
     return table.value(key, None)
 
 
 def _subtable(table: Table, key: str) -> Table:
-    """A table, empty where it is left out."""
+    """Read a table; it is empty where it is missing."""
     return table.table(key, {})
 
 
 def _drawn(table: Table, key: str) -> Sample | None:
-    """The sample, None where there is none."""
+    """Read the sample; None where there is no sample."""
     inner = table.table(key, {})
     return read(Sample, inner, {(Sample, "ranges"): Table.table}) if inner.data else None
 
 
-#: Readers of keys that may be more than their declaration says.
+#: Readers of keys that accept more forms than their declaration.
 _READERS: Special = {
     (SweepFile, "specimen"): _files,
     (SweepFile, "mass"): _raw,

@@ -1,9 +1,8 @@
-"""Specimens of a sweep that differ in numbers alone, solved together by a reduced film of all.
+"""Specimens of a sweep that differ only in numbers, solved together by one family of reduced films.
 
-Where there are many of one kind, their family of films
-(:mod:`tympan.studies.films.family`) is cheaper than finite elements for each. The rows it cannot
-vouch for come from finite elements: those without tension everywhere or near to losing it, beyond a
-limit, or with too large an error.
+For many specimens of one kind, a family of films (:mod:`tympan.studies.films.family`) is cheaper
+than finite elements for each. Rows without a guaranteed accuracy come from finite elements: those
+without tension everywhere or near to its loss, beyond a limit, or with too large an error.
 """
 
 from __future__ import annotations
@@ -37,18 +36,19 @@ from tympan.studies.sweep.task import (
     digest_of,
 )
 
-#: Equilibria and, for each specimen, meshes, which cost as much as so many, from which on a family
-#: is worth its making: that takes as long as finite elements of some 1000 of them.
+#: Cost of the specimens, in equilibria, from which a family is worth making. The mesh of each
+#: specimen counts as several equilibria. Making a family takes as long as about 1000 equilibria by
+#: finite elements.
 _WORTH = 3000
-#: Equilibria that cost as much as a mesh.
+#: Number of equilibria that cost as much as a mesh.
 _MESH = 8
 
-#: Specimens that are solved together, so that what is finished is kept often enough.
+#: Specimens that are solved together: few enough that finished cases are stored often.
 _TOGETHER = 50
-#: The largest error of a row, as a share of its number, that is not left to finite elements.
+#: Largest relative error of a row by reduced films; other rows are left to finite elements.
 EXACT = 1e-4
 
-#: Batches of one family, to which it is sent each time, before these become larger.
+#: Most batches of one family, which is sent with each of them, before the batches become larger.
 _MOST_BATCHES = 500
 
 
@@ -68,7 +68,7 @@ class Kin:
 
     @classmethod
     def of(cls, tasks: list[SweepTask]) -> Kin:
-        """The family of some tasks whose specimens are of one kind."""
+        """Describe the family of tasks whose specimens are of one kind."""
         box = Box.of([task.specimen for task in tasks])
         forces = [force for task in tasks for force in forces_of(task)]
         voltages = [abs(voltage) for task in tasks for voltage in film_voltages_of(task)]
@@ -79,7 +79,7 @@ class Kin:
                    (min(voltages), max(voltages)), tasks[0].rig, tasks[0].settings)
 
     def made(self) -> FilmFamily | None:
-        """The family, None where it cannot be made."""
+        """Make the family; None where it cannot be made."""
         names, low, high = zip(*self.box, strict=True)
         box = Box(self.specimen, names, np.array(low), np.array(high))
         try:
@@ -90,18 +90,18 @@ class Kin:
 
 
 def forces_of(task: SweepTask) -> list[float]:
-    """Forces on the plate of a task's film [N], one for each mass."""
+    """Compute the forces on the plate of a task's film [N], one for each mass."""
     rig, plate_area = task.rig, task.specimen.plate_area
     return [float(rig.rubbed(rig.force(mass, plate_area))) for mass in task.masses]
 
 
 def film_voltages_of(task: SweepTask) -> list[float]:
-    """Voltages across a task's film [V]."""
+    """Compute the voltages across a task's film [V]."""
     return [float(task.rig.film_voltage(voltage)) for voltage in task.voltages]
 
 
 def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
-    """The tasks of a sweep; those that a reduced film may solve know their family."""
+    """Add the family to all tasks of a sweep that a reduced film may solve."""
     groups = defaultdict[object, list[int]](list)
     for number, task in enumerate(tasks):
         if task is not None and _reducible(task):
@@ -120,18 +120,18 @@ def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
 
 
 def _cost(task: SweepTask) -> int:
-    """Equilibria that cost as much as what a family may answer of a task."""
+    """Compute the cost, in equilibria, of a task's part that a family can answer."""
     answers = [QUESTIONS[name].equilibria for name in task.ask.names]
     return _MESH + len(task.ids) * (1 + sum(answers))
 
 
 def kin_id(kin: Kin) -> str:
-    """Hash of a family: rows of another one differ by as much as both are off."""
+    """Hash a family: rows of different families differ by the errors of both."""
     return digest_of(repr(kin))
 
 
 def _reducible(task: SweepTask) -> bool:
-    """Whether a reduced film has all that is asked of a task."""
+    """Test whether a reduced film can answer all questions of a task."""
     specimen = task.specimen
     asked = [QUESTIONS[name] for name in task.ask.names]
     if task.fields or task.figures or any(
@@ -141,13 +141,13 @@ def _reducible(task: SweepTask) -> bool:
         require_reducible(specimen, task.rig)
     except InputError:
         return False
-    # A line of the electrode within the film may give way by itself.
+    # At an electrode's edge within the film, the film may become unstable in itself.
     return specimen.electrode.everywhere
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Tasks of one family, solved together; a task of no family is a batch of its own."""
+    """Tasks of one family, solved together; a task without a family is a batch of its own."""
 
     tasks: tuple[SweepTask, ...]
     family: FilmFamily | None = None
@@ -158,7 +158,7 @@ class Batch:
         return sum(len(task.ids) for task in self.tasks)
 
     def run(self) -> dict[str, TaskResult]:
-        """Results by the tasks' ids."""
+        """Solve the tasks; give results by the tasks' ids."""
         family = self.family
         if family is None:
             return {task.id: task.run() for task in self.tasks}
@@ -181,15 +181,15 @@ class Batch:
 
 
 def _sure(states: FilmStates) -> Mask:
-    """Mask of the states that a family vouches for."""
-    # Comparisons with states that are missing are false.
+    """Find the states with a guaranteed accuracy of the family: a mask."""
+    # Comparisons with missing states are false.
     exact = states.error <= EXACT * np.abs(states.deflection)
     tense = states.tension > TENSE * states.stress
     return states.holds & exact & tense & states.sound
 
 
 def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
-    """Tasks in batches, by the id of their first; families are made here, once."""
+    """Divide tasks into batches, by the id of their first; families are made here, once."""
     groups = defaultdict[str, list[SweepTask]](list)
     for task in tasks.values():
         groups[task.family or task.id].append(task)
@@ -203,12 +203,12 @@ def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
     return together
 
 
-#: Numbers of a row that a film without plate has not.
+#: Numbers of a row that a film without plate does not have.
 _OF_PLATE = ("reaction_N", "tilt_rad")
 
 
 def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) -> list[list[Row]]:
-    """The rows of each task as their family has them; nan where it has none."""
+    """Make the rows of each task from the family's states; nan where it has none."""
     share = states.breakdown
     numbers = {"deflection_m": states.deflection,
                "reading_m": tasks[0].rig.reading(states.deflection),
@@ -243,7 +243,7 @@ def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) ->
 
 
 def _remarks(task: SweepTask) -> Iterator[tuple[str, ...]]:
-    """Remarks on the loads of each row, by the highest voltage."""
+    """Yield remarks on the loads of each row, by the highest voltage."""
     highest = max(task.voltages, key=abs)
     for mass in task.masses:
         yield from repeat(remarks_on(task.specimen, task.rig, mass, highest), len(task.voltages))
@@ -251,7 +251,7 @@ def _remarks(task: SweepTask) -> Iterator[tuple[str, ...]]:
 
 def _completed(task: SweepTask, rows: list[Row], answers: dict[str, list[Record | None]],
                sure: Array, took: float) -> TaskResult:
-    """Rows of a task and answers to what is asked, those that are not sure by finite elements."""
+    """Complete a task's rows and answers; those that are not sure come from finite elements."""
     began, count = time.perf_counter(), len(task.voltages)
     asked = replace(task.ask, names=tuple(answers))
     for start, mass in zip(range(0, len(rows), count), task.masses, strict=True):

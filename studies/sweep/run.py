@@ -1,4 +1,4 @@
-"""A sweep from plan to table: what is finished is taken, the rest solved and kept as it comes."""
+"""A sweep from plan to table: finished cases are read, the others solved and stored."""
 
 from __future__ import annotations
 
@@ -43,29 +43,29 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-#: Runs a function of batches of tasks, by id, in any order.
+#: Function that runs a function of batches of tasks, by id, in any order.
 Pool = Callable[[Callable[[Batch], dict[str, TaskResult]], Mapping[str, Batch]],
                 Generator[tuple[str, dict[str, TaskResult] | NoValue], None, None]]
 
 
-#: Called after each task with what answers the result so far.
+#: Called after each task with a function that gives the result so far.
 Watch = Callable[[Callable[[], "SweepResult"]], None]
 
-#: Reasons for cases without result that are told: a screen has room for these.
+#: Most reasons for cases without result that are printed: a screen has room for these.
 _REASONS = 3
 
-#: What a finished sweep leaves beside its tasks, and its page.
+#: Files of a finished sweep besides its tasks, and its page.
 FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json", "sweep.html")
 
 
 @dataclass(frozen=True)
 class SweepResult:
-    """Result of a sweep: cases by status, how many were solved now and how many were there.
+    """Result of a sweep: cases by status, and the numbers of solved and of reused cases.
 
-    ``table`` has all cases, as :func:`tympan.studies.sweep.table.dataset` lays it out; ``source``
-    is SWEEP.toml and ``solver`` what solved it. ``figures``: the first case of each specimen was
-    kept for a picture. ``at_V``: the nominal voltage of maps and of the best case, None for the
-    highest.
+    ``table`` has all cases, as laid out by :func:`tympan.studies.sweep.table.dataset`. ``source``
+    is SWEEP.toml, ``solver`` the version that solved it. ``figures``: the first case of each
+    specimen was kept for a picture. ``at_V``: the nominal voltage of maps and of the best case,
+    None for the highest.
     """
 
     statuses: dict[str, int]
@@ -84,7 +84,7 @@ class SweepResult:
 
     def best(self, of: str = "stroke", at: float | str | None = None,
              under: str | Sequence[str] = (), count: int = 5) -> Best:
-        """The cases with the largest result at one voltage: :func:`tympan.studies.sweep.best.best`.
+        """Find the cases with the largest result: :func:`tympan.studies.sweep.best.best`.
 
         Examples: ``result.best()``, ``result.best("stroke", at="5 kV", under="max_true_stress <
         131 kPa, breakdown_margin > 1.5")``.
@@ -93,7 +93,7 @@ class SweepResult:
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences: so many films, specimens under a mass, are beyond a limit."""
+        """Sentences with the number of films (specimens under a mass) beyond each limit."""
         found = []
         for limit, cases in beyond_limits(self.table).items():
             where = ""
@@ -108,7 +108,7 @@ class SweepResult:
 
     @property
     def failures(self) -> list[str]:
-        """Sentences: so many cases have no result, with the reason, the most frequent first."""
+        """Sentences with the number of cases without result by reason, the most frequent first."""
         status = self.table["status"].values.ravel().tolist()
         reasons = Counter(reason for kind, reason in zip(
             status, self.table["warnings"].values.ravel().tolist(), strict=True)
@@ -124,7 +124,7 @@ class SweepResult:
         return dict(Counter(filter(None, self.table["by"].values.ravel().tolist())))
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object, without the table."""
+        """Convert the result to a JSON object, without the table."""
         return {"cases": sum(self.statuses.values()), "statuses": self.statuses, "by": self.by,
                 "solved": self.solved, "kept": self.kept,
                 "warnings": [*self.warnings, *self.failures]}
@@ -154,15 +154,15 @@ class SweepResult:
 class Checkpoint:
     """Finished tasks in the folder of a sweep.
 
-    A task's file is ``tasks/xx/ID.json``, xx the id's first digits: the SHA-256 of all that follows
-    the first line, then the id, the time it took and the rows. Files are written under another name
-    and renamed.
+    A task's file is ``tasks/xx/ID.json``, xx the id's first digits. Its first line is the SHA-256
+    of the rest, which has the id, the time it took and the rows. Files are written under another
+    name and renamed.
     """
 
     folder: Path
 
     def put(self, task: SweepTask, result: TaskResult) -> None:
-        """Keep a result; its fields first, so that a task with a file has them all."""
+        """Store a result; its fields come first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
             write_atomically(fields_file(self.folder, case_id),
                              methodcaller("write_bytes", content), hashed=True)
@@ -172,7 +172,7 @@ class Checkpoint:
         write_text(self._file(task), f"{_digest(body)}\n{body}\n", hashed=True)
 
     def get(self, task: SweepTask) -> TaskResult | None:
-        """Content of a finished task; None if it is missing, damaged or lacks fields."""
+        """Read a finished task; None if it is missing, damaged or lacks fields."""
         try:
             digest, body = self._file(task).read_text(encoding="utf-8").rstrip("\n").split("\n", 1)
         except FileNotFoundError:
@@ -186,18 +186,18 @@ class Checkpoint:
             return None
         try:
             content = json.loads(body)
-            # What was kept before there were others.
+            # Rows of older versions lack these columns.
             rows = [EXACT_ROW | row for row in content["rows"]]
             result = TaskResult(rows, content.get("answers", {}), content["wall_s"])
             whole = (content["task"] == task.id and result.answers_all(task)
                      and all(fields_file(self.folder, case_id).exists()
                              for case_id in content["fields"]))
-        except (ValueError, LookupError, TypeError, AttributeError):  # of another version's rows
+        except (ValueError, LookupError, TypeError, AttributeError):  # another version's rows
             return None
         return result if whole else None
 
     def cases(self, sweep: Sweep) -> int:
-        """Number of cases of a sweep that are kept."""
+        """Count the cases of a sweep that are stored."""
         return sum(len(task.ids) for task in tasks_of(sweep).values() if self._file(task).exists())
 
     def _file(self, task: SweepTask) -> Path:
@@ -205,22 +205,22 @@ class Checkpoint:
 
 
 def fields_file(folder: Path, case_id: str) -> Path:
-    """The fields of a case in the folder of a sweep, where they are kept."""
+    """Name the file with the fields of a case in the folder of a sweep."""
     return folder / "fields" / f"{case_id}.vtu"
 
 
 def tasks_of(sweep: Sweep) -> dict[str, SweepTask]:
-    """The tasks of a sweep by their ids."""
+    """Collect the tasks of a sweep by their ids."""
     return {entry.task.id: entry.task for entry in sweep.entries if entry.task is not None}
 
 
 def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
               progress: PartsDone = lambda done, kept: None,
               watch: Watch = lambda so_far: None) -> SweepResult:
-    """Solve what is not finished in a folder yet, and write its tables.
+    """Solve the unfinished tasks of a folder, and write its tables.
 
-    Leaves the files of :meth:`SweepResult.save` and ``tasks/``, with fields also ``fields/``. It
-    may be ended at any moment, also by a full disk, and run again: no finished task is solved
+    It leaves the files of :meth:`SweepResult.save` and ``tasks/``, with fields also ``fields/``. It
+    may be stopped at any moment, even by a full disk, and run again: no finished task is solved
     twice.
     """
     checkpoint = Checkpoint(folder)
@@ -234,7 +234,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     kept = done = sum(result.cases for result in results.values())
     progress(done, kept)
     missing = {task_id: task for task_id, task in tasks.items() if task_id not in results}
-    if missing:  # what is there belongs to another plan, or to an older solver
+    if missing:  # the files present belong to another plan, or to an older solver
         remove(folder, *FILES)
 
     def so_far() -> SweepResult:
@@ -244,7 +244,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     with closing(pool(methodcaller("run"), together)) as answers:
         for first, answer in answers:
             for task in together[first].tasks:
-                if isinstance(answer, NoValue):  # not kept: another run may have more luck
+                if isinstance(answer, NoValue):  # not stored: another run may succeed
                     result = without_result(task.ids, task.ask, task.loads, answer.reason)
                 else:
                     result = answer[task.id]
@@ -259,7 +259,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
 
 
 def unsolved(sweep: Sweep) -> SweepResult:
-    """A sweep's result before anything is solved: what may be asked of it."""
+    """Make a sweep's result before anything is solved, with all its columns."""
     return _result(sweep, {}, 0, 0)
 
 

@@ -1,12 +1,14 @@
-"""Strokes of many films from no voltage to theirs: blocked force, work and energies, by a family.
+"""Strokes of many films from 0 V to their voltages: blocked force, work and energies, by a family.
 
-A stroke's cycle has four corners: the film under its load without voltage, with it, and with the
-plate held at the end of the other one. Their energies, charges and forces are those of the reduced
-film, and work and energies follow from them as :mod:`tympan.studies.force.cycle` has it for finite
-elements. Forces are small differences, so each corner is corrected once more than a row's state.
+A stroke's cycle has four corners. The film is under its load without voltage; the plate is held
+there while the voltage is applied; the film is under its load with voltage; the plate is held there
+while the voltage is removed. Energies, charges and forces at the corners are those of the reduced
+film. Work and energies follow from them as for finite elements in
+:mod:`tympan.studies.force.cycle`. Forces are small differences, so each corner is corrected once
+more than a row's state.
 
-What errors of deflections do to a stroke is their difference between two corners, as those of one
-film have one cause and cancel where the voltage is low.
+The error of a stroke is the difference between the errors of deflection at two corners, since the
+errors of one film have one cause, and cancel where the voltage is low.
 """
 
 from __future__ import annotations
@@ -20,23 +22,23 @@ from tympan.studies.films.many_films import Films
 from tympan.studies.films.population import FilmGrid, Population
 from tympan.studies.force.cycle import Corner, PlateLoad, exchanged
 
-#: How far deflections are from 0 to that with voltage, at which curves of finite elements end.
+#: End of the curves by finite elements, over the deflection with voltage; they begin at 0.
 WIDER = 1.1
 
-#: How far a film's least tension is from none in a row that is not left to finite elements, over
-#: its largest stress: between nodes it may be less than at these.
+#: Smallest tension of a film over its largest stress, in a row that is not left to finite elements:
+#: between nodes the tension may be less than at the nodes.
 TENSE = 0.01
 
-#: Estimated error of a row's numbers, as a share of them, beyond which finite elements have it. Of
-#: 2,200 rows of six sweeps the others were off by 8e-5 at most, with 1e-4 here one by 1.07e-4.
+#: Largest estimated relative error of a row's numbers; other rows are left to finite elements. In
+#: 2,200 rows of six sweeps the largest error was 8e-5; with 1e-4 here one row had 1.07e-4.
 ESTIMATED = 7e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """Numbers of each row's stroke, (rows,), nan of those that are not ``sure``.
+    """Numbers of each row's stroke, (rows,); nan in rows that are not ``sure``.
 
-    ``blocked`` force [N], ``work`` under the load, ``ideal`` work, energy ``given`` [J].
+    ``blocked`` force [N], ``work`` under the load, ``ideal`` work and energy ``given`` [J].
     """
 
     blocked: AnyArray
@@ -47,7 +49,7 @@ class Strokes:
 
 
 def strokes(grid: FilmGrid) -> Strokes:
-    """Strokes of all films under all loads, masses first; without voltage there is none."""
+    """Compute the strokes of all films under all loads, masses first; nan without voltage."""
     population, films = grid.films, grid.films.every
     rest = population.family.states(films, grid.forces, 0.0, check=False)
     count, several = grid.voltages.shape[1], grid.states.holds.shape[1]
@@ -85,10 +87,10 @@ def strokes(grid: FilmGrid) -> Strokes:
 
 def _exact(population: Population, number: AnyArray, corners: list[_States], ideal: AnyArray,
            some: AnyArray, group: AnyArray) -> Mask:
-    """Mask of some rows whose numbers have a small error, as far as estimates say.
+    """Find the rows whose numbers have a small estimated error: a mask of some rows.
 
-    Of each film under each mass, a ``group``, the highest voltage says so. Where the error is large
-    there, every row has its own.
+    For each film under each mass, a ``group``, the error at the highest voltage decides for all its
+    rows. Where that error is large, each row has its own.
     """
     def off(chosen: AnyArray) -> AnyArray:
         states = [corner.some(chosen) for corner in corners]
@@ -103,24 +105,24 @@ def _exact(population: Population, number: AnyArray, corners: list[_States], ide
 
 def _off(population: Population, number: AnyArray, corners: list[_States], ideal: AnyArray
          ) -> AnyArray:
-    """Estimated errors of rows' numbers, relative: the largest of the forces' and of the work's."""
+    """Estimate the relative errors of rows' numbers: the largest of the forces' and the work's."""
     family, films = population.family, population.every
     errors = [family.error(films, number, corner.q, corner.force, corner.squared, corner.stiffness)
               for corner in corners]
     apart = [corner.stiffness * error for corner, error in zip(corners, errors, strict=True)]
     first, charged, moved, discharged = corners
     fall, rise = first.force - charged.force, discharged.force - moved.force
-    # Above a gas they have had either sign, with and without voltage.
+    # Above a gas the two errors have had either sign.
     longer = errors[2] + errors[0] if films.gas else errors[2] - errors[0]
     with np.errstate(all="ignore"):
-        # A longer stroke adds to the ideal work what the forces differ by at its end.
+        # A longer stroke adds to the ideal work the difference of the forces at its end.
         shares = [(apart[0] - apart[1]) / fall, (apart[3] - apart[2]) / rise,
                   longer * rise / ideal]
     return np.asarray(np.abs(shares).max(0))
 
 
 def _tense(population: Population, number: AnyArray, corner: _States) -> Mask:
-    """Mask of states in which the film is in tension everywhere and firm."""
+    """Find the states with a film in tension everywhere and stable in itself: a mask."""
     films = population.every
     places = films.at(population.family.looked_at)
     extremes = films.extremes(places, number, corner.q, corner.squared)
@@ -129,9 +131,9 @@ def _tense(population: Population, number: AnyArray, corner: _States) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class _States:
-    """States q of films, (states, shapes), at U² [V²], nan where they are none.
+    """States q of films, (states, shapes), at U² [V²], nan where there is no state.
 
-    ``force`` on the plate [N], that of a spring included, and the plate's ``stiffness`` [N/m].
+    ``force`` on the plate [N], a spring's force included, and the plate's ``stiffness`` [N/m].
     """
 
     q: AnyArray
@@ -145,13 +147,13 @@ class _States:
         return np.asarray(self.q[:, 0])
 
     def some(self, chosen: AnyArray) -> _States:
-        """Some of the states."""
+        """Select some of the states."""
         return _States(self.q[chosen], self.squared[chosen], self.force[chosen],
                        self.stiffness[chosen])
 
     @classmethod
     def held(cls, films: Films, number: AnyArray, near: AnyArray, squared: AnyArray) -> _States:
-        """Films whose plates are held where states have them."""
+        """Solve films whose plates are held at the deflections of states."""
         balance = films.balanced(number, np.zeros(len(number)), squared, near, held=True)
         q = np.where(balance.sound[:, None], balance.q, np.nan)
         return cls._corrected(films, number, q, squared, None)
@@ -160,19 +162,19 @@ class _States:
     def loaded(cls, films: Films, number: AnyArray, near: AnyArray, squared: AnyArray,
                load: AnyArray
                ) -> _States:
-        """Films under loads [N], from their states."""
+        """Solve films under loads [N], starting at their states."""
         return cls._corrected(films, number, near, squared, load)
 
     @classmethod
     def _corrected(cls, films: Films, number: AnyArray, q: AnyArray, squared: AnyArray,
                    load: AnyArray | None
                    ) -> _States:
-        """States corrected once by their own tangents, with plates held where there is no load."""
+        """Correct states once by their own tangents; without a load the plates are held."""
         q, force, stiffness = q.copy(), *np.full((2, len(q)), np.nan)
         for part in films.parts(number, len(films.points.sites.cells)):
             with np.errstate(all="ignore"):
                 pull, tangent = films.pull(number[part], q[part], squared[part])
-            # What acts on the plate acts where its weight does, and turns it.
+            # A force on the plate acts at the point of its weight, and turns it.
             acting = pull[:, :1] / films.lever if load is None else load[part, None]
             other, turned = pull[:, 1:] - acting * films.lift[1:], tangent[:, 1:]
             if load is None:
@@ -190,7 +192,7 @@ class _States:
         return cls(q, squared, force if load is None else load, stiffness)
 
     def energies(self, films: Films, number: AnyArray) -> Corner:
-        """The films at a corner of the cycle, their weight and gas included."""
+        """Compute the films' energies at a corner of the cycle, with their weight and gas."""
         capacitance, energy = films.stored(number, self.q, self.squared)
         potential = energy - (films.weight[number] * self.q).sum(1)
         if films.gas:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-#: What acts on every specimen, with its unit.
+#: Loads on every specimen, with their units.
 LOAD_UNITS = {"mass": "kg", "voltage": "V"}
 
 #: Axis, values along it, attributes.
@@ -51,26 +51,26 @@ def write_tables(folder: Path, table: xr.Dataset) -> None:
 
 
 def read_table(file: Path) -> xr.Dataset:
-    """The table of a netCDF file."""
+    """Read the table of a netCDF file."""
     import xarray as xr
 
     try:
         return xr.load_dataset(file, engine="h5netcdf")
     except FileNotFoundError:
         raise InputError("is missing: run tympan sweep again", file=file) from None
-    except Exception:  # HDF5 and its readers raise whatever they meet
+    except Exception:  # HDF5 and its readers may raise any error
         raise InputError("is no table of a sweep that can be read: run tympan sweep again",
                          file=file) from None
 
 
 def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
-    """Dimensions specimen, the grid's keys, mass and voltage, each with its values as index.
+    """Make a table with the dimensions specimen, the grid's keys, mass and voltage, with indices.
 
-    ``results`` are by the task's id; who has none waits. What a list or a sample varies, loads
-    too, are coordinates along specimen, and what is asked beside the cases has no dimension it
-    does not depend on. Numbers are in SI, with the unit as attribute ``units``; that of a result
-    also ends its name. ``stroke_m`` is the deflection less that at the lowest voltage. Numbers that
-    do not exist are nan; several warnings are joined with " | ".
+    ``results`` are by the task's id; an entry without a result is waiting. Keys that a list or a
+    sample varies, and its loads, are coordinates along specimen. Answers to questions have no
+    dimension that they do not depend on. Numbers are in SI, with the unit as attribute ``units``;
+    the unit of a result also ends its name. ``stroke_m`` is the deflection less that at the lowest
+    voltage. Missing numbers are nan; several warnings are joined with " | ".
     """
     import xarray as xr
 
@@ -104,9 +104,9 @@ def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
 
 
 def _with_stroke(table: xr.Dataset) -> xr.Dataset:
-    """A table with ``stroke_m``: deflection less that at the lowest voltage; nan where one is none.
+    """Add ``stroke_m`` to a table: deflection less that at the lowest voltage, or nan.
 
-    Nan, too, where all cases have one voltage, or each specimen its own.
+    It is nan where either is missing, where all cases have one voltage, or each specimen its own.
     """
     deflection = table["deflection_m"]
     if "voltage" in table.dims and table.sizes["voltage"] > 1:
@@ -119,7 +119,7 @@ def _with_stroke(table: xr.Dataset) -> xr.Dataset:
 
 
 def _result(sweep: Sweep, entry: Entry, results: Mapping[str, PackedResult]) -> PackedResult:
-    """Result of an entry's task, or why there is none."""
+    """Find the result of an entry's task, or the reason why there is none."""
     if entry.task is not None and entry.task.id in results:
         return results[entry.task.id]
     loads = dict(zip(LOAD_UNITS, (len(entry.masses), len(entry.voltages)), strict=True))
@@ -129,14 +129,14 @@ def _result(sweep: Sweep, entry: Entry, results: Mapping[str, PackedResult]) -> 
 
 
 def _ids(entry: Entry) -> Sequence[str]:
-    """Ids of an entry's cases, blank of what cannot be built."""
+    """List the ids of an entry's cases; they are empty if it cannot be built."""
     if entry.task is None:
         return [""] * (len(entry.masses) * len(entry.voltages))
     return entry.task.ids
 
 
 def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
-    """Coordinates: specimens, and each key of the grid, in parts where its values have any."""
+    """Make the coordinates: specimens, and each key of the grid, or its parts if it has any."""
     specimens = sweep.entries[::prod(map(len, sweep.grid.values()))]
     coordinates: dict[str, Coordinate] = {
         "specimen": ("specimen", _column([entry.name for entry in specimens]), {}),
@@ -157,7 +157,7 @@ def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
 
 
 def _parameters(axis: str, choices: list[dict[str, Any]]) -> dict[str, Coordinate]:
-    """Parameters that differ along an axis, by key: numbers in SI with their unit, or texts."""
+    """Make coordinates of parameters that differ along an axis, by key: SI numbers, or texts."""
     varied = [dict(flattened(choice)) for choice in choices]
     coordinates: dict[str, Coordinate] = {}
     for key in dict.fromkeys(key for choice in varied for key in choice):
@@ -174,9 +174,9 @@ def _parameters(axis: str, choices: list[dict[str, Any]]) -> dict[str, Coordinat
 
 
 def beyond_limits(table: xr.Dataset) -> dict[str, xr.DataArray]:
-    """Cases beyond each limit, at their voltage or on the way up to it: a mask by limit.
+    """Find the cases beyond each limit, at their voltage or on the way up to it: a mask by limit.
 
-    They may be equilibria by the equations nevertheless.
+    They may nevertheless be equilibria by the equations.
     """
     beyond = {"breakdown": table["breakdown_margin"] < 1, "tension": table["slack_share"] > 0}
     return {limit: cases.copy(data=np.logical_or.accumulate(
@@ -185,7 +185,7 @@ def beyond_limits(table: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def frame(table: xr.Dataset) -> pd.DataFrame:
-    """A row per case: its inputs, then its results; units end the names of all numbers."""
+    """Make a row per case: its inputs, then its results; units end the names of all numbers."""
     flat = table.to_dataframe(dim_order=list(table["status"].dims)).reset_index()
     inputs = [str(name) for name in table.coords if name != "specimen"]
     results = [name for name in ("status", *table.data_vars) if name not in ("id", "warnings")]
@@ -194,13 +194,13 @@ def frame(table: xr.Dataset) -> pd.DataFrame:
 
 
 def column_name(table: xr.Dataset, name: str) -> str:
-    """Name of a table's coordinate where tables are flat: its unit ends the name."""
+    """Name a table's coordinate in a flat table: its unit ends the name."""
     unit = table[name].attrs.get("units")
     return name + next((item.suffix for item in DIMENSIONS.values() if item.si == unit), "")
 
 
 def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Keys and single values: a list becomes its elements.
+    """Yield keys and single values: a list becomes its elements.
 
     Examples
     --------
@@ -217,7 +217,7 @@ def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _column(values: Any) -> np.ndarray:
-    """Texts as they are, lists of warnings joined, numbers with nan for those that are missing."""
+    """Convert to an array: texts unchanged, warnings joined, missing numbers as nan."""
     if isinstance(values, np.ndarray):
         return values
     if all(isinstance(value, str) for value in values):

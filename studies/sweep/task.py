@@ -28,24 +28,24 @@ from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_g
 from tympan.studies.film_surface import film_surface
 from tympan.studies.sweep.asked import QUESTIONS, Ask, AskedCase, Record, SolvedCase
 
-#: To be raised whenever a change of mesher or solver changes results: finished cases of before are
-#: then not reused.
+#: Revision of the results. Raise it whenever a change of mesher or solver changes results: finished
+#: cases of earlier revisions are then not reused.
 REVISION = 3
 
-#: Of a case that could not even be tried: no film can be built or meshed, or the process that tried
-#: it died.
+#: Status of a case that could not be tried: its film cannot be built or meshed, or its process
+#: died.
 FAILED = "failed"
 
-#: Of a case whose turn has not come.
+#: Status of a case that is not solved yet.
 WAITING = "waiting"
 
-#: Into the square of this many triangles an element is cut in files for others: curves look smooth
-#: there.
+#: Division of an element's edges in files for other programs: it is cut into the square of this
+#: many triangles, so that curves look smooth.
 _FINE = 6
-#: The same for small pictures of the sweep's page.
+#: Division of an element's edges for small pictures of the sweep's page.
 _COARSE = 4
 
-#: gmsh has one state per process: where a cluster gives a process several threads, they take turns.
+#: Lock for gmsh, which has one state per process: several threads of a cluster's worker take turns.
 _TURN = threading.Lock()
 
 _STATUSES = {*get_args(Status), FAILED}
@@ -55,7 +55,7 @@ Row = dict[str, Any]
 
 @cache
 def solver() -> str:
-    """Solver: version and revision."""
+    """Name the solver: version and revision."""
     return f"tympan {metadata.version('tympan')} revision {REVISION}"
 
 
@@ -63,7 +63,7 @@ def solver() -> str:
 class TaskResult:
     """A row per case, masses first, and the fields of a task's equilibria by case id, as VTU.
 
-    ``answers`` has the records of every quantity that is asked for, masses first too.
+    ``answers`` has the records of every question, masses first too.
     """
 
     rows: list[Row]
@@ -72,7 +72,7 @@ class TaskResult:
     fields: dict[str, bytes] = field(default_factory=dict)
 
     def packed(self) -> PackedResult:
-        """Its rows and answers without ids, wall time and fields."""
+        """Pack its rows and answers, without ids, wall time and fields."""
         numbers = np.array([[np.nan if row[name] is None else row[name] for row in self.rows]
                             for name in NUMBERS], dtype=float)
         texts = {name: tuple(sys.intern(row[name] or "") for row in self.rows)
@@ -81,7 +81,7 @@ class TaskResult:
         return PackedResult(numbers, texts | {"warnings": warnings}, self.answers)
 
     def answers_all(self, task: SweepTask) -> bool:
-        """Whether it has all rows and answers of a task."""
+        """Test whether it has all rows and answers of a task."""
         return ([row.get("id") for row in self.rows] == list(task.ids)
                 and all({"id", *COLUMNS} == row.keys() and row["status"] in _STATUSES
                         for row in self.rows)
@@ -95,7 +95,7 @@ class TaskResult:
 class PackedResult:
     """A task's result in little memory: ``numbers`` of :data:`NUMBERS`, (columns, rows).
 
-    nan where there is none; ``texts`` by column, warnings of a row joined with " | ".
+    Missing numbers are nan. ``texts`` are by column; a row's warnings are joined with " | ".
     """
 
     numbers: Array
@@ -110,12 +110,12 @@ class PackedResult:
 
 @dataclass(frozen=True)
 class SweepTask:
-    """A specimen on a rig, its masses [kg] and voltages [V], ascending, and what else is asked.
+    """A specimen on a rig, its masses [kg] and voltages [V], ascending, and further questions.
 
-    ``fields``: keep those of all equilibria; ``figures``: keep what a picture of the first case
-    needs. ``family`` is the id of the family of films whose reduced film may solve it, ``kin`` that
-    family; without, all is by finite elements. ``solver`` is who is to solve it: results of
-    different versions must not meet in one table.
+    ``fields``: store those of all equilibria. ``figures``: store the data of a picture of the first
+    case. ``family`` is the id of the family of films whose reduced film may solve it, ``kin`` that
+    family; without a family all is solved by finite elements. ``solver`` is the version that is to
+    solve it: results of different versions must not be mixed in one table.
     """
 
     specimen: Specimen
@@ -134,11 +134,11 @@ class SweepTask:
     def ids(self) -> tuple[str, ...]:
         """Hash of the inputs of every case and of the solver, masses first.
 
-        The specimen's name is none of them. Equal inputs have equal ids on any machine.
+        The specimen's name is not hashed. Equal inputs have equal ids on any machine.
         """
         content = write(self.specimen)
         content["membrane"]["material"] = _constants(self.specimen.membrane.material)
-        if self.specimen.membrane.law_range is not None:  # of which results warn
+        if self.specimen.membrane.law_range is not None:  # results warn about it
             content["membrane"]["law_range"] = self.specimen.membrane.law_range
         head = digest_of({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
                       "settings": asdict(self.settings), "solver": self.solver}
@@ -149,7 +149,7 @@ class SweepTask:
 
     @cached_property
     def id(self) -> str:
-        """The hash of its cases and of what is kept of them."""
+        """Hash of its cases and of the data that are stored of them."""
         ask = {name: value for name, value in asdict(self.ask).items() if value is not None}
         more = [self.figures, ask] if self.figures or self.ask.names else []
         return digest_of([*self.ids, self.fields, *more])
@@ -160,11 +160,11 @@ class SweepTask:
         return {"mass": len(self.masses), "voltage": len(self.voltages)}
 
     def run(self) -> TaskResult:
-        """Solve all cases; what cannot be built or meshed is a failed row each, not an error."""
+        """Solve all cases; a film that cannot be built or meshed gives failed rows, no error."""
         if self.solver != solver():
             raise Failure(f"a worker has another version: {solver()}, here {self.solver}")
         began = time.perf_counter()
-        with _TURN, one_thread():  # in a cluster's worker nothing else limits them
+        with _TURN, one_thread():  # in a cluster's worker nothing else limits the threads
             try:
                 result = self._solved()
             except InputError as error:  # without the name, which equal specimens do not share
@@ -192,7 +192,7 @@ class SweepTask:
         return solution
 
     def answers(self) -> dict[str, list[Record]]:
-        """Answers to what is asked of it, where that needs no equilibrium of its cases."""
+        """Answer its questions that need no equilibrium of its cases."""
         answers: dict[str, list[Record]] = {name: [] for name in self.ask.names
                                             if not QUESTIONS[name].of_states}
         if not answers:
@@ -209,7 +209,7 @@ class SweepTask:
                     rig=self.rig)
 
     def _answer(self, answers: dict[str, list[Record]], number: int, asked: AskedCase) -> None:
-        """Add what is asked at a case, where that is the first of its loads."""
+        """Add the answers at a case, where it is the first of its loads."""
         for name, records in answers.items():
             quantity = QUESTIONS[name]
             if number % (len(self.ids) if quantity.together else quantity.every(self.loads)) == 0:
@@ -217,7 +217,7 @@ class SweepTask:
 
 
 def _of_its_kind(record: Mapping[str, Any]) -> bool:
-    """Whether a record has numbers, or none, beside its id, its status and texts of warnings."""
+    """Test that a record has numbers or None besides its id, status and texts of warnings."""
     return all(all(isinstance(text, str) for text in value) if name == "warnings"
                else isinstance(value, str) if name in ("id", "status", "by")
                else value is None or isinstance(value, int | float)
@@ -226,7 +226,7 @@ def _of_its_kind(record: Mapping[str, Any]) -> bool:
 
 def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reason: str,
                    status: str = FAILED) -> TaskResult:
-    """Rows of cases, by id, and answers that say why there is no result."""
+    """Make rows of cases, by id, and answers, with the reason why there is no result."""
     rows: list[Row] = [{**dict.fromkeys(COLUMNS), "id": case_id, "status": status,
                         "by": "", "warnings": [reason]} for case_id in ids]
     answers = {name: [{"warnings": [reason]}] * (len(ids) // QUESTIONS[name].every(loads))
@@ -235,7 +235,7 @@ def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reaso
 
 
 def _constants(law: Any) -> Any:
-    """A law's name and constants as plain numbers."""
+    """Convert a law's name and constants to plain values."""
     if isinstance(law, tuple):
         return [_constants(part) for part in law]
     if not hasattr(law, "law"):
@@ -244,7 +244,7 @@ def _constants(law: Any) -> Any:
 
 
 def digest_of(value: Any) -> str:
-    """Hash of what JSON can hold."""
+    """Hash a value that JSON can hold."""
     return _digest(json.dumps(value, sort_keys=True, default=str))
 
 
@@ -252,26 +252,26 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-#: Columns of a result beside the inputs: those of ``solve --json`` that do not depend on the clock.
+#: Columns of a result besides the inputs: those of ``solve --json`` that do not depend on time.
 _OF_CASE: tuple[str, ...] = tuple(
     item.name for item in fields(CaseResult)
     if item.name not in ("specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits",
                          "limit", "equilibria", "bands"))
 
-#: A row by finite elements.
+#: Source of a row solved by finite elements.
 BY_ELEMENTS = "finite elements"
-#: A row by a reduced film.
+#: Source of a row solved by a reduced film.
 BY_REDUCED = "reduced"
 
-#: What a row of finite elements says it is by, and no errors of its deflection and largest stress:
-#: those are of reduced films.
+#: Columns of a row by finite elements that are always the same: its source, and empty errors of
+#: deflection and largest stress, which only reduced films have.
 EXACT_ROW: Row = {"by": BY_ELEMENTS, "deflection_error_m": None, "max_true_stress_error_Pa": None}
 
-#: With these.
+#: All columns of a result: those of a case, and those of its source and errors.
 COLUMNS: tuple[str, ...] = (*_OF_CASE, *EXACT_ROW)
-#: Of these what are texts, not numbers.
+#: Columns of texts.
 TEXTS = ("status", "by", "warnings")
-#: Of these the numbers.
+#: Columns of numbers.
 NUMBERS = tuple(name for name in COLUMNS if name not in TEXTS)
-#: Between several warnings of a row in a table.
+#: Separator of several warnings of a row in a table.
 WARNINGS_JOINED = " | "

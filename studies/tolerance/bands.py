@@ -23,30 +23,30 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import BY_SPREAD, Scattered
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Tolerances
 
-#: Films of a band, a power of two for Sobol's sequence: its edges are known to some 5 % of its
+#: Films of a band, a power of two for Sobol's sequence: its edges are accurate to about 5 % of its
 #: width.
 _FILMS = 512
-#: Share of films that may be missing where a band is still told.
+#: Largest share of missing films with which a band is computed.
 _MISSED = 0.05
 #: Quantiles of a band: low, median, high.
 _TOLD = (0.05, 0.5, 0.95)
-#: Voltages at which a curve has a band.
+#: Number of voltages at which a curve has a band.
 _VOLTAGES = 25
-#: By how much the forces of held plates may differ from those of the film without scatter: films
-#: are as stiff as 1.8 times that, at three standard deviations of VHB's modulus.
+#: Largest force of a held plate over that of the film without scatter: at three standard deviations
+#: of VHB's modulus, films are 1.8 times as stiff.
 _FORCES = 1.8
-#: The least force of a family over its largest: a film without force has no deflection, of which
-#: its errors are shares.
+#: Smallest force of a family over its largest: a film without force has no deflection, and errors
+#: are relative to the deflection.
 _LEAST = 0.05
-#: Of the random numbers.
+#: Seed of the random numbers.
 _SEED = 1
-#: Said where there is no band.
+#: Warning where there is no band.
 FEW_REACH = ("more than 5 % of the films do not reach the voltage, or are beyond the range of "
              "their law: there is no band")
 
 
 def bands(values: Array) -> tuple[Band | None, ...]:
-    """Median, 5 and 95 % of films at each of some loads, (films, loads); None where many are nan.
+    """Compute 5 %, median and 95 % of films at each load, (films, loads); None where many are nan.
 
     The first film is the one without scatter, which does not count.
     """
@@ -62,7 +62,7 @@ def bands(values: Array) -> tuple[Band | None, ...]:
 
 
 def quantity_bands(films: Population, mass: float, voltage: float) -> dict[str, Band]:
-    """Bands of films under a nominal mass [kg] and voltage [V], by the keys of a result."""
+    """Compute bands of films under a nominal mass [kg] and voltage [V], by a result's keys."""
     return {key: band for key, values in films.numbers(mass, voltage).items()
             for band in bands(values) if band is not None}
 
@@ -70,7 +70,7 @@ def quantity_bands(films: Population, mass: float, voltage: float) -> dict[str, 
 @singledispatch
 def banded(result: Any, specimen: Specimen, tolerances: Tolerances, rig: Rig, settings: Settings
            ) -> Any:
-    """The result with the bands of films made to the tolerances."""
+    """Add the bands of films made to the tolerances to a result."""
     raise NotImplementedError(type(result).__name__)
 
 
@@ -130,9 +130,9 @@ def _(result: ForceResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
 def deflection_bands(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float],
                      voltages: Sequence[float], rig: Rig, settings: Settings
                      ) -> list[tuple[Band | None, ...]]:
-    """Bands of the deflection under each mass [kg] at each nominal voltage [V].
+    """Compute bands of the deflection under each mass [kg] at each nominal voltage [V].
 
-    None beyond the first limit of the film without scatter: half of the films are beyond theirs.
+    None beyond the first limit of the film without scatter: half of the films are beyond their own.
     """
     limits = [first_limit(Case(specimen, mass=mass, rig=rig), settings) for mass in masses]
     reached = [np.inf if limit is None else limit.voltage_V for limit in limits]
@@ -148,7 +148,7 @@ def deflection_bands(specimen: Specimen, tolerances: Tolerances, masses: Sequenc
 
 
 def _held(films: Population, place: float, force: float, across: Array) -> Array:
-    """Forces [N] that hold plates at a place [m], where a force [N] without voltage is near."""
+    """Compute forces [N] that hold plates at a place [m]; ``force`` [N] at 0 V is a near guess."""
     near = films.rests(np.full(len(across), max(force, 0.0)))
     near[:, 0] = np.where(np.isfinite(near[:, 0]), place, np.nan)
     return films.held(near, across)
@@ -156,7 +156,7 @@ def _held(films: Population, place: float, force: float, across: Array) -> Array
 
 def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], voltage: float,
            rig: Rig, settings: Settings) -> Population:
-    """Films under some masses [kg], up to a nominal voltage [V]."""
+    """Draw films for some masses [kg], up to a nominal voltage [V]."""
     forces = [float(rig.force(mass, specimen.plate_area)) for mass in masses]
     if not (any(forces) or rig.gas_pressure):
         raise InputError("must be above 0: without a load the plate of no film moves, so there is "
@@ -168,5 +168,5 @@ def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], 
 
 
 def points(scattered: Scattered) -> Array:
-    """Points of the films of a band, that of the film without scatter first."""
+    """Draw the points of a band's films; the film without scatter is the first."""
     return scattered.with_nominal(drawn_points(scattered.inputs, _FILMS, _SEED))

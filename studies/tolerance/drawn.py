@@ -26,23 +26,23 @@ from tympan.studies.tolerance.given import (
 )
 from tympan.studies.tolerance.shares import SaltelliDesign
 
-#: How near a family is to finite elements, relative: a quantile of 10,000 films that scatter by
-#: some 5 % is known to 1e-3. With 1e-4 films take a third more time.
+#: Relative error of a family against finite elements: a quantile of 10,000 films that scatter by
+#: about 5 % is accurate to 1e-3. With 1e-4 the films take a third more time.
 _ERROR = 5e-4
-#: Settings of a family that is made for the spread between films alone.
+#: Settings of a family that is made only for the spread between films.
 BY_SPREAD = FamilySettings(error=_ERROR)
 
 
 @dataclass(frozen=True, eq=False)
 class Scattered:
-    """A specimen and the causes by which its numbers scatter; without causes none does."""
+    """A specimen and the causes by which its numbers scatter; without causes nothing scatters."""
 
     specimen: Specimen
     causes: tuple[ScatterCause, ...] = ()
 
     @classmethod
     def of(cls, specimen: Specimen, tolerances: Tolerances | None) -> Self:
-        """The specimen within tolerances; without these nothing scatters."""
+        """Find the causes of a specimen's tolerances; without tolerances nothing scatters."""
         if tolerances is None:
             return cls(specimen)
         found, _ = causes(specimen, tolerances)
@@ -50,36 +50,36 @@ class Scattered:
 
     @property
     def _inputs(self) -> list[tuple[ScatterCause, str]]:
-        """Independent random numbers: the cause, and the number that it moves."""
+        """Independent random numbers: the cause, and the number that it changes."""
         return [(cause, target) for cause in self.causes for target in cause.targets]
 
     @property
     def inputs(self) -> int:
-        """Count of the random numbers of a film."""
+        """Number of random numbers of a film."""
         return len(self._inputs)
 
     def design(self, count: int, seed: int) -> SaltelliDesign:
-        """Design of about ``count`` films; groups: causes, and all that a batch does not share."""
+        """Draw about ``count`` films; groups: the causes, and all that differs within a batch."""
         inputs = self._inputs
         groups = [[cause is own for own, _ in inputs] for cause in self.causes]
         apart = [own.scope == "film" for own, _ in inputs]
         return SaltelliDesign.drawn([*groups, apart], count, seed)
 
     def values(self, points: Array) -> dict[str, Array]:
-        """Numbers at points (films, inputs) from 0 to 1, by name, (films,) each."""
+        """Compute numbers at points (films, inputs) from 0 to 1, by name, (films,) each."""
         values: dict[str, Array] = {}
         for (cause, target), shares in zip(self._inputs, points.T, strict=True):
             values[target] = cause.moved(values.get(target, self._own(target)), shares)
         return values
 
     def _own(self, target: str) -> float:
-        """A number of the film without scatter."""
+        """Find a number of the film without scatter."""
         if target in FACTORS:
             return 1.0
         return float(Box.around(self.specimen, {target: (0.0, 1.0)}).row(self.specimen)[0])
 
     def _around(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of every number that scatters; the strength has none."""
+        """Find lowest and highest value of every number that scatters, without the strength."""
         bounded = tuple(cause for cause in self.causes if cause.weibull is None)
         ends = Scattered(self.specimen, bounded)
         found = ends.values(np.outer([0.0, 1.0], np.ones(ends.inputs)))
@@ -87,10 +87,11 @@ class Scattered:
 
     def widened(self, limits: Mapping[str, tuple[float, float]], *, generous: bool = False
                 ) -> dict[str, tuple[float, float]]:
-        """Limits of numbers with what scatters about any film within these limits.
+        """Widen limits of numbers by the scatter about any film within these limits.
 
-        A number that scatters and has no limits is that of the specimen. Lengths scatter by as much
-        whatever they are, other numbers in proportion; ``generous``: by the larger of both.
+        A number that scatters and has no limits has the specimen's value. Lengths scatter by the
+        same amount at any value, other numbers in proportion. With ``generous`` they scatter by the
+        larger of both.
         """
         wide = dict(limits)
         relative = {target for cause, target in self._inputs if cause.relative}
@@ -108,26 +109,26 @@ class Scattered:
 
     def box(self, limits: Mapping[str, tuple[float, float]] | None = None, *,
             generous: bool = False) -> Box:
-        """Films that scatter about any film within limits of numbers, as :meth:`widened` has it."""
+        """Make the box of all films that scatter about films within limits: :meth:`widened`."""
         return Box.around(self.specimen, self.widened(limits or {}, generous=generous))
 
     def scaled(self, factor: str, low: float, high: float) -> tuple[float, float]:
-        """Lowest and highest value of a load or a voltage, with the factor's own scatter."""
+        """Find lowest and highest value of a load or a voltage, with the factor's own scatter."""
         ends = self._around().get(factor, (1.0, 1.0))
         return min(low * end for end in ends), max(high * end for end in ends)
 
     def family(self, box: Box, masses: tuple[float, float], voltage: float, rig: Rig,
                settings: Settings, family: FamilySettings = BY_SPREAD) -> FilmFamily:
-        """The family of all films of a box under their scattering loads.
+        """Make the family of all films of a box under their scattering loads.
 
-        ``masses``: lowest and highest nominal one [kg]; ``voltage``: highest nominal one [V].
+        ``masses``: lowest and highest nominal mass [kg]. ``voltage``: highest nominal voltage [V].
         """
         forces = box.forces(rig, self.scaled(LOAD, *masses))
         across = self.scaled(AMPLIFIER, 0.0, float(rig.film_voltage(voltage)))
         return FilmFamily.over(box, forces, across, rig, settings, family)
 
     def films(self, family: FilmFamily, row: Array, points: Array, rig: Rig) -> Population:
-        """Films of a family at points (films, inputs) about that with parameters ``row``."""
+        """Make films of a family at points (films, inputs) about one with parameters ``row``."""
         values, count = self.values(points), len(points)
         rows = np.tile(row, (count, 1))
         for number, name in enumerate(family.box.names):
@@ -141,17 +142,17 @@ class Scattered:
         return Population(family, rig, rows, load, amplifier, median * strength)
 
     def with_nominal(self, points: Array) -> Array:
-        """Points with that of the film without scatter before them."""
+        """Put the point of the film without scatter in front of points."""
         return np.concatenate([np.full((1, self.inputs), 0.5), points])
 
 
 def median_strength(family: FilmFamily, row: Array, found: tuple[ScatterCause, ...]) -> float:
-    """Factor on the electric strength that the area of a film's electrode makes."""
+    """Compute the factor on the electric strength by the area of a film's electrode."""
     weibull = next((cause.weibull for cause in found if cause.weibull is not None), None)
     if weibull is None:
         return 1.0
     films = family.films(row[None])
     mounted = films.at(films.whole).volumes[0] @ films.whole.sites.covered
-    # A stack is so many films, each of which may break down.
+    # Each film of a stack may break down, so their areas add up.
     return weibull.median(float(mounted / family.box.specimen.membrane.thickness
                                 * family.box.specimen.membrane.area_prestretch))

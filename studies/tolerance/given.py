@@ -1,7 +1,7 @@
 """Scatter of the numbers of a film and its rig: a file's tolerances, or defaults with reasons.
 
 A scatter has two parts: from film to film, and from batch to batch. Films of one batch (one roll,
-one jig, one amplifier) share the second.
+one jig, one amplifier) share the second part.
 """
 
 from __future__ import annotations
@@ -30,31 +30,33 @@ _SHAPE: Rule = (lambda x: x == 0 or 2 <= x <= 200, "must be 0 or from 2 to 200")
 _AREA: Rule = (lambda x: 1e-10 <= x <= 10, "must be from 1e-4 mm^2 to 10 m^2")
 _LENGTH: Rule = (lambda x: 0 <= x <= 0.1, "must be a standard deviation from 0 to 10 cm")
 
-#: The factor on the load, a number beside those of the specimen.
+#: Factor on the load, a scattering number besides those of the specimen.
 LOAD = "load"
-#: The factor on the film's voltage, likewise.
+#: Factor on the film's voltage, a scattering number besides those of the specimen.
 AMPLIFIER = "amplifier"
-#: The factor on the film's electric strength, likewise.
+#: Factor on the film's electric strength, a scattering number besides those of the specimen.
 STRENGTH = "strength"
-#: Those that are no numbers of a family of films.
+#: Scattering numbers that are not parameters of a family of films.
 FACTORS = (LOAD, AMPLIFIER, STRENGTH)
 
-#: Standard deviations beyond which there is no film: a workshop throws it away.
+#: Standard deviations at which the distribution is cut off: a workshop rejects films beyond.
 _FARTHEST = 3.0
-#: Standard deviation of the normal distribution within these, whose own is 1.
+#: Standard deviation of the standard normal distribution when it is cut off there.
 _WIDTH = float(1 - (2 / np.pi) ** 0.5 * _FARTHEST * np.exp(-_FARTHEST**2 / 2)
                / erf(_FARTHEST / 2**0.5)) ** 0.5
 
-#: Most lengths of an outline that scatter each by itself: drawn outlines have hundreds.
+#: Most lengths of an outline that scatter independently: drawn outlines have hundreds.
 _MOST_LENGTHS = 6
-#: Weibull's shape where it is not known. That strengths of films are so distributed, and how they
-#: fall with the area: Taine, Andritsch, Saeedi, Morshuis, Smart Mater. Struct. 32, 105021 (2023),
-#: of silicone, read in its abstract, which has no numbers. So the shape is ours: the library's
-#: sources say that strengths scatter by tens of per cent at most, and 10 makes it 12 %.
+#: Weibull's shape where it is not known. Source for this distribution of the strength of films, and
+#: for its fall with the area: Taine, Andritsch, Saeedi, Morshuis, Smart Mater. Struct. 32, 105021
+#: (2023), on silicone. Only its abstract was read, which has no numbers. So the shape is our
+#: choice: the library's sources say that strengths scatter by tens of per cent at most, and a shape
+#: of 10 gives 12 %.
 _SHAPE_ASSUMED = 10.0
-#: Table of a tolerances file with the bounds that films are to keep.
+#: Table of a tolerances file with the bounds that films must keep.
 _WANT = "want"
-#: Largest default scatter of a length over the gap: of a film of 1 mm nobody cuts 0.1 mm.
+#: Largest default scatter of a length over the gap: a film of 1 mm is not cut with an error of
+#: 0.1 mm.
 _OF_GAP = 0.01
 
 
@@ -99,14 +101,14 @@ class StrengthScatter:
         return float(np.sqrt(second / first**2 - 1))
 
     def median(self, electrode: float) -> float:
-        """Factor on the strength of films with electrodes of some area [m²]."""
+        """Compute the factor on the strength of films with electrodes of some area [m²]."""
         return 1.0 if self.area is None else float((self.area / electrode) ** (1 / self.shape))
 
 
 @checks_types
 @dataclass(frozen=True)
 class Tolerances:
-    """Scatter of a film and its rig, as a tolerances file has it; the rest has its default."""
+    """Scatter of a film and its rig, as in a tolerances file; missing keys have defaults."""
 
     thickness: Annotated[Scatter | None, Key("of the virgin film",
                                              default="the library's, of batches")] = None
@@ -136,7 +138,7 @@ class Tolerances:
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """The tolerances of a TOML file, whose table [want] is that of :func:`asked_bounds`."""
+        """Read the tolerances of a TOML file; :func:`asked_bounds` reads its table [want]."""
         table = Table.read(file, "tolerances")
         rest = {key: value for key, value in table.data.items() if key != _WANT}
         return read(cls, replace(table, data=rest, asked={_WANT}))
@@ -144,9 +146,9 @@ class Tolerances:
 
 def asked_bounds(file: PathLike[str] | str | None, want: Mapping[str, object] | str = ""
                  ) -> tuple[Bound, ...]:
-    """Bounds of the table [want] of a tolerances file, if one is given, and of a question.
+    """Read bounds from the table [want] of a tolerances file, if there is one, and from ``want``.
 
-    What the question says of a quantity takes the place of what the file says of it.
+    For a quantity in ``want`` the file's bounds are ignored.
     """
     of_file = () if file is None else table_bounds(
         Table.read(Path(file), "tolerances").table(_WANT, {}))
@@ -156,9 +158,9 @@ def asked_bounds(file: PathLike[str] | str | None, want: Mapping[str, object] | 
 
 
 def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:
-    """Tolerances that state what the library says of a specimen's film, if they left it out.
+    """Fill in the library's tolerances of a specimen's film where tolerances leave them out.
 
-    A film that is stiffer by a factor is none of the library any more, but scatters as before.
+    A film made stiffer by a factor is no longer in the library, but scatters as before.
     """
     usual = _defaults(specimen)
     known = {name: usual[name][0] for name in ("thickness", "stiffness", "permittivity")
@@ -168,7 +170,7 @@ def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:
 
 @dataclass(frozen=True)
 class ScatterCause:
-    """Numbers that scatter for one reason, each by itself, with one standard deviation.
+    """Numbers that scatter for one reason, independently, with one standard deviation.
 
     ``targets``: names of a family's parameters, or one of :data:`FACTORS`. ``weibull``: the
     distribution where it is not the normal one.
@@ -189,10 +191,10 @@ class ScatterCause:
         return self.name + ", batch" * (self.scope == "batch")
 
     def moved(self, value: Any, shares: Array) -> Array:
-        """A number that scatters, at cumulative shares of the films."""
+        """Compute a scattering number at cumulative shares of the films."""
         if self.weibull is not None:
             return np.asarray(value * (-np.log1p(-shares) / np.log(2)) ** (1 / self.weibull.shape))
-        from scipy.stats import truncnorm  # half a second, also for who draws no films
+        from scipy.stats import truncnorm  # takes half a second; only needed to draw films
 
         change = self.deviation * truncnorm.ppf(shares, -_FARTHEST, _FARTHEST) / _WIDTH
         return np.asarray(value * np.exp(change) if self.relative else value + change)
@@ -200,13 +202,13 @@ class ScatterCause:
 
 def causes(specimen: Specimen, tolerances: Tolerances
            ) -> tuple[tuple[ScatterCause, ...], list[str]]:
-    """All that scatters of a specimen and its rig; sentences about what does not.
+    """Collect everything that scatters of a specimen and its rig; say what does not.
 
     Raises
     ------
     InputError
-        When a number scatters that the specimen has not, or so far that a film cannot be built, or
-        nothing scatters.
+        When a number scatters that the specimen does not have, or so far that a film cannot be
+        built, or nothing scatters.
     """
     found, words = list[ScatterCause](), list[str]()
     usual = _defaults(specimen)
@@ -244,7 +246,7 @@ def _require_films(specimen: Specimen, found: Sequence[ScatterCause]) -> None:
         for cause in lengths:
             for target in cause.targets:
                 value = ends.get(target, at(specimen, target.split(".")))
-                # A small frame is beside a large plate, which is the worst.
+                # A small frame with a large plate is the worst case.
                 end = share if cause.name == "frame" else 1 - share
                 ends[target] = float(cause.moved(value, np.array(end)))
         try:
@@ -258,7 +260,7 @@ def _require_films(specimen: Specimen, found: Sequence[ScatterCause]) -> None:
 
 
 def _targets(specimen: Specimen, name: str) -> tuple[str, ...]:
-    """Names of the numbers that a tolerance is of; none where the specimen has none."""
+    """List the numbers that a tolerance acts on; it is empty where the specimen has none."""
     known, film = varying(specimen), "membrane."
     electrode = specimen.electrode
     if name in ("frame", "plate"):
@@ -281,7 +283,7 @@ def _is_length(specimen: Specimen, path: str) -> bool:
 
 
 def _defaults(specimen: Specimen) -> dict[str, tuple[Any, str, str]]:
-    """Scatter of each number where a file says nothing, or None; its source and reason."""
+    """Find the default scatter of each number, or None; its source and reason."""
     name, most = material_name(specimen.membrane), _OF_GAP * specimen.gap
     known = MATERIALS[name].scatter if name is not None else None
     of_film = dict[str, tuple[Any, str, str]]()

@@ -41,7 +41,7 @@ class GivenTolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class VarianceShare:
-    """Part of the variance that one tolerance makes."""
+    """Part of the variance that one tolerance causes."""
 
     name: Annotated[str, Key("what scatters")]
     scope: Annotated[Literal["film", "batch"], Key("from film to film, or from batch to batch")]
@@ -77,10 +77,10 @@ class Spread:
     counts: Annotated[tuple[int, ...], Key("films in each bin")]
 
 
-#: Standard deviations within which 95 % of a normal distribution are.
+#: Standard deviations that contain 95 % of a normal distribution.
 _Z = 1.959963984540054
 
-#: Number of independent films for a mask of films.
+#: Function that counts independent films for a mask of films.
 Independent = Callable[[Mask], float]
 
 
@@ -94,18 +94,18 @@ class Chance:
 
     @classmethod
     def of(cls, some: Mask, independent: Independent = len) -> Chance:
-        """Share of films, a mask, which know it as well as so many ``independent`` ones do."""
+        """Estimate a share of films from a mask; ``independent`` counts its independent films."""
         share, count = float(some.mean()), independent(some)
         middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
         half = (_Z * (share * (1 - share) / count + _Z**2 / (4 * count**2)) ** 0.5
                 / (1 + _Z**2 / count))
-        # Rounding leaves a little of what is 0 or 1.
+        # Rounding leaves small errors where the limit is 0 or 1.
         return cls(probability=share, low=max(middle - half, 0.0) if share else 0.0,
                    high=min(middle + half, 1.0) if share < 1 else 1.0)
 
     @property
     def text(self) -> str:
-        """Share and limits in per cent, with digits that the limits leave."""
+        """Share and limits in per cent, with the digits that the limits justify."""
         values = [f"{100 * value:.3g}" for value in (self.probability, self.low, self.high)]
         return "{} % ({} to {} %)".format(*values)
 
@@ -138,20 +138,20 @@ class FilmFailure:
     @classmethod
     def of(cls, films: LoadedFilms, lost: Mask, voltage: float,
            independent: Independent = len) -> tuple[FilmFailure, ...]:
-        """Failures of ``lost`` films, a mask, on the way to a nominal voltage; the usual first."""
+        """Classify failures of ``lost`` films, a mask, below a voltage; the most frequent first."""
         met = np.full(len(lost), None, dtype=object)
         met[lost] = films.failures(lost)
         met[met == ""] = UNKNOWN
         found = []
         for kind in (*kinds(), UNKNOWN):
             if (met == kind).any():
-                margin = films.margin if kind in ENDS else 1.0  # that is to be kept to these
+                margin = films.margin if kind in ENDS else 1.0  # the margin applies to these limits
                 found.append(cls(kind=kind, before_V=margin * voltage,
                                  share=Chance.of(met == kind, independent)))
         return tuple(sorted(found, key=lambda failure: -failure.share.probability))
 
 
-#: Kind of a failure of which reduced films know neither state nor limit.
+#: Kind of a failure for which reduced films have neither a state nor a limit.
 UNKNOWN = "unknown"
 
 
@@ -169,7 +169,7 @@ class WantedBound:
     @classmethod
     def of(cls, bound: Bound, kept: Mask, reached: Mask,
            independent: Independent = len) -> WantedBound:
-        """Bound that some films keep, a mask."""
+        """Count the films that keep a bound, from masks."""
         return cls(name=bound.name, sense="at least" if bound.least else "at most",
                    bound=bound.value, unit=bound.quantity.unit,
                    kept=Chance.of(kept, independent),
@@ -177,7 +177,7 @@ class WantedBound:
 
     @property
     def text(self) -> str:
-        """The bound as people read it."""
+        """The bound in words."""
         return Bound(self.name, self.bound, self.sense == "at least").text
 
 
@@ -228,7 +228,7 @@ class ToleranceResult(CaseRecord):
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """A row for each quantity, with the shares that tolerances have in its variance."""
+        """A row for each quantity, with the shares of the tolerances in its variance."""
         rows = []
         for name, spread in self.quantities.items():
             cells = cells_of(spread)

@@ -42,28 +42,28 @@ _FILMS: Rule = (lambda x: 100 <= x <= 1_000_000,
                 "must be a whole number from 100 to 1000000")
 _SEED: Rule = (lambda x: 0 <= x < 2**63, "must be a whole number, 0 or more")
 
-#: Films where their number is not given: quantiles of 5 % are then known to some 0.02 of the
-#: standard deviation.
+#: Default number of films: quantiles of 5 % are then accurate to about 0.02 of the standard
+#: deviation.
 USUAL_FILMS = 10_000
-#: Films whose error is estimated.
+#: Number of films whose error is estimated.
 _CHECKED = 200
-#: Quantiles that are told.
+#: Quantiles of a spread.
 _TOLD = (0.05, 0.5, 0.95)
-#: Share of films that may miss a voltage where the shares of variance are still told.
+#: Largest share of films that miss the voltage with which the variance is divided.
 _MISSED = 0.05
-#: Part of the films whose limits are sought: each takes some five states.
+#: Part of the films whose limits are sought: each needs about five states.
 _LIMITED = 1 / 8
-#: How far above the nominal film's first limit films' limits are sought: with the library's scatter
-#: of VHB, which is large, it is that of 1 film in 300.
+#: Highest voltage at which films' limits are sought, over the nominal film's first limit. With the
+#: library's scatter of VHB, which is large, 1 film in 300 has a limit this high.
 _ABOVE = 1.4
-#: By how much the first limit of the film without scatter may differ from that by finite elements,
-#: relative, before it is worth a word: films scatter by some 5 %.
+#: Relative difference of the first limit of the film without scatter from that by finite elements,
+#: above which there is a warning: films scatter by about 5 %.
 _ASTRAY = 0.01
-#: Share of films without a limit from which on it is worth a word.
+#: Share of films without a limit above which there is a warning.
 _FEW = 0.005
-#: Bins of a histogram.
+#: Largest number of bins of a histogram.
 _BINS = 40
-#: Standard deviation over the value below which films are alike: a computer's rounding.
+#: Standard deviation over the value below which films are equal: rounding errors.
 _ALIKE = 1e-9
 
 
@@ -72,8 +72,8 @@ _ALIKE = 1e-9
 class ToleranceCase:
     """A specimen made to tolerances, under a nominal ``mass`` [kg] and ``voltage`` [V].
 
-    Mass and voltage suit the film where they are not given. ``wanted``: bounds of which is said how
-    many films keep them. About so many ``films`` are drawn, by a ``seed``: their number is a power
+    By default mass and voltage suit the film. ``wanted``: bounds; the result states the share of
+    films that keep them. About ``films`` films are drawn, with a ``seed``: their number is a power
     of two times three more than there are tolerances.
     """
 
@@ -113,7 +113,7 @@ class ToleranceCase:
         return max((bound.value for bound in self.wanted if bound.name == TENSION), default=1.0)
 
     def loaded(self, settings: Settings) -> tuple[float, float]:
-        """Mass and voltage, given or such that they suit the film."""
+        """Find mass and voltage, given or such that they suit the film."""
         mass = self.mass
         if mass is None and self.specimen.plate is None:
             mass = 0.0
@@ -156,9 +156,9 @@ def tolerance(case: ToleranceCase, settings: Settings,
 
 @dataclass(frozen=True, eq=False)
 class SolvedFilms:
-    """Answers of films, the nominal one first, (films,) each.
+    """Results of films, the nominal one first, (films,) each.
 
-    ``values`` of the quantities by their keys, nan of films that do not reach the voltage;
+    ``values`` of the quantities by their keys, nan for films that do not reach the voltage;
     ``missed``: shares by which they miss the wanted bounds.
     """
 
@@ -174,14 +174,14 @@ class SolvedFilms:
         loaded = films.films.loaded(films.loads)
         values = {"deflection_m": loaded * charged, "stroke_m": loaded * (charged - rest),
                   "capacitance_F": states.capacitance[:, 1]}
-        if films.swings:  # a film without plate blocks nothing
+        if films.swings:  # a film without plate has no blocked force
             values |= {"blocked_force_N": films.blocked_force, "frequency_Hz": films.frequency}
         return cls({key: np.where(reached, value, np.nan) for key, value in values.items()},
                    reached, [bound.misses(films) for bound in wanted])
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Answers of all films, block by block."""
+        """Join the results of all films, block by block."""
         values = {key: np.concatenate([part.values[key] for part in parts])
                   for key in SPREAD if key in parts[0].values}
         missed = [np.concatenate(each) for each in zip(*(part.missed for part in parts),
@@ -208,7 +208,7 @@ class DrawnFilms:
     @classmethod
     def of(cls, case: ToleranceCase, found: tuple[ScatterCause, ...], mass: float, voltage: float,
            settings: Settings) -> DrawnFilms:
-        """The films of a case, and their family."""
+        """Draw the films of a case, and make their family."""
         scattered, rig = Scattered(case.specimen, found), case.rig
         design = scattered.design(case.films, case.seed)
         first = first_limit(Case(case.specimen, mass=mass, rig=rig), settings)
@@ -228,29 +228,29 @@ class DrawnFilms:
 
     @property
     def count(self) -> int:
-        """Count of the films beside the nominal one."""
+        """Number of films besides the nominal one."""
         return len(self.films) - 1
 
     def loaded(self, margin: float = 1.0) -> LoadedFilms:
-        """The films under their loads, and what times a margin of the voltage does to them."""
+        """Load the films, at their voltage and at a margin times it."""
         plated = self.case.specimen.plate is not None
         return self.films.under(self.mass, self.voltage, margin, swings=plated)
 
     def solved(self) -> SolvedFilms:
-        """Answers of all films."""
+        """Solve all films."""
         parts = self.loaded(self.case.margin).parts()
         return SolvedFilms.joined([SolvedFilms.of(part, self.case.wanted) for part in parts])
 
     def fails(self, reached: Mask) -> tuple[FilmFailure, ...]:
-        """First limits of the films that do not reach the voltage."""
+        """Find the first limits of the films that do not reach the voltage."""
         films = self.loaded().part(slice(1, None))
         return FilmFailure.of(films, ~reached, self.voltage, self.design.independent)
 
     def wanted(self, solved: SolvedFilms) -> tuple[tuple[WantedBound, ...], Chance | None]:
-        """Films that keep each of the bounds that are wanted, and all together, if there are any.
+        """Count films that keep each wanted bound, and all bounds together, if there are any.
 
-        By the same quantities as of films that are searched for; all but the first limit are those
-        at the voltage, so that a film that does not reach it does not keep them.
+        The quantities are those of a design. All but the first limit are those at the voltage, so a
+        film that does not reach it does not keep them.
         """
         if not self.case.wanted:
             return (), None
@@ -262,7 +262,7 @@ class DrawnFilms:
         return each, Chance.of(np.all([reached, *kept], axis=0), self.design.independent)
 
     def error(self) -> float | None:
-        """Largest estimated error of the deflection of the first films, relative, if any."""
+        """Find the largest estimated relative error of the first films' deflection, if any."""
         films = self.films.part(slice(0, _CHECKED))
         states = self.family.states(films.films, films.forces(self.mass)[:, None],
                                     films.across(self.voltage))
@@ -270,7 +270,7 @@ class DrawnFilms:
         return float(np.nanmax(share)) if np.isfinite(share).any() else None
 
     def excuse(self, solved: SolvedFilms, settings: Settings) -> list[str]:
-        """Why the film without scatter does not reach the voltage, by finite elements."""
+        """Explain by finite elements why the film without scatter does not reach the voltage."""
         if solved.reached[0]:
             return []
         case = Case(self.case.specimen, mass=self.mass, voltage=self.voltage, rig=self.case.rig)
@@ -279,20 +279,20 @@ class DrawnFilms:
                 + "; ".join(found.warnings)]
 
     def spreads(self, solved: SolvedFilms) -> dict[str, Spread]:
-        """Distributions by key; none where hardly any film reaches the voltage."""
+        """Compute distributions by key; none where hardly any film reaches the voltage."""
         if solved.reached[1:].sum() < _BINS:
             return {}
         return {key: self.spread(value, self.design) for key, value in solved.values.items()}
 
     def limits(self) -> Limited:
-        """The first limits of some of the films."""
+        """Find the first limits of some of the films."""
         design, numbers = self.design.part(_LIMITED)
         films = self.films.part(np.append(0, 1 + numbers))
         voltage, kind = films.first_limits(self.mass)
         return Limited(self, design, voltage, kind)
 
     def spread(self, values: AnyArray, design: SaltelliDesign) -> Spread:
-        """Scatter of values of the nominal film and those of a design, nan left out."""
+        """Compute the spread of values of the nominal film and a design's; nan are left out."""
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
         low, median, high = np.quantile(there, _TOLD)
@@ -312,7 +312,7 @@ class DrawnFilms:
 
     def _shares(self, films: AnyArray, design: SaltelliDesign
                 ) -> tuple[tuple[VarianceShare, ...], float, float]:
-        """Shares of the causes, that of all that films of a batch do not share, and the rest."""
+        """Compute the shares of the causes, of all differences in a batch, and of the rest."""
         found = design.shares(films)
         each = zip(self.causes, found.alone, found.total, found.low, found.high, strict=False)
         shares = [VarianceShare(name=cause.name, scope=cause.scope, alone=float(alone),
@@ -337,7 +337,7 @@ class Limited:
         return np.asarray(np.isfinite(self.voltage[1:]))
 
     def record(self) -> FilmLimits:
-        """Record that is stored."""
+        """Make the record that is stored."""
         shares = {kind: float((self._met & (self.kind[1:] == kind)).mean()) for kind in kinds()}
         return FilmLimits(
             films=len(self._met),
@@ -346,7 +346,7 @@ class Limited:
                    if share})
 
     def spread(self) -> dict[str, Spread]:
-        """Distribution by its key; none where more than a few films have no limit."""
+        """Compute its distribution by key; none where more than a few films have no limit."""
         if self._met.mean() < 1 - _MISSED:
             return {}
         values = np.where(np.isfinite(self.voltage), self.voltage, np.nan)
@@ -354,7 +354,7 @@ class Limited:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings that its reader must know."""
+        """Warnings for the reader of the result."""
         highest, missing = self.record().highest_V / 1e3, 1 - self._met.mean()
         if missing <= _FEW:
             return self._astray
@@ -365,9 +365,9 @@ class Limited:
 
     @property
     def _astray(self) -> list[str]:
-        """Warning that the nominal film's limit is not that of finite elements."""
+        """Warning that the nominal film's limit differs from that of finite elements."""
         known, found = self.drawn.first, float(self.voltage[0])
-        # A median strength by the electrode's area is another than the stated one.
+        # By the electrode's area, the median strength may differ from the stated one.
         if known is None or not np.isclose(self.drawn.films.strength[0], 1.0):
             return []
         kind = self.kind[0]

@@ -1,7 +1,7 @@
 """Curve, limits, blocked force, then bands of a view, by a family of reduced films about it.
 
-The family is made in a process of its own, in some seconds, and answers there from then on. What it
-does not hold is left to finite elements.
+The family is made in a process of its own, in some seconds, and then computes the answers there.
+Films outside the family are left to finite elements.
 """
 
 from __future__ import annotations
@@ -30,32 +30,31 @@ from tympan.studies.tolerance.bands import bands, points
 from tympan.studies.tolerance.drawn import Scattered
 from tympan.studies.tolerance.given import Tolerances
 
-#: How far the numbers of the films may be from those of the view, relative: some 20 steps of a
-#: slider. Films farther away would take more shapes than are quick.
+#: Largest relative difference of the films' numbers from those of the view: about 20 steps of a
+#: slider. A wider range would need more shapes, which would take too long.
 _WIDE = 0.2
-#: Highest voltage of the family over that at which the view's film ends: thicker films go so far.
+#: Highest voltage of the family over that at which the view's film ends: enough for thicker films.
 _BEYOND = 1.3
-#: How a family is made: within the digits that are printed, in some seconds. Voltages at which
+#: Settings of a family: within the digits that are printed, in some seconds. Voltages at which
 #: films near an oval lose tension are then off by 8e-4; with an error of 2e-4 it was 1.7e-3.
 _FAMILY = FamilySettings(error=1e-4, rounds=3, checks=12)
-#: How far its process stands behind, as nice counts: behind pictures, before curves of finite
-#: elements.
+#: Nice value of its process: its priority is below that of pictures, and above that of curves of
+#: finite elements.
 _BEHIND = 5
 
 
-#: How long no other view may be asked for before the bands of one are sought [s]: it is the time
-#: after which controls are at rest.
+#: Time without another view before the bands of a view are sought [s]: controls are then at rest.
 _REST = 0.15
 #: Voltages at which a curve has bands, evenly in U²: edges bend most where the film ends.
 _VOLTAGES = 9
-#: Parts in which films of a band are computed; it is shown after each. The first 64 films of 512
-#: tell its edges to some 15 % of its width, all of them to 5 %.
+#: Parts in which films of a band are computed; the band is shown after each. The first 64 films of
+#: 512 give its edges to about 15 % of its width, all of them to 5 %.
 _PARTS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class QuickCurve:
-    """Answer of a family to a view; ``curve`` is None where it holds no such film."""
+    """Answer of a family to a view; ``curve`` is None where the family has no such film."""
 
     view: FilmView
     curve: FollowedCurve | None = None
@@ -66,7 +65,8 @@ class QuickCurve:
 class Neighbours:
     """Films about a ``view`` and loads up to a ``mass`` [kg] and a nominal ``voltage`` [V].
 
-    Views are within ``reach``; all films, those that scatter about a view too, within ``box``.
+    Views are within ``reach``. All films, including those that scatter about a view, are within
+    ``box``.
     """
 
     view: FilmView
@@ -80,10 +80,10 @@ class Neighbours:
     @classmethod
     def of(cls, view: FilmView, voltage: float, tolerances: Tolerances | None = None
            ) -> Neighbours | None:
-        """Those of a film that ends at a voltage; None where none can be reduced.
+        """Choose the neighbours of a film that ends at a voltage; None where none can be reduced.
 
-        Numbers that are 0 stay, if they do not scatter: most are offsets, which take the film its
-        mirror planes.
+        Numbers that are 0 are not varied, if they do not scatter: most are offsets, which remove
+        the film's mirror planes.
         """
         try:
             require_reducible(view.specimen, view.rig)
@@ -96,7 +96,7 @@ class Neighbours:
                 box = Scattered.of(view.specimen, tolerances).box(limits, generous=True)
         except InputError:
             return None
-        # A line of the electrode within the film may give way by itself.
+        # At an electrode's edge within the film, the film may become unstable in itself.
         if not view.specimen.electrode.everywhere:
             return None
         mass = next(control for control in controls(view) if control.key == "mass")
@@ -104,7 +104,7 @@ class Neighbours:
                    tolerances=tolerances)
 
     def row(self, view: FilmView) -> Array | None:
-        """The parameters of a view, (names,), None where it is none of these films."""
+        """Compute the parameters of a view, (names,); None where it is not one of these films."""
         base = self.view.specimen
         if view.rig != self.view.rig or not 0 <= view.mass <= self.mass:
             return None
@@ -117,7 +117,7 @@ class Neighbours:
         return row if same == base and self.reach.holds(inner[None])[0] else None
 
     def family(self) -> FilmFamily | None:
-        """The family of these films; None where it cannot be made."""
+        """Make the family of these films; None where it cannot be made."""
         scattered = Scattered.of(self.view.specimen, self.tolerances)
         try:
             return scattered.family(self.box, (0.0, self.mass), self.voltage, self.view.rig,
@@ -135,7 +135,7 @@ class _Scatter:
     curve: Bands | None = None
 
     def bands(self, view: FilmView, row: Array, end: float) -> Iterator[Bands | Pause]:
-        """Bands of a view's numbers and of its curve to an end [V]; of ever more films."""
+        """Yield bands of a view's numbers and of its curve to an end [V], from ever more films."""
         yield Pause(_REST)
         film = replace(view, voltage=0.0)
         known = self.curve if self.curve is not None and self.curve.view == film else None
@@ -160,7 +160,7 @@ class _Scatter:
 
 
 def _growing(films: Population, mass: float, voltages: Array) -> Iterator[dict[str, Array]]:
-    """Numbers of ever more films at some voltages [V]; the first is the one without scatter."""
+    """Yield numbers of ever more films at some voltages [V]; the first has no scatter."""
     solved: list[dict[str, Array]] = []
     for some in np.array_split(np.arange(1, len(films)), _PARTS):
         found = films.part(np.append(0, some)).numbers(mass, voltages)
@@ -169,13 +169,13 @@ def _growing(films: Population, mass: float, voltages: Array) -> Iterator[dict[s
 
 
 def quick_answers(films: Neighbours) -> Answer:
-    """Answers to views by a family, in its own process."""
+    """Answer views by a family, in its own process."""
     os.nice(_BEHIND)
     return by_family(films)
 
 
 def by_family(films: Neighbours) -> Answer:
-    """Answers to views by a family, once that is made."""
+    """Answer views by a family, once it is made."""
     family = films.family()
     last: list[tuple[FilmView, Array | None, FamilyRise | None]] = []
     scatter = None
@@ -211,7 +211,7 @@ def _quick(view: FilmView, family: FilmFamily, row: Array, risen: FamilyRise) ->
 
 
 def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
-    """The curve of a view as :func:`tympan.studies.limits.curve` gives it, to its end here."""
+    """Make a view's curve like :func:`tympan.studies.limits.curve`, to the family's end."""
     rig, mass = view.rig, view.mass
     nominal = [rig.shown_voltage(squared**0.5) for squared in risen.squared.tolist()]
     limits = Limits({kind: Limit(

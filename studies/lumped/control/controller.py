@@ -20,11 +20,11 @@ from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest, squared_at
 from tympan.studies.lumped.export.c_source import identifier
 
-#: Degrees of the inverse that are tried.
+#: Degrees of the inverse, tried in this order.
 _DEGREES = (4, 6, 8, 12, 16, 24)
-#: Error of the inverse over the highest voltage squared: far below what films scatter.
+#: Error of the inverse over the highest voltage squared: far below the spread between films.
 _FINE = 1e-6
-#: Deflections between which the error of the inverse is looked for.
+#: Number of deflections at which the error of the inverse is checked.
 _BETWEEN = 400
 
 
@@ -39,7 +39,7 @@ class StaticInverse:
 
     @classmethod
     def of(cls, actuator: Actuator, supply: float) -> StaticInverse:
-        """The inverse from 0 to a supply's voltage [V].
+        """Fit the inverse from 0 to a supply's voltage [V].
 
         Raises
         ------
@@ -63,7 +63,7 @@ class StaticInverse:
                       f"{supply / 1e3:g} kV: choose a lower --supply")
 
     def squared(self, deflection: Any) -> Any:
-        """U² [V²] that holds a deflection [m] at rest; by Clenshaw's rule, as the C has it."""
+        """Compute U² [V²] that holds a deflection [m] at rest, by Clenshaw's rule as in the C."""
         t = (2 * deflection - self.lowest_m - self.highest_m) / (self.highest_m - self.lowest_m)
         after = before = 0.0 * t
         for coefficient in self.coefficients_V2[:0:-1]:
@@ -73,7 +73,7 @@ class StaticInverse:
 
 Rows = tuple[tuple[float, ...], ...]
 
-#: How a controller is designed.
+#: Design method of a controller.
 Method = Literal["pi", "lqg"]
 
 
@@ -81,8 +81,8 @@ Method = Literal["pi", "lqg"]
 class LinearLaw:
     """v = C s + D (r, y) and s⁺ = A s + B (r, y) + G (v' − v), once a sampling interval.
 
-    Memory s, wanted deflection r, reading y, deflection at rest v that is asked for, and v' within
-    what the supply can hold.
+    s is the memory, r the wanted deflection, y the reading, v the requested deflection at rest,
+    and v' its value limited to what the supply can hold.
     """
 
     a: Annotated[Rows, Key("A, by rows")]
@@ -94,7 +94,7 @@ class LinearLaw:
 
     @classmethod
     def of(cls, a: Array, b: Array, c: Array, d: Array, g: Array, rest: Array) -> LinearLaw:
-        """A law of arrays."""
+        """Make a law from arrays."""
         return cls(**{name: _plain(part.tolist()) for name, part in (
             ("a", a), ("b", b), ("c", c), ("d", d), ("g", g), ("rest", rest))})
 
@@ -104,7 +104,7 @@ class LinearLaw:
         return tuple(np.array(part) for part in (self.a, self.b, self.c, self.d, self.g))
 
     def response(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """v/y at points of the z-plane."""
+        """Compute the transfer function v/y at points of the z-plane."""
         a, b, c, d, _ = self.arrays
         inner = np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a,
                                 np.broadcast_to(b[:, 1:], (len(z), len(a), 1)))
@@ -115,9 +115,9 @@ class LinearLaw:
 class Controller:
     """Voltage from a wanted and a read deflection, once a sampling interval.
 
-    The controller asks for a deflection at rest, and the static inverse tells its voltage: so the
-    loop has the same gain at rest at any deflection. Beyond the supply it is cut, and the memory
-    is what it then must have been.
+    The controller asks for a deflection at rest, and the static inverse gives its voltage. So the
+    loop has the same static gain at any deflection. The voltage is limited to the supply's. The
+    memory then takes the value that fits the limited voltage.
     """
 
     inverse: Annotated[StaticInverse, Key("voltage squared by deflection at rest")]
@@ -134,9 +134,10 @@ class Controller:
     @classmethod
     def pi(cls, inverse: StaticInverse, supply: float, interval: float, lag: float,
            proportional: float, integral: float) -> Controller:
-        """y = r + K_p e + K_i ∫ e dt; both r and reading pass two equal lags [s].
+        """Make a PI controller: y = r + K_p e + K_i ∫ e dt.
 
-        So the plate's swing is neither excited nor answered.
+        Both r and the reading pass two equal lags [s]. So the plate's swing is neither excited nor
+        fed back.
         """
         share = _share(interval, lag)
         # Rows over memory (two lags of either, the integral) and inputs (r, reading).
@@ -156,7 +157,7 @@ class Controller:
                    filter_s=lag, proportional=proportional, integral_per_s=integral, law=law)
 
     def c_source(self, name: str) -> str:
-        """The same as functions of C99, named after a specimen."""
+        """Write the controller as C99 functions, named after a specimen."""
         text = resources.files("tympan.studies.lumped.control").joinpath("source.txt")
         inverse, law = self.inverse, self.law
         parts = {key: ", ".join(map(repr, np.ravel(getattr(law, key)).tolist()))
@@ -168,12 +169,12 @@ class Controller:
             supply=repr(float(self.supply_V)))
 
     def resting(self, reference: Any, reading: Any) -> Array:
-        """Memory after a long rest at deflections [m] of any shape, (…, size)."""
+        """Compute the memory after a long rest at deflections [m] of any shape, (…, size)."""
         inputs = np.stack(np.broadcast_arrays(reference, reading), axis=-1)
         return np.asarray(inputs @ np.array(self.law.rest).T)
 
     def voltage(self, memory: Array, reference: Any, reading: Any) -> tuple[Any, Array]:
-        """Voltage [V] until the next sample, and the memory then; deflections [m], of any shape."""
+        """Compute the voltage [V] until the next sample and the next memory; deflections [m]."""
         a, b, c, d, g = self.law.arrays
         inputs = np.stack(np.broadcast_arrays(reference, reading), axis=-1)
         asked = memory @ c + inputs @ d
@@ -182,7 +183,7 @@ class Controller:
         return voltage, memory @ a.T + inputs @ b.T + (given - asked)[..., None] * g
 
 
-#: A controller that lacks the inverse of the static curve, and the supply [V].
+#: Controller design that still needs the inverse of the static curve and the supply [V].
 Made = Callable[[StaticInverse, float], Controller]
 
 
@@ -191,5 +192,5 @@ def _plain(values: Any) -> Any:
 
 
 def _share(interval: float, lag: float) -> float:
-    """Share of the remaining way that a lag takes in an interval."""
+    """Compute the share of the remaining way that a lag covers in an interval."""
     return float(-np.expm1(-interval / lag)) if lag else 1.0

@@ -1,7 +1,7 @@
-"""A PI controller for a lumped model: most integral gain at a bounded sensitivity.
+"""A PI controller for a lumped model: highest integral gain at a bounded sensitivity.
 
-As Åström and Hägglund design PI controllers (*Advanced PID Control*, 2006, §7.3: the integral gain
-is the inverse of what a slow disturbance leaves behind), here over the whole range of deflections.
+The design follows Åström and Hägglund (*Advanced PID Control*, 2006, §7.3: the integral gain is the
+inverse of the integrated error after a slow disturbance), here over the whole range of deflections.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from tympan.studies.lumped.control.lqg import best_lqg
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.lumped.linear import Linear, linearise
 
-#: Voltages of the range about which the model is linearised.
+#: Number of voltages of the range about which the model is linearised.
 _RESTS = 9
-#: Largest sensitivity: a gain margin of 2.7 and a phase margin of 36° at least (Åström, Hägglund:
-#: 1.4 to 2).
+#: Largest sensitivity: it ensures a gain margin of at least 2.7 and a phase margin of at least 36°
+#: (Åström, Hägglund: 1.4 to 2).
 SENSITIVITY = 1.6
-#: Times of the lags over that of the swing's radian that are tried, besides none. The longest
-#: leaves 6 % of a swing; longer ones only slow the loop.
+#: Times of the lags to try, over the time of one radian of the swing; 0 is tried as well. The
+#: longest leaves 6 % of a swing; longer lags only slow the loop.
 _LAGS = np.geomspace(0.25, 4.0, 20)
-#: Ratios K_p/K_i that are tried [s], over the swing's time.
+#: Ratios K_p/K_i [s] to try, over the swing's time.
 _RATIOS = np.append(0.0, np.geomspace(0.05, 500.0, 20))
-#: Integral gains that are tried, over the swing's frequency: a step is 8 %.
+#: Integral gains to try, over the swing's frequency. One step is 8 %.
 _GAINS = np.geomspace(1e-4, 1e2, 180)
 
 
 @dataclass(frozen=True, eq=False)
 class ControllerDesign:
-    """A controller with what it was designed on: the plant about rests over the range."""
+    """A controller and the linearised plants over the range that it was designed on."""
 
     controller: Controller
     plants: tuple[SampledLoop, ...]
@@ -51,17 +51,18 @@ class ControllerDesign:
     sensor_lag: float
 
     def loops(self) -> tuple[list[Complex], Array]:
-        """Open loops, and their frequencies [rad/s]."""
+        """Compute the open loops at their frequencies [rad/s]."""
         omega = frequencies(self.controller.interval_s)
         z = np.exp(1j * omega * self.controller.interval_s)
         shape = -self.controller.law.response(z)
         return [shape * plant.response(z) for plant in self.plants], omega
 
     def largest_pole(self, films: Actuator) -> Array:
-        """Largest pole of the sampled loop of each of an array of films; below 1 it is stable.
+        """Find the largest pole of each film's sampled loop; below 1 the loop is stable.
 
-        At the voltages about which the model was linearised; at those where a film has no rest the
-        others count, and one without any rest is unstable.
+        The films are an array. The poles are taken at the voltages about which the model was
+        linearised. A film without an equilibrium at a voltage is judged at the other voltages. A
+        film without any equilibrium is unstable.
         """
         largest = np.zeros(films.flat.shape)
         for linear in self.linear:
@@ -77,22 +78,22 @@ class ControllerDesign:
 
     @property
     def margins(self) -> RunMargins:
-        """The worst over the range."""
+        """The worst margins over the range."""
         return RunMargins.of(*self.loops())
 
 
 def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0,
            method: Method = "pi") -> ControllerDesign:
-    """The controller of an actuator from 0 to a supply's voltage [V], sampled each interval [s].
+    """Design an actuator's controller from 0 to a supply's voltage [V], sampled each interval [s].
 
     ``sensor_lag``: time of the sensor's lag [s].
 
     Raises
     ------
     Failure
-        Where no gain that is tried is stable over the range.
+        Where none of the gains tried is stable over the range.
     """
-    # Driven by U², which has an effect without voltage, too.
+    # The input is U², which has an effect at 0 V too.
     linear = [linearise(actuator, float(voltage), by="U2")
               for voltage in np.linspace(0.0, supply, _RESTS)]
     plants = tuple(SampledLoop.of(each.a, each.b / each.gain, interval, sensor_lag)
@@ -108,7 +109,7 @@ def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float
 
 
 def _pi(plants: Sequence[SampledLoop], swing: float) -> Made | None:
-    """Lags, ratio K_p/K_i and gain of plants with a swing [rad/s]; None where none is stable."""
+    """Find lags, K_p/K_i and gain for plants with a swing [rad/s]; None where none is stable."""
     interval = plants[0].interval
     z = np.exp(1j * frequencies(interval)[::3] * interval)
     responses = np.array([plant.response(z) for plant in plants])
@@ -127,9 +128,9 @@ def _pi(plants: Sequence[SampledLoop], swing: float) -> Made | None:
 
 
 def _highest_gain(loops: Complex, gains: Array) -> float:
-    """The last of ascending gains up to which 1 + L stays away from 0 in all loops.
+    """Find the last of ascending gains up to which 1 + L stays away from 0 in all loops.
 
-    Without gain the loop is stable, and it stays so as long as L does not pass −1.
+    Without gain the loop is stable, and it stays stable as long as L does not pass −1.
     """
     least = np.array([np.abs(1 + gain * loops).min() for gain in gains])
     bad = np.flatnonzero(least < 1 / SENSITIVITY)

@@ -14,7 +14,7 @@ from tympan.studies.sense.inverse import Inverse
 
 def write_controller_fmu(folder: Path, title: str, controller: Controller,
                          sensed: Inverse | None) -> None:
-    """Write ``TITLE-control.fmu``, with deflection by capacitance where that is ``sensed``.
+    """Write ``TITLE-control.fmu``; where capacitance is ``sensed``, it computes the deflection.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def write_controller_fmu(folder: Path, title: str, controller: Controller,
     template = resources.files("tympan.studies.lumped.control").joinpath("fmu.txt")
     part = Template(template.read_text(encoding="utf-8")).substitute(
         name=name, interval=repr(controller.interval_s), reading=reading)
-    # Value references as in the C.
+    # The value references are those of the C code.
     variables = (Variable("wanted_deflection", "input", start=0),
                  Variable(measured, "input", start=0),
                  Variable("voltage", "output", "discrete"))

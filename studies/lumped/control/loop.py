@@ -1,4 +1,4 @@
-"""The loop of a controller and small motions about a rest, sampled: response, margins, poles."""
+"""The sampled loop of a controller and small motions about a rest: response, margins, poles."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tympan.studies.lumped.control.controller import LinearLaw
 
 Complex = NDArray[np.complex128]
 
-#: Frequencies of a response, over which a swing of 1 % damping is resolved to a hundredth.
+#: Number of frequencies of a response. They resolve a swing of 1 % damping to a hundredth.
 _FREQUENCIES = 1500
-#: Lowest frequency over the sampling's highest: far below any creep.
+#: Lowest frequency over the highest that the sampling allows: far below any creep.
 _LOWEST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """A plant about a rest, x⁺ = A x + b v, y = c x, once an interval [s]; or an array of them.
+    """A plant about a rest, x⁺ = A x + b v, y = c x, once an interval [s]; or an array of plants.
 
-    v is the deflection at rest that the voltage is for [m], so that y = v at rest.
+    v is the deflection [m] at rest under the applied voltage, so that y = v at rest.
     """
 
     a: Array
@@ -34,7 +34,7 @@ class SampledLoop:
 
     @classmethod
     def of(cls, a: Array, b: Array, interval: float, sensor_lag: float = 0.0) -> SampledLoop:
-        """Small motions ẋ = A x + b v, the voltage held between samples, a sensor's lag [s]."""
+        """Sample small motions ẋ = A x + b v with a sensor's lag [s]; samples hold the voltage."""
         seen = 0
         if sensor_lag:
             seen = a.shape[-1]
@@ -48,7 +48,7 @@ class SampledLoop:
         return cls(passed[..., :-1, :-1], passed[..., :-1, -1:], np.eye(size)[[seen]], interval)
 
     def response(self, z: Complex) -> Complex:
-        """y/v at points of the z-plane."""
+        """Compute the transfer function y/v at points of the z-plane."""
         size = len(self.a)
         matrices = z[:, None, None] * np.eye(size) - self.a
         return np.asarray((self.c @ np.linalg.solve(matrices, np.broadcast_to(
@@ -56,12 +56,12 @@ class SampledLoop:
 
 
 def frequencies(interval: float) -> Array:
-    """Frequencies [rad/s] up to the sampling's highest."""
+    """Space frequencies [rad/s] up to the sampling's highest."""
     return np.geomspace(_LOWEST, 1.0, _FREQUENCIES) * np.pi / interval
 
 
 def closed_poles(plant: SampledLoop, law: LinearLaw) -> Array:
-    """Sizes of the poles of a plant, or of an array of them, that a law drives."""
+    """Compute the magnitudes of the closed loop's poles, for one plant or an array of plants."""
     a, b, c, d, _ = law.arrays
     b, size, shape = b[:, 1:], len(a), plant.a.shape[:-2]
     loop = np.block([
@@ -73,10 +73,11 @@ def closed_poles(plant: SampledLoop, law: LinearLaw) -> Array:
 
 @dataclass(frozen=True)
 class RunMargins:
-    """Margins of loops, of each the worst.
+    """Margins of loops: the worst of each.
 
-    ``gain``: by which factor the loop's gain may grow; ``phase`` [°]; ``delay`` [s] that may be
-    added; ``sensitivity``: largest |1/(1 + L)|. Infinite where there is no limit.
+    ``gain`` is the factor by which the loop's gain may grow, ``phase`` [°] the phase margin,
+    ``delay`` [s] the delay that may be added, ``sensitivity`` the largest |1/(1 + L)|. A margin
+    without a limit is infinite.
     """
 
     gain: float
@@ -86,7 +87,7 @@ class RunMargins:
 
     @classmethod
     def of(cls, loops: Sequence[Complex], omega: Array) -> RunMargins:
-        """Margins of open loops L at frequencies [rad/s]."""
+        """Compute the margins of open loops L at frequencies [rad/s]."""
         found = np.array([cls._one(loop, omega) for loop in loops])
         gain, phase, delay = found[:, :3].min(axis=0).tolist()
         return cls(gain, phase, delay, float(found[:, 3].max()))

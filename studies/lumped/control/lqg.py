@@ -1,7 +1,7 @@
 """LQG for a lumped model: a Kalman filter and a linear quadratic regulator, with integral action.
 
-The filter also estimates a deflection that is added to what is asked for and walks at random: what
-it finds there the regulator takes off, so that no error remains (Åström and Wittenmark,
+The filter also estimates a deflection that is added to the requested one and walks at random. The
+regulator subtracts this estimate, so that no error remains (Åström and Wittenmark,
 *Computer-Controlled Systems*, 1997, §11.4 and §4.5).
 """
 
@@ -18,20 +18,21 @@ from tympan.base.errors import InputError
 from tympan.studies.lumped.control.controller import Controller, LinearLaw, Made
 from tympan.studies.lumped.control.loop import SampledLoop, closed_poles, frequencies
 
-#: Weights of what is asked for, over that of the deflection's error, that are tried.
+#: Weights of the requested deflection to try, over the weight of the deflection's error.
 _WEIGHTS = np.geomspace(1e-2, 1e2, 7)
-#: Variances of what disturbs the plate anew each sample, over that of the reading, that are tried.
+#: Variances to try of the disturbance that acts on the plate at each sample, over the reading's.
 _SHAKEN = np.geomspace(1e-4, 1e2, 7)
-#: Variances of the random walk's steps, over that of the reading, that are tried.
+#: Variances of the random walk's steps to try, over the reading's variance.
 _WALKS = np.geomspace(1e-7, 1e0, 15)
-#: One of so many frequencies is looked at in the search.
+#: Step through the frequencies in the search: it checks every fifth one.
 _COARSE = 5
 
 
 def best_lqg(plants: Sequence[SampledLoop], sensitivity: float) -> Made | None:
-    """The LQG controller of the middle plant with most integral gain on all plants.
+    """Find the LQG controller of the middle plant with most integral gain on all plants.
 
-    All loops must be stable, and their sensitivity at most as given; None where none is.
+    All loops must be stable, and their sensitivity at most as given. None where no controller
+    meets both.
     """
     model, interval = plants[len(plants) // 2], plants[0].interval
     omega = frequencies(interval)[::_COARSE]
@@ -43,7 +44,7 @@ def best_lqg(plants: Sequence[SampledLoop], sensitivity: float) -> Made | None:
     for regulator, (moved, walked) in product(regulators, filters):
         law = _law(model, regulator, moved, walked)
         shape = -law.response(z)
-        # Of a slow error: K_i T/(1 − 1/z).
+        # The gain of a slow error is K_i T/(1 − 1/z).
         integral = float(np.abs(shape[0] * (1 - 1 / z[0])) / interval)
         if integral <= gain or np.abs(1 + shape * responses).min() < 1 / sensitivity:
             continue
@@ -57,14 +58,14 @@ def best_lqg(plants: Sequence[SampledLoop], sensitivity: float) -> Made | None:
 
 
 def _regulator(plant: SampledLoop, weight: float) -> Array:
-    """Gain K of v = −K x that is best for y² + weight v², shape (1, size)."""
+    """Compute the gain K of v = −K x that minimises y² + weight v², shape (1, size)."""
     a, b = plant.a, plant.b
     left = solve_discrete_are(a, b, plant.c.T @ plant.c, np.array([[weight]]))
     return np.asarray(np.linalg.solve(weight + b.T @ left @ b, b.T @ left @ a))
 
 
 def _filter(plant: SampledLoop, shaken: float, walk: float) -> tuple[Array, float]:
-    """Gains of a Kalman filter: of the state, shape (size, 1), and of the random walk."""
+    """Compute a Kalman filter's gains: of the state, shape (size, 1), and of the random walk."""
     size = len(plant.a)
     a, noise, c = np.eye(size + 1), np.zeros((size + 1, size + 1)), np.zeros((1, size + 1))
     a[:-1, :-1], a[:-1, -1:], c[0, :-1] = plant.a, plant.b, plant.c[0]
@@ -78,7 +79,7 @@ def _filter(plant: SampledLoop, shaken: float, walk: float) -> tuple[Array, floa
 
 
 def _law(plant: SampledLoop, regulator: Array, moved: Array, walked: float) -> LinearLaw:
-    """Filter and regulator as one law; its memory is the state and the walk that are foreseen."""
+    """Join filter and regulator in one law; its memory is the predicted state and walk."""
     a, b, c, size = plant.a, plant.b, plant.c, len(plant.a)
     still = np.linalg.solve(np.eye(size) - a, b)  # the state at rest per deflection
     feed = float(1 + (regulator @ still)[0, 0])

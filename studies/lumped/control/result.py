@@ -18,7 +18,7 @@ from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.sense.inverse import Inverse
 from tympan.tables.column import Column
 
-#: Columns of control.csv: the run, and beside it the same without feedback.
+#: Columns of control.csv: the run with feedback, and the run without feedback.
 COLUMNS: tuple[Column, ...] = (
     Column.labels("specimen"),
     Column("t", "s"),
@@ -29,7 +29,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("open_voltage", "kV"),
 )
 
-#: What keeps a step from being quicker.
+#: Limit of a step's speed.
 ControlLimit = Literal["supply", "swing", "creep", "sampling"]
 
 
@@ -60,7 +60,7 @@ class ControlStep:
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """A mass that is put on the plate and stays, while the wanted deflection does."""
+    """A mass that is put on the plate and stays there, at a constant wanted deflection."""
 
     mass_kg: Annotated[float, Key("mass that is put on")]
     open_m: Annotated[float, Key("deflection by it at rest without feedback")]
@@ -82,7 +82,7 @@ class LoopMargins:
 
 @dataclass(frozen=True, kw_only=True)
 class ControlledFilms:
-    """Films that differ from the one of the design, under its controller.
+    """Films that differ from the film of the design, under its controller.
 
     Standard deviations: 10 % of stiffness and of permittivity, 5 % of the mass, 20 % of each
     viscous constant.
@@ -95,9 +95,9 @@ class ControlledFilms:
 
 @dataclass(frozen=True, kw_only=True)
 class ControlledFilm:
-    """One actuator with its controller, and what limits it.
+    """One actuator with its controller, and the limits of its speed.
 
-    Pairs are without voltage and at the supply's.
+    Pairs hold the value without voltage and the value at the supply's voltage.
     """
 
     specimen: Annotated[str, Key("name of the specimen")]
@@ -124,15 +124,15 @@ class ControlledFilm:
 
     @property
     def at_once(self) -> float:
-        """Share of the deflection by a small voltage that comes at once, and so swings."""
+        """Share of a small voltage's deflection that comes at once, and therefore swings."""
         return 1 - self.creep_share[0]
 
     @property
     def swing_allows(self) -> float:
-        """2 ζ ω over the share at once, without voltage [1/s]: what the integral gain goes with.
+        """2 ζ ω over the share at once, without voltage [1/s]: the integral gain grows with it.
 
-        At the swing the loop is K_i/ω times the height of the resonance, share/(2 ζ), which must
-        stay away from −1. The swing is damped least without voltage.
+        At the swing's frequency the loop is K_i/ω times the height of the resonance,
+        share/(2 ζ), which must stay away from −1. The swing is damped least without voltage.
         """
         return 4 * np.pi * self.swing_Hz[0] * self.damping_ratio[0] / self.at_once
 
@@ -144,9 +144,9 @@ class ControlledFilm:
 
 @dataclass(frozen=True, eq=False)
 class ControlResult:
-    """Closed loops of actuators beside each other.
+    """Closed loops of several actuators.
 
-    ``fmu``: the controllers are stored as FMUs, too.
+    ``fmu``: the controllers are also stored as FMUs.
     """
 
     films: tuple[ControlledFilm, ...]
@@ -159,14 +159,14 @@ class ControlResult:
                 for film in self.films for step in film.steps]
 
     def json(self) -> dict[str, Any]:
-        """Closed loops as a JSON object, without samples."""
+        """Convert the closed loops to a JSON object, without samples."""
         return {"films": to_json(self.films)}
 
     def save(self, folder: Path) -> None:
         """Write control.csv, each ``NAME-control.c``, and the numbers last, control.json.
 
-        Where capacitance is read, ``NAME-sensed.c`` tells the deflection from it. With ``fmu`` also
-        ``NAME-control.fmu``.
+        Where capacitance is read, ``NAME-sensed.c`` computes the deflection from it. With ``fmu``
+        ``NAME-control.fmu`` is written as well.
         """
         remove(folder, "control.json",
                *(f"{film.specimen}-control.fmu" for film in self.films))
@@ -183,14 +183,14 @@ class ControlResult:
         write_json(folder / "control.json", self.json())
 
     def as_stored(self) -> ControlResult:
-        """The result with the digits of its file."""
+        """Round the result to the digits of its file."""
         return replace(self, films=tuple(
             replace(film, samples=pd.DataFrame(as_written(COLUMNS, film.samples)))
             for film in self.films))
 
     @classmethod
     def load(cls, folder: Path) -> ControlResult:
-        """Load a saved result; what is missing or damaged is an InputError."""
+        """Load a saved result; a missing or damaged file is an InputError."""
         file = folder / "control.json"
         films = from_json(tuple[ControlledFilm, ...], dict(read_json(file)).get("films"), file,
                           "films")

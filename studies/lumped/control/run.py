@@ -1,4 +1,4 @@
-"""A controller run against a film, beside the same film without feedback."""
+"""A controller run against a film, and the same film without feedback for comparison."""
 
 from __future__ import annotations
 
@@ -41,36 +41,37 @@ from tympan.studies.sense.inverse import SampledCurve as CapacitanceCurve
 from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import sample_count
 
-#: Share of a step within which it has settled.
+#: Band of a settled step, over the step's height.
 WITHIN = 0.02
-#: Share of the settling time that the supply must need at least to limit it.
+#: Smallest share of the settling time for which the supply must be needed, to count as the limit.
 _NEEDED = 0.5
-#: Samples of a settling that are too few to shape it.
+#: Number of samples below which a settling is limited by the sampling.
 _FEW = 10
-#: A step of the wanted deflection over the travel that is worth a row.
+#: Smallest step of the wanted deflection that gets a row, over the travel.
 _STEP = 1e-3
-#: Mass that is put on the plate over that which is on it: in steps of the weight as films differ.
+#: Mass that is put on the plate, over the moving mass: about the spread of the weight between
+#: films.
 _DISTURBED = 0.05
-#: Scattered films on which the loop is tried.
+#: Number of random films on which the loop is tried.
 _FILMS = 1000
-#: Standard deviation of their stiffness and permittivity: a workshop's films differ so.
+#: Standard deviation of their stiffness and permittivity: the usual spread in a workshop.
 _FILM_SCATTER = 0.1
-#: That of their mass: weights of one set and glue.
+#: Standard deviation of their mass: weights of one set and glue.
 _MASS_SCATTER = 0.05
-#: That of their viscous constants, which are known least.
+#: Standard deviation of their viscous constants, which are the least known.
 _VISCOUS_SCATTER = 0.2
-#: Times in which a swing falls by a factor e that a disturbance is followed: to 1e-4.
+#: Duration of a disturbance's run, over the time in which a swing falls by a factor e: to 1e-4.
 _DECAYS = 10.0
-#: Samples for which a disturbance is followed at most: some seconds of computing.
+#: Most samples of a disturbance's run: some seconds of computing.
 _LONGEST = 20_000
 
 
-#: Deflections up to which capacitance is known, over the highest at rest: what swings goes further.
+#: Largest deflection with known capacitance, over the highest at rest: a swing overshoots the rest.
 _SENSED = 1.5
-#: Capacitances of the curve from which deflection is told; every other one judges.
+#: Capacitances of the curve that the deflection is computed from; every other one tests the fit.
 _CAPACITANCES = 401
 
-#: What a sensor reads.
+#: Quantity that a sensor reads.
 Measured = Literal["deflection", "capacitance"]
 
 
@@ -103,11 +104,11 @@ class ControlSettings:
 
     @property
     def usual_high(self) -> float:
-        """Upper end of a signal that states none [V]: the supply has as much left above it."""
+        """Default upper end of a signal [V]: as much of the supply is left above it."""
         return self.supply / 2
 
     def lag(self, rig: Rig) -> float:
-        """Time by which the sensor lags on a rig [s]."""
+        """Find the time by which the sensor lags on a rig [s]."""
         return rig.sensor_lag if self.sensor_lag is None else self.sensor_lag
 
 
@@ -119,7 +120,7 @@ class Sensor:
     reading: Any
 
     def after(self, before: Any, now: Any, duration: float) -> Sensor:
-        """The reading after the deflection went straight from one value to another."""
+        """Compute the reading after the deflection moved linearly from one value to another."""
         if not self.lag:
             return replace(self, reading=now)
         behind = (now - before) / duration * self.lag
@@ -131,7 +132,7 @@ class Sensor:
 class LoopRun:
     """Samples of a loop: deflections [m] and voltages [V] at times [s], (times, …).
 
-    ``plants`` as they were at the samples that were to be kept.
+    ``plants`` holds the plants at the requested samples.
     """
 
     time: Array
@@ -144,16 +145,17 @@ class LoopRun:
 def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Array,
                 sensor_lag: float = 0.0, progress: ShareDone = lambda share: None,
                 keep: Container[int] = (), sensed: Inverse | None = None) -> LoopRun:
-    """A plant that begins at rest, at each sample's wanted deflection [m], and ``before`` them.
+    """Run a controller on a plant that begins at rest, with a wanted deflection [m] per sample.
 
-    The voltage of a sample holds until the next. ``keep``: samples at which the plant is kept.
-    ``sensed``: deflection by capacitance, where that is what is read.
+    ``before`` is the wanted deflection before the first sample. The voltage of a sample holds until
+    the next. ``keep`` lists the samples at which the plant is kept. ``sensed`` computes the
+    deflection from the capacitance, where the sensor reads capacitance.
     """
     def read(plant: Plant) -> Any:
         if sensed is None:
             return plant.deflection
         told = sensed.deflection(plant.capacitance, 0.0)
-        return np.where(np.isnan(told), controller.inverse.highest_m, told)  # as the C takes it
+        return np.where(np.isnan(told), controller.inverse.highest_m, told)  # as in the C code
 
     reached, voltages, plants = [], [], dict[int, Plant]()
     begin = read(plant)
@@ -175,7 +177,7 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
 
 def supplied(case: LumpedCase, control: ControlSettings, settings: Settings,
              progress: Progress = lambda words: None) -> ChosenActuators:
-    """The actuators, good up to the highest voltage of the supply.
+    """Choose the actuators, valid up to the highest voltage of the supply.
 
     Raises
     ------
@@ -193,9 +195,10 @@ def supplied(case: LumpedCase, control: ControlSettings, settings: Settings,
 
 def controlled(chosen: ChosenActuators, signal: Signal, settings: ControlSettings,
                progress: Callable[..., None] = lambda *words, share=0.0: None) -> ControlResult:
-    """Controllers of actuators, run so that they follow the rests at a signal's voltages.
+    """Design and run actuators' controllers that follow the deflections at a signal's voltages.
 
-    ``progress`` is called with a specimen's name, then with the ``share`` of its run.
+    The wanted deflections are those at rest. ``progress`` is called with a specimen's name, then
+    with the ``share`` of its run.
     """
     if not 0 <= signal.peak <= settings.supply:
         raise InputError("must be within the supply", key="high", given=f"{signal.peak / 1e3:g} kV")
@@ -253,15 +256,15 @@ def _controlled(driven: InTime, signal: Signal, settings: ControlSettings, count
 
 
 def _sensed(actuator: Actuator, controller: Controller) -> Inverse:
-    """Deflection by the circles' capacitance, from the flat film."""
+    """Fit the deflection as a function of the circles' capacitance, from the flat film on."""
     y = np.linspace(0.0, _SENSED * controller.inverse.highest_m, _CAPACITANCES)
     return fit_inverse([CapacitanceCurve(0.0, y, actuator.capacitance(y))], [], [])
 
 
 def scattered_films(actuator: Actuator, count: int, seed: int = 0) -> Actuator:
-    """An array of films that differ from one in stiffness, permittivity, mass, viscous constants.
+    """Draw films that differ in stiffness, permittivity, mass and viscous constants.
 
-    Each by a factor whose logarithm is normal.
+    Each quantity is multiplied by a factor whose logarithm is normally distributed.
     """
     made, viscous = np.random.default_rng(seed), actuator.viscous
 
@@ -282,7 +285,7 @@ def _scattered(designed: ControllerDesign, actuator: Actuator) -> ControlledFilm
 
 
 def _times(count: int, interval: float) -> Array:
-    """Times of samples [s]."""
+    """Compute the times of samples [s]."""
     return np.asarray(interval * np.arange(count), float)
 
 
@@ -299,7 +302,7 @@ def _margins(found: RunMargins) -> LoopMargins:
 
 
 def _swing(linear: Linear) -> tuple[float, float]:
-    """Frequency [Hz] and damping ratio of the plate's swing."""
+    """Find the frequency [Hz] and the damping ratio of the plate's swing."""
     pole = max((pole for pole in linear.named_poles
                 if "creep" not in pole.name and pole.name != "charging"),
                key=lambda pole: abs(pole.value))
@@ -307,14 +310,14 @@ def _swing(linear: Linear) -> tuple[float, float]:
 
 
 def _creep(linear: Linear) -> tuple[float, float | None]:
-    """Share of the gain that creeps, and the slowest time [s]."""
+    """Find the share of the gain that creeps, and the slowest time [s]."""
     poles = [pole for pole in linear.named_poles if pole.name == "creep"]
     return (sum(pole.share or 0.0 for pole in poles),
             max((pole.time or 0.0 for pole in poles), default=None))
 
 
 def settled(deflection: Array, wanted: float, band: float, interval: float) -> float | None:
-    """Time after which deflections stay in a band [m] about one; None where they do not."""
+    """Find the time after which deflections stay in a band [m] about a target; else None."""
     away = np.flatnonzero(~(np.abs(deflection - wanted) <= band))
     if len(away) and away[-1] == len(deflection) - 1:
         return None
@@ -322,7 +325,7 @@ def settled(deflection: Array, wanted: float, band: float, interval: float) -> f
 
 
 def _parts(wanted: Array, before: float, controller: Controller) -> Sequence[slice]:
-    """Samples from each jump of the wanted deflection to the next, where it stays between them."""
+    """Split the samples at jumps of the wanted deflection; keep parts where it is constant."""
     least = _STEP * (controller.inverse.highest_m - controller.inverse.lowest_m)
     jumps = np.flatnonzero(np.abs(np.diff(wanted, prepend=before)) > least).tolist()
     return [slice(start, end) for start, end in pairwise([*jumps, len(wanted)])
@@ -349,11 +352,11 @@ def _step(run: LoopRun, free: LoopRun, controller: Controller,
 
 def _soonest(plant: Plant, target: float, height: float, controller: Controller,
              length: float) -> float | None:
-    """Time for which the supply at its end cannot hold the plate as near as settled yet [s].
+    """Find the time [s] until the supply at its end can hold the plate in the settled band.
 
-    No voltage within the supply brings the film's creep on faster, but for one that swings the
-    plate by millimetres on a long way down. The plate's swing is left out: it passes, but does not
-    stay. None where the supply needs longer than the step lasts.
+    No voltage within the supply makes the film creep faster, except a voltage that swings the plate
+    by millimetres on a long way down. The plate's swing is left out because it decays. None where
+    the supply needs longer than the step lasts.
     """
     near, up = target - WITHIN * height, height > 0
     voltage = controller.supply_V if up else 0.0
@@ -366,20 +369,20 @@ def _soonest(plant: Plant, target: float, height: float, controller: Controller,
 
 def _limit(missed: Array, time: float | None, soonest: float | None, interval: float
            ) -> ControlLimit:
-    """Limit of a step that misses its target so far [m]."""
+    """Find the limit of a step whose distance from its target is ``missed`` [m]."""
     if soonest is None or soonest > _NEEDED * (len(missed) * interval if time is None else time):
         return "supply"
     count = len(missed) if time is None else max(round(time / interval), 1)
     if count < _FEW:
         return "sampling"
-    # A swing leaves the band on both sides, or on its last way back; creep on one side alone.
+    # A swing leaves the band on both sides, or on its last way back; creep leaves it on one side.
     late = missed[:count][count // 2:]
     return "swing" if (late > 0).any() and (late < 0).any() else "creep"
 
 
 def _disturbed(controller: Controller, actuator: Actuator, plant: Plant,
                settings: ControlSettings, sensed: Inverse | None) -> Disturbance:
-    """A mass put on the plate in the middle of its travel, until swing and loop are done."""
+    """Run the loop with a mass put on the plate in mid-travel, until swing and loop settle."""
     inverse = controller.inverse
     voltage = float(np.sqrt(inverse.squared((inverse.lowest_m + inverse.highest_m) / 2)))
     begin, mass = plant.rested(voltage), _DISTURBED * float(actuator.moved)

@@ -1,7 +1,8 @@
 """A lumped model for a controller.
 
-As C99 (``c_source.py``), as FMU 2.0 (``fmu.py``), or as a polynomial of the voltage before a slow
-and a fast transfer function (``slow_fast.py``). The texts beside them are the templates.
+It is exported as C99 (``c_source.py``), as FMU 2.0 (``fmu.py``), or as a polynomial of the voltage
+followed by a slow and a fast transfer function (``slow_fast.py``). The text files of this folder
+are the templates.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from tympan.studies.lumped.model_file import LumpedModel
 
 
 def require_form(mass: float | None, fmu: bool, slow_fast: bool) -> None:
-    """Refuse two forms at once, and a mass [kg] that is missing, or given for the C."""
+    """Refuse two forms at once, a missing mass [kg], and a mass for the C code."""
     if fmu and slow_fast:
         raise InputError("must be one of --fmu and --slow-fast", key="--slow-fast", given="both")
     if (fmu or slow_fast) != (mass is not None):
@@ -23,7 +24,7 @@ def require_form(mass: float | None, fmu: bool, slow_fast: bool) -> None:
 
 def export(model: LumpedModel, folder: Path, mass: float | None = None, fmu: bool = False,
            slow_fast: bool = False) -> list[Path]:
-    """Write a model as C99, or as FMU or two transfer functions with a mass [kg]; the files."""
+    """Write a model's files: C99, or an FMU or two transfer functions with a mass [kg]."""
     require_form(mass, fmu, slow_fast)
     if mass is None:
         from tympan.studies.lumped.export.c_source import export_c

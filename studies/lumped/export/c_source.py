@@ -1,6 +1,7 @@
 """A lumped model as C99 for a controller: rates of its state, deflection, capacitance.
 
-Whatever the film's law, its forces are series in y²; so the C knows the model's numbers alone.
+The film's forces are exported as series in y² for any law, so the C code needs only the model's
+numbers.
 """
 
 from __future__ import annotations
@@ -20,20 +21,21 @@ from tympan.base.errors import Failure, InputError
 from tympan.studies.files import write_text
 from tympan.studies.lumped.model_file import LumpedModel
 
-#: Most a series may miss, relative to the largest value; degrees that are tried.
+#: Largest error of a series, relative to the largest value.
 TOLERANCE = 1e-12
+#: Degrees of the series, tried in this order.
 _DEGREES = (12, 24, 48, 96)
 
 
 def export_c(model: LumpedModel, folder: Path) -> list[Path]:
-    """Write ``NAME.h`` and ``NAME.c``; their functions are named after the specimen, too.
+    """Write ``NAME.h`` and ``NAME.c``, whose functions are named after the specimen.
 
     Raises
     ------
     Failure
-        Where no series follows the film as far as it is to.
+        Where no series follows the film up to the model's reach.
     InputError
-        Where the model is that of a film with viscous branches of its own.
+        Where the model's film has viscous branches of its own.
     """
     if model.film is not None:
         raise InputError("must have [viscous]: the reduced film of a specimen with branches of its "
@@ -50,7 +52,7 @@ def export_c(model: LumpedModel, folder: Path) -> list[Path]:
 
 
 def _words(model: LumpedModel, name: str) -> dict[str, Any]:
-    actuator = model.actuator(mass=1.0)  # rates are asked for with another
+    actuator = model.actuator(mass=1.0)  # the C functions take the actual mass
     reach = min(actuator.reach, float(1 / np.min(actuator.circles.steepness)))
     parts: dict[str, Callable[[Array], Array]] = {
         "film": lambda y: actuator.elastic(y)[1] / y,
@@ -70,9 +72,9 @@ def _words(model: LumpedModel, name: str) -> dict[str, Any]:
 
 
 def even_series(function: Callable[[Array], Array], reach: float) -> tuple[Array, float]:
-    """Chebyshev coefficients in t = 2 (y/reach)² − 1 of an even function, and the error.
+    """Fit Chebyshev coefficients in t = 2 (y/reach)² − 1 to an even function; find the error.
 
-    The error is relative to the largest value, seen between the points that are met.
+    The error is relative to the largest value, measured between the interpolation points.
     """
     def of(t: Array) -> Array:
         return function(reach * np.sqrt((1 + t) / 2))
@@ -90,7 +92,7 @@ def even_series(function: Callable[[Array], Array], reach: float) -> tuple[Array
 
 
 def identifier(name: str) -> str:
-    """A name that C allows."""
+    """Turn a name into an identifier that C allows."""
     text = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return text if text[0].isalpha() else f"model_{text}"
 

@@ -1,6 +1,6 @@
-"""FMU 2.0 for model exchange and co-simulation, of C: source, description, library.
+"""FMU 2.0 for model exchange and co-simulation, from C: source, description, library.
 
-``write_fmu`` is for any C; ``export_fmu`` is that of a lumped model.
+``write_fmu`` is for any C code; ``export_fmu`` exports a lumped model.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from tympan.studies.files import write_atomically
 from tympan.studies.lumped.export.c_source import export_c
 from tympan.studies.lumped.model_file import LumpedModel
 
-#: Endings of a library, by system.
+#: File endings of a shared library, by system.
 _SUFFIX = {"linux": "so", "darwin": "dylib", "win32": "dll"}
-#: Folders of a library within an FMU, by system: the standard's names.
+#: Folders of a shared library within an FMU, by system: the standard's names.
 _FOLDER = {"linux": "linux64", "darwin": "darwin64", "win32": "win64"}
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A real variable of an FMU; its value reference is its place among them.
+    """A real variable of an FMU; its value reference is its index among the variables.
 
-    ``state``: of a derivative, the place of its state.
+    ``state``: for a derivative, the index of its state.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Variable:
     state: int | None = None
 
     def add_to(self, parent: Xml.Element, reference: int) -> None:
-        """Write it into ModelVariables."""
+        """Write the variable into ModelVariables."""
         attributes = {"name": self.name, "valueReference": str(reference),
                       "causality": self.causality, "variability": self.variability}
         if self.initial is not None:
@@ -60,9 +60,10 @@ def write_fmu(file: Path, name: str, sources: Mapping[str, str], part: str,
               variables: Sequence[Variable], identity: str, step: float | None = None) -> None:
     """Write an FMU, compiled for this system.
 
-    ``sources``: C by the names of files; those that end in .c are included. ``part``: C of the
-    functions that differ from FMU to FMU. ``identity``: the same text has the same GUID, so that
-    results can be compared. ``step``: time between communications that suits it [s].
+    ``sources`` holds C code by file name; files that end in .c are included. ``part`` is the C code
+    of the functions that differ from FMU to FMU. ``identity`` is a text that determines the GUID:
+    the same text gives the same GUID, so that results can be compared. ``step`` is a suitable time
+    between communications [s].
 
     Raises
     ------
@@ -86,7 +87,7 @@ def write_fmu(file: Path, name: str, sources: Mapping[str, str], part: str,
 
 
 def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
-    """Write ``NAME.fmu`` with a mass [kg], a parameter, on its plate; compiled for this system.
+    """Write ``NAME.fmu``, compiled for this system, with a parameter: the mass [kg] on its plate.
 
     Raises
     ------
@@ -104,7 +105,7 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
     part = Template(template.read_text(encoding="utf-8")).substitute(
         name=title, prefix=title.upper(), mass=repr(mass))
     file = folder / f"{title}.fmu"
-    # Value references as in the C.
+    # The value references are those of the C code.
     write_fmu(file, title, sources, part, (
         *(Variable(state, "local", initial="exact", start=0) for state in states),
         *(Variable(f"der({state})", "local", state=number)
@@ -120,7 +121,7 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
 
 
 def require_compiler() -> str:
-    """The C compiler; where there is none, a Failure."""
+    """Find the C compiler; without a compiler there is a Failure."""
     compiler = shutil.which("cc")
     if compiler is None or sys.platform not in _SUFFIX or platform.architecture()[0] != "64bit":
         raise Failure("an FMU needs a C compiler, cc, on a 64-bit system")
@@ -142,7 +143,7 @@ def _compiled(source: Path, library: Path) -> Path:
 
 
 def _description(name: str, guid: str, variables: Sequence[Variable], step: float | None) -> bytes:
-    """modelDescription.xml; every output and derivative may depend on everything."""
+    """Write modelDescription.xml; every output and derivative may depend on everything."""
     root = Xml.Element("fmiModelDescription", fmiVersion="2.0", modelName=name, guid=guid,
                        generationTool="tympan", numberOfEventIndicators="0",
                        variableNamingConvention="structured")

@@ -2,7 +2,7 @@
 
 The form of SoftPyIdentify (github.com/jkb-ctrl/SoftPyIdentify): v = f(u) is the deflection at rest,
 y = G_slow G_fast v with G_slow = (s + z₀)/(s + s₀), G_fast = k (α² + ω²)/(s² + 2 α s + α² + ω²) and
-k z₀ = s₀, so that the gain at rest is f's.
+k z₀ = s₀, so that the gain at rest is that of f.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import LumpedMotion, simulate
 from tympan.studies.signals import Pieces, random_steps
 
-#: Voltages at which the film rests, for the polynomial: several to each of its coefficients.
+#: Number of voltages for the polynomial's fit: several for each of its coefficients.
 _RESTS = 41
 #: Levels of the steps that the form is fitted to, over the highest voltage: up and down, large and
 #: small.
 _STEPS = (0.5, 1.0, 0.25, 0.75, 0.0)
 
-#: How long a step is held, over the slow motion's time: to 2 % of its end.
+#: Duration of a step, over the slow motion's time: the motion is then within 2 % of its end.
 _HELD = 4.0
-#: Times that are looked at soon after a step, and as many later on. Set by trial.
+#: Number of sampling times soon after a step, and again later on. Found by trial.
 _SAMPLES = 400
 
-#: The polynomial's largest misfit over the range: small beside the errors in time.
+#: The polynomial's largest admissible error over the range: small compared with the errors in time.
 _FINE = 1e-3
-#: The polynomial's highest degree. Above, it may swing between the voltages.
+#: The polynomial's highest degree. Above it, the polynomial may swing between the voltages.
 _HIGHEST = 8
 
 
@@ -48,7 +48,7 @@ class SlowFast:
     """v = Σ p_i u^i [m] of u [V], then s₀, z₀, α, ω [1/s] and k.
 
     Errors are shares of the range of the deflection up to ``highest_voltage`` [V]: the largest at
-    rest, and the root mean square and the largest on random steps that nothing was fitted to.
+    rest, and the root mean square and the largest on random steps that were not used in the fit.
     """
 
     polynomial: tuple[float, ...]
@@ -63,11 +63,11 @@ class SlowFast:
     step_error_largest: float = np.nan
 
     def at_rest(self, voltage: Any) -> Any:
-        """f(u) [m]."""
+        """Evaluate f(u) [m]."""
         return Polynomial(self.polynomial)(np.asarray(voltage, float))
 
     def to_unit_step(self, time: Array) -> Array:
-        """Response y when v steps from 0 to 1 at time 0 [s]; 0 before it."""
+        """Compute the response y when v steps from 0 to 1 at time 0 [s]; 0 before it."""
         square = self.alpha**2 + self.omega**2
         poles = np.array([0.0, -self.s0, -self.alpha + 1j * self.omega,
                           -self.alpha - 1j * self.omega])
@@ -78,7 +78,7 @@ class SlowFast:
         return np.asarray(np.where(time > 0, after.real, 0.0))
 
     def deflection(self, signal: Pieces, time: Array) -> Array:
-        """y [m] at times [s] under steps, from rest at the first voltage."""
+        """Compute y [m] at times [s] under steps, from rest at the first voltage."""
         y = np.full(len(time), float(self.at_rest(signal.first)))
         for at, change in _changes(signal):
             y += (self.at_rest(change[1]) - self.at_rest(change[0])) * self.to_unit_step(time - at)
@@ -86,7 +86,7 @@ class SlowFast:
 
 
 def slow_fast(actuator: Actuator, highest: float) -> SlowFast:
-    """The form fitted to an actuator's steps up to a voltage across the film [V].
+    """Fit the form to an actuator's steps up to a voltage across the film [V].
 
     Raises
     ------
@@ -121,7 +121,7 @@ def slow_fast(actuator: Actuator, highest: float) -> SlowFast:
 
 
 def _judged(fitted: SlowFast, actuator: Actuator, pause: float, span: float) -> SlowFast:
-    """The model with its errors, at voltages between and on steps of other heights and lengths."""
+    """Add the errors: at voltages between, and on steps of other heights and lengths."""
     highest = fitted.highest_voltage
     between = np.linspace(0.0, highest, 4 * _RESTS)
     resting = np.array([rest(actuator, voltage) for voltage in between.tolist()])
@@ -136,7 +136,7 @@ def _judged(fitted: SlowFast, actuator: Actuator, pause: float, span: float) -> 
 
 
 def _polynomial(actuator: Actuator, highest: float) -> tuple[float, ...]:
-    """Polynomial of as low a degree as follows the deflections at rest."""
+    """Fit the polynomial of the lowest degree that follows the deflections at rest."""
     voltage = np.linspace(0.0, highest, _RESTS)
     y = np.array([rest(actuator, float(each)) for each in voltage])
     for degree in range(2, _HIGHEST + 1):
@@ -152,14 +152,14 @@ def _staircase(levels: Array, pause: float) -> Pieces:
 
 
 def _changes(signal: Pieces) -> list[tuple[float, tuple[float, float]]]:
-    """Times [s] of jumps, with the voltages [V] before and after them."""
+    """Find the times [s] of jumps, with the voltages [V] before and after them."""
     time, voltage = signal.time.tolist(), signal.voltage.tolist()
     return [(time[jump], (voltage[jump], voltage[jump + 1]))
             for jump in np.flatnonzero(np.diff(signal.time) == 0).tolist()]
 
 
 def _looked_at(signal: Pieces, swing: float) -> Array:
-    """Times evenly over the first swings after each change, and further apart later on."""
+    """Space times evenly over the first swings after each change, and wider later on."""
     times = [np.zeros(1)]
     starts = [at for at, _ in _changes(signal)]
     for at, end in pairwise([*starts, signal.end]):
@@ -170,7 +170,7 @@ def _looked_at(signal: Pieces, swing: float) -> Array:
 
 
 def export_slow_fast(model: LumpedModel, folder: Path, mass: float) -> Path:
-    """Write ``NAME.slow-fast.json`` of a model with a mass [kg] on its plate, for all it is for.
+    """Write ``NAME.slow-fast.json`` of a model with a mass [kg] on its plate, for its full range.
 
     Raises
     ------
