@@ -245,9 +245,7 @@ _VAGUE = 1.0
 class Limit:
     """First limit of a film as its voltage rises, and where in the mounted film."""
 
-    kind: Annotated[str, Key(
-        "what happens there: snap_through and snap_back of a plate that a mechanism makes jump, "
-        "loss of tension, breakdown, instability of the film itself, or pull_in"), OF_LIMITS]
+    kind: Annotated[str, Key("kind of the limit: its key in the limits of a film"), OF_LIMITS]
     voltage_V: Annotated[float, Key("nominal voltage")]
     x_m: Annotated[float, Key("where it begins, in the mounted film: for a pull-in, where the film "
                               "thins fastest")]

