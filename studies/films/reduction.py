@@ -95,7 +95,8 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float,
     compare it with the model under the last force.
 
     Raises ------ InputError
-        If the film pulls in at such loads, if the reduced film does not follow it, or if the field model takes more work than allowed.
+        If the film pulls in at such loads, if the reduced film does not follow it, or if the field
+        model takes more work than allowed.
 
     Raises
     ------
@@ -292,7 +293,7 @@ def _gradients(model: Model, shapes: Array) -> Array:
 
 
 def _rigid(model: Model, motion: Array, bends: Array) -> tuple[Array, float]:
-    """Make the plate's edge rigid to first order in a motion of the nodes [m]; return its deflection.
+    """Make the plate's edge rigid to first order in a motion [m]; return its deflection, too.
 
     Without a plate the deflection is that of the film's centre. The ``bends`` due to the plate's
     tilts are subtracted. Otherwise the square of a tilt would be a shape of its own, in which the
