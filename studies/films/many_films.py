@@ -286,7 +286,7 @@ class Films:
         return FilmsAt(shapes, flat, frame, volumes, covered, thickness)
 
     def _uneven(self, sites: Sites) -> tuple[AnyArray, AnyArray]:
-        """Compute share under the electrode and relative thickness at points, for :class:`FilmsAt`."""
+        """Compute share under the electrode and relative thickness at points."""
         even = self.specimen.membrane.thickness_gradient == (0.0, 0.0)
         if even and not self.specimen.electrode.patches:
             return sites.covered, np.ones(())
@@ -461,7 +461,7 @@ class Films:
 
     def least(self, field: Callable[[Any], AnyArray], at: FilmsAt, films: AnyArray, q: AnyArray,
               squared: AnyArray) -> AnyArray:
-        """Find the least value of a limit state's field at points, (states,); nan without a state."""
+        """Find the least value of a limit state's field, (states,); nan without a state."""
         result = np.full(len(q), np.nan)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
         for part in self.parts(sound, len(sites.cells)):
