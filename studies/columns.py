@@ -1,6 +1,6 @@
-"""Tables of our own: rows that follow from the fields of records, or from a list of columns.
+"""Tables in the program's own format, from the fields of records or a list of columns.
 
-Those of other people are read by :mod:`tympan.tables.columns`.
+Tables from other sources are read by :mod:`tympan.tables.columns`.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ from tympan.tables.columns import read_sheet as read_sheet
 from tympan.tables.formats import text_rows
 from tympan.tables.layouts import Reader
 
-#: Most bytes of a table of our own, whose rows are bounded where they are made: names may be long.
+#: Largest size of such a table in bytes. The number of its rows is limited where it is made; names
+#: may be long.
 _OWN = 4 * STORED
 #: Types of numbers.
 _NUMBERS = frozenset((float, int, bool))
 
 
 def _kinds(record: Any) -> tuple[tuple[str, bool], ...]:
-    """Fields of a record that hold a number or a text, or a list of numbers, and which it is."""
+    """List the fields of a record with a number, a text or a list of numbers, and which."""
     cls: Any = type(record)
     return _kinds_of(cls)
 
@@ -54,29 +55,29 @@ def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
 
 
 def cells_of(record: Any) -> dict[str, Any]:
-    """The fields of a record that hold one number or text, by their names."""
+    """Collect the fields of a record that contain one number or text, by name."""
     return {name: getattr(record, name) for name, several in _kinds(record) if not several}
 
 
 def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
-    """A row for each record: its fields that hold one number or text, by their names.
+    """Build one row per record from its fields that contain one number or text, by name.
 
-    Names of numbers end in their SI units. None is nan. What is the ``same`` in all rows comes
-    first.
+    Names of numbers end with their SI units. None becomes nan. Values that are the ``same`` in all
+    rows come first.
     """
     return _rows(records, same, [cells_of(record) for record in records])
 
 
 def lists_of(record: Any) -> dict[str, Array]:
-    """The lists of numbers of a record by the names of their fields; None is nan."""
+    """Collect the lists of numbers of a record, by field name; None becomes nan."""
     return {name: _column(list(getattr(record, name)))
             for name, several in _kinds(record) if several}
 
 
 def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
-    """A row for each entry of the lists of records, beside the single numbers and texts of each.
+    """Build one row per entry of the records' lists, with each record's single values.
 
-    Otherwise as :func:`rows_of`.
+    Everything else is as for :func:`rows_of`.
     """
     rows: list[dict[str, Any]] = []
     for record in records:
@@ -88,7 +89,10 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
 
 def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],
           lists: bool = False) -> dict[str, Array]:
-    """Columns of rows; those of one kind of record are the same where there are no rows."""
+    """Convert rows to columns.
+
+    Without rows the names follow from the type of the records.
+    """
     names = [name for record in records[:1] for name, several in _kinds(record)
              if lists or not several]
     columns = {name: [value] * len(rows) for name, value in same.items()}
@@ -110,7 +114,7 @@ def write_rows(file: Path, rows: Mapping[str, Array]) -> None:
 
 
 def _column_of(name: str, values: Array) -> Column:
-    """The column of a field of a record, in the unit of tables."""
+    """Create the column of a record's field, in the unit of tables."""
     if values.dtype.kind == "O":
         return Column.labels(name)
     si = unit_of(name)
@@ -134,7 +138,7 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
 
 
 def as_written(columns: Sequence[Column], values: Mapping[str, Any]) -> dict[str, Array]:
-    """SI values by column name, as :func:`read_own_sheet` reads what :func:`write_sheet` writes."""
+    """Round SI values by column name to what a written table reads back."""
     table = {}
     for column in columns:
         array = np.asarray(values[column.name])
@@ -146,7 +150,7 @@ def as_written(columns: Sequence[Column], values: Mapping[str, Any]) -> dict[str
 
 
 def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, Array]:
-    """SI values by column name of a file that :func:`write_sheet` wrote; it may have no rows."""
+    """Read SI values by column name from a file of :func:`write_sheet`; it may be empty."""
     if not read_text(file, _OWN).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)
     raw = file_bytes(file, _OWN)

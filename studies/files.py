@@ -1,7 +1,7 @@
-"""Results on disk: every file is written under a temporary name and renamed, so none is half there.
+"""Results on disk, each written under a temporary name and then renamed, so none is incomplete.
 
-What was written is read back strictly: a file that is missing, damaged or of another kind is one
-message that names it.
+Files are read strictly: a file that is missing, damaged or of another type raises one error that
+names it.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ T = TypeVar("T")
 
 
 def write_atomically(file: Path, write: Callable[[Path], object], hashed: bool = False) -> None:
-    """Let ``write`` fill a temporary file beside ``file`` and rename it.
+    """Let ``write`` fill a temporary file next to ``file``, then rename it.
 
-    A failure leaves the old file, or none, and so does a signal. A file that nothing here wrote, or
-    that was changed since, is never replaced; that is not asked where the name is ``hashed``, which
-    nobody else gives.
+    After a failure or a signal the old file, if any, is unchanged. A file that this program did not
+    write, or that was changed since, is never replaced. This is not checked if the name is
+    ``hashed``, since nobody else chooses such a name.
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,7 @@ def write_atomically(file: Path, write: Callable[[Path], object], hashed: bool =
 
 
 def remove(folder: Path, *names: str) -> None:
-    """Remove files of an earlier run, so that none stands beside results it does not belong to."""
+    """Remove files of an earlier run, so that none is left among results of another run."""
     raise_again()
     try:
         for file in [file for file in map(folder.joinpath, names) if is_own(file)]:
@@ -67,9 +67,9 @@ def remove(folder: Path, *names: str) -> None:
 
 @contextmanager
 def replaced(folder: Path, names: Iterable[str]) -> Iterator[None]:
-    """Replace a result with its pictures: all of it, or nothing where something fails.
+    """Replace a result with its pictures: all of them, or nothing if something fails.
 
-    Pictures of an earlier run stay until others of their names are there; those left over go.
+    Pictures of an earlier run stay until new ones have their names; the remaining ones are removed.
     """
     before = {name: (folder / name).stat().st_ino for name in names if is_own(folder / name)}
     with together(folder):
@@ -89,7 +89,7 @@ def write_json(file: Path, value: Any) -> None:
 
 
 def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write a CSV file atomically; floats with the digits that read back to 12 places."""
+    """Write a CSV file atomically; floats have 12 significant digits."""
     def write(path: Path) -> None:
         with path.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
@@ -101,7 +101,7 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
 
 
 def write_arrays(file: Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays by name atomically: for MATLAB into NAME.mat, for NumPy into NAME.npz."""
+    """Write arrays by name atomically: MATLAB's NAME.mat or NumPy's NAME.npz."""
     def write(path: Path) -> None:
         with path.open("wb") as stream:
             if file.suffix == ".mat":
@@ -115,19 +115,19 @@ def write_arrays(file: Path, arrays: Mapping[str, Any]) -> None:
 
 
 def read_text(file: Path, most: int = STORED) -> str:
-    """The text of a result in UTF-8, of no more than so many bytes."""
+    """Read a result's text in UTF-8, with a largest size in bytes."""
     if not file.exists():
         raise InputError("is missing: run the command that wrote the folder again", file=file)
     return file_text(file, most)
 
 
 def words_beside(module: str) -> dict[str, str]:
-    """Sentences by key, from the .toml beside a module's ``__file__``."""
+    """Read sentences by key from the .toml file next to a module's ``__file__``."""
     return tomllib.loads(Path(module).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def read_json(file: Path) -> Any:
-    """The value of a JSON file."""
+    """Read the value of a JSON file."""
     text = read_text(file)
     try:
         return json.loads(text)
@@ -139,9 +139,10 @@ def read_json(file: Path) -> Any:
 
 
 def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Path:
-    """The file of one result in a folder: of the ``name`` that stands for * in the pattern.
+    """Find the file of one result in a folder; ``name`` replaces * in the pattern.
 
-    Without a name there must be one alone; ``writer`` is the command to run else.
+    Without a name the folder must contain exactly one such file. ``writer`` is the command that
+    writes it, for the message.
     """
     if name is not None:
         return folder / pattern.replace("*", name)
@@ -153,7 +154,7 @@ def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Pa
     return files[0]
 
 
-#: Key of a mapping whose own keys stand beside it: that of no field.
+#: Key of a mapping whose keys are on the level above; no field has this key.
 _INLINE = ""
 
 
@@ -161,7 +162,7 @@ _INLINE = ""
 def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, Printed], ...]:
     """List the fields of a dataclass that are stored: name, key, and how it is printed.
 
-    Fields that take no part in comparisons stand in files of their own and are left out.
+    Fields that are excluded from comparisons have files of their own and are omitted.
     """
     declared = {field.name: field.printed for field in fields_of(cls)}
     stored = [(item.name, declared.get(item.name, Printed()))
@@ -171,9 +172,9 @@ def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, Printed], ...]:
 
 
 def to_json(value: Any, unit: str = "") -> Any:
-    """Plain form of a value for :func:`from_json`: dataclasses as objects, arrays as lists.
+    """Convert a value to plain form for :func:`from_json`: dataclasses to objects, arrays to lists.
 
-    Keys of fields that are ``in_unit`` end in the ``unit``.
+    Keys of fields that are ``in_unit`` end with the ``unit``.
 
     Examples
     --------
@@ -202,12 +203,12 @@ def to_json(value: Any, unit: str = "") -> Any:
 
 def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: str = "",
               unit: str = "") -> T:
-    """A dataclass, or another annotated type, from the JSON value that stands for it.
+    """Convert a JSON value to a dataclass or another annotated type.
 
-    Keys of fields that are ``in_unit`` end in the ``unit``.
-    Keys the type does not have are left aside, since a record may hold more than its class; fields
-    with a default may be missing, and are where they take no part in comparisons. An
-    :class:`InputError` names file and key of what is missing or of another type.
+    Keys of fields that are ``in_unit`` end with the ``unit``. Keys that the type does not have are
+    ignored, since a record may contain more than its class. Fields with a default may be missing;
+    fields that are excluded from comparisons are missing. An :class:`InputError` names file and key
+    of a value that is missing or of another type.
 
     Examples
     --------

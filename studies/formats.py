@@ -1,4 +1,4 @@
-"""The formats of tables, under the name by which users' own packages know them."""
+"""Formats of tables, under the name that users' own packages use."""
 
 from tympan.tables.formats import FORMATS as FORMATS
 from tympan.tables.formats import Format as Format

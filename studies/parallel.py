@@ -1,4 +1,4 @@
-"""A function of many things on the processors of this machine: a process each, replaced at need."""
+"""A function of many items in parallel processes on this machine; dead processes are replaced."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tympan.base.process.workers import Pool, WorkerDied
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
-#: How often its process may die before an item is tried alone, a last time.
+#: Number of deaths of an item's process after which the item is tried alone, a last time.
 _DEATHS = 2
 
-#: Items that are handed out for each process: one to compute, and one to go on with while the
-#: consumer is busy with a value.
+#: Number of items sent to each process: one to compute, and one to continue with while the consumer
+#: processes a value.
 _AHEAD = 2
 
 
 @dataclass(frozen=True)
 class NoValue:
-    """Why an item has no value: ``error`` is what was raised, None where its process died."""
+    """Reason why an item has no value; ``error`` is the exception, None if its process died."""
 
     reason: str
     error: Exception | None = None
@@ -32,18 +32,19 @@ class NoValue:
 
 def serial(function: Callable[[Item], Value], items: Mapping[str, Item]
            ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Values by key, one after the other in this process; errors are raised."""
+    """Yield values by key, computed one after the other in this process; errors are raised."""
     for key, item in items.items():
         yield key, function(item)
 
 
 def processes(function: Callable[[Item], Value], items: Mapping[str, Item], workers: int
               ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Values by key as they come, side by side in processes; what dies is started again.
+    """Yield values by key as they arrive from parallel processes.
 
-    An item whose process died is tried again; one that did so several times is then tried alone,
-    since others may have taken the memory. ``close()`` kills the processes: whoever may stop early,
-    or raise, takes the values ``with contextlib.closing(processes(...)) as values``.
+    A process that dies is restarted, and its item is tried again. An item whose process died
+    several times is then tried alone, since other items may have used the memory. ``close()`` kills
+    the processes. A caller that may stop early or raise uses ``with
+    contextlib.closing(processes(...)) as values``.
     """
     waiting, deaths = deque(items), Counter[str]()
     while waiting:
@@ -55,10 +56,10 @@ def processes(function: Callable[[Item], Value], items: Mapping[str, Item], work
 
 def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: int
            ) -> Generator[Value, None, None]:
-    """Values in the items' order; with one worker in this process.
+    """Yield values in the items' order; one worker means this process.
 
-    Errors are raised, a RuntimeError where the process died over an item. ``close()`` kills the
-    processes, as that of :func:`processes`.
+    Errors are raised; a process that dies raises a RuntimeError. ``close()`` kills the processes,
+    as for :func:`processes`.
     """
     if workers < 2:
         yield from map(function, items)
@@ -77,19 +78,19 @@ def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: in
 
 
 def value_or_reason(result: Callable[[], Value]) -> Value | NoValue:
-    """The value of an item, or its failure; errors that would meet every item are raised."""
+    """Get the value of an item, or its failure; errors that concern every item are raised."""
     try:
         return result()
     except (InputError, Failure, OSError):
         raise
-    except Exception as error:  # whatever a library raises on one item must not end the others
+    except Exception as error:  # an error of one item must not end the others
         return NoValue(f"{type(error).__name__}: {error}", error)
 
 
 def _together(function: Callable[[Item], Value], items: Mapping[str, Item], waiting: deque[str],
               deaths: Counter[str], workers: int
               ) -> Generator[tuple[str, Value | NoValue], None, None]:
-    """Run what is waiting, up to an item that is to be tried alone."""
+    """Compute waiting items in parallel, up to an item that must be tried alone."""
     running = 0
     with Pool(function, workers) as pool:
         while True:

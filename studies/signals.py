@@ -1,8 +1,9 @@
-"""Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file.
+"""Voltage signals: steps, ramps, sines, pseudo-random steps, and series from a CSV file.
 
-A signal runs from time 0 to its ``end`` [s], smooth between ``breaks`` [s], both included; it
-begins from rest at ``first`` [V], ``peak`` is its largest magnitude [V], and ``within(piece,
-time)`` its voltage [V] at times of pieces between two breaks (by number), their ends included.
+A signal starts at time 0 and ends at ``end`` [s]. It is smooth between ``breaks`` [s], which
+include both ends. Before it, the voltage is ``first`` [V]; ``peak`` is its largest magnitude [V].
+``within(piece, time)`` is its voltage [V] at times of pieces between two breaks (by number), ends
+included.
 """
 
 from __future__ import annotations
@@ -26,12 +27,15 @@ from tympan.tables.meanings import TIMES, VOLTAGES
 
 _HIGHEST = 1e6
 _DURATION: Rule = (lambda x: LEAST_STEP <= x < np.inf, "must be positive, 1 ns at least")
-_STRAIGHT = 1e-9  # of the largest change of voltage in time: what is no change of it
+_STRAIGHT = 1e-9  # change of slope, relative to the largest slope, that counts as none
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Straight lines between points of ``time`` [s] and ``voltage`` [V]; a time twice is a jump."""
+    """Straight lines between points of ``time`` [s] and ``voltage`` [V].
+
+    A repeated time is a jump.
+    """
 
     time: Array
     voltage: Array
@@ -119,7 +123,7 @@ Signal = Pieces | Sine
 
 @dataclass(frozen=True, eq=False)
 class Supplied:
-    """Voltages that a rig gives the film of a signal of nominal voltages."""
+    """Voltages that a rig applies to the film for a signal of nominal voltages."""
 
     signal: Signal
     rig: Rig
@@ -164,8 +168,8 @@ class JointSignal:
 class Wave:
     """A signal by its ``kind``: step, ramp (up and down), sine, random, or the name of a CSV file.
 
-    ``count``: of random levels (20 where it is left out), or cycles of a sine (3); ``seed``: of the
-    levels. Texts carry their unit.
+    ``count``: number of random levels (default 20) or of cycles of a sine (default 3). ``seed``:
+    seed of the levels. Values may be texts with a unit.
     """
 
     kind: str = "step"
@@ -189,7 +193,7 @@ class Wave:
         return self.duration if self.kind == "sine" else None
 
     def signal(self, key: str = "signal") -> Signal:
-        """The signal; an :class:`InputError` names the ``key`` where there is no such kind."""
+        """Create the signal; an :class:`InputError` names the ``key`` if the kind is unknown."""
         if self.kind in WAVES:
             return WAVES[self.kind](self)
         if not str(self.kind).endswith(".csv"):
@@ -198,7 +202,7 @@ class Wave:
         return read_signal(self.kind)
 
 
-#: What makes each kind of wave.
+#: Functions that create each kind of wave.
 WAVES: dict[str, Callable[[Wave], Signal]] = {
     "step": lambda wave: step(wave.low, wave.high, 0.0, wave.duration),
     "ramp": lambda wave: ramp(wave.low, wave.high, wave.duration),
@@ -209,19 +213,22 @@ WAVES: dict[str, Callable[[Wave], Signal]] = {
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:
-    """Step from one voltage to another at a time; at 0 it comes at once, after rest at ``low``."""
+    """Create a step from one voltage to another at a time.
+
+    A step at 0 follows immediately after rest at ``low``.
+    """
     return Pieces(np.array([0.0, at, at, end]), np.array([low, low, high, high]))
 
 
 def ramp(low: float, high: float, end: float) -> Pieces:
-    """Up in half the time and down again in the other."""
+    """Create a ramp: up in half the time and down in the other half."""
     return Pieces(np.array([0.0, end / 2, end]), np.array([low, high, low]))
 
 
 def random_steps(low: float, high: float, every: float, count: int, seed: int) -> Pieces:
-    """``count`` levels drawn evenly between two voltages, each held for ``every`` seconds.
+    """Create ``count`` uniformly random levels, each held for ``every`` seconds.
 
-    As in figure 14; the seed makes them repeat.
+    As in figure 14. The ``seed`` makes the levels reproducible.
     """
     if not (every > 0 and 1 <= count <= 100_000):
         raise InputError("needs a positive time between switches and 1 to 100000 of them",
@@ -232,9 +239,9 @@ def random_steps(low: float, high: float, every: float, count: int, seed: int) -
 
 
 def read_signal(file: Path | str) -> Pieces:
-    """A CSV file with the columns t_s and voltage_kV; straight lines between its rows.
+    """Read a CSV file with the columns t_s and voltage_kV; lines between its rows are straight.
 
-    What cannot be used is an InputError that names line and column.
+    An InputError names line and column of a value that cannot be used.
     """
     limited: Rule = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")
     sheet = read_sheet(file, (Column("t", "s", also=(TIMES,)),
@@ -249,7 +256,7 @@ def read_signal(file: Path | str) -> Pieces:
 
 
 def through(time: Array, voltage: Array) -> Pieces:
-    """Pieces through points [s, V], without those on the straight line between their neighbours."""
+    """Create pieces through points [s, V] without points on a line between their neighbours."""
     width = np.diff(time)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.diff(voltage) / width
@@ -261,14 +268,17 @@ def through(time: Array, voltage: Array) -> Pieces:
 
 
 def nominal(signal: Signal, when: Array) -> Array:
-    """The signal at times [V]; at a jump what comes after it."""
+    """Evaluate the signal at times [V]; at a jump, the value after it."""
     breaks = signal.breaks
     piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
     return np.asarray(signal.within(piece, when))
 
 
 def lagging(when: Array, value: Array, lag: float) -> Array:
-    """Values that follow others, straight between samples, in a time [s], by a factor e."""
+    """Apply a first-order lag [s] to values.
+
+    Values are linear between samples.
+    """
     if not lag:
         return value
     step = np.diff(when)
@@ -276,7 +286,7 @@ def lagging(when: Array, value: Array, lag: float) -> Array:
     slope = np.diff(value) / step
     shown = value.copy()
     for number in range(len(step)):
-        # Exact for a straight line.
+        # This is exact for a straight line.
         settled = value[number + 1] - lag * slope[number]
         shown[number + 1] = settled + (shown[number] - value[number] + lag * slope[number]) * kept[
             number]

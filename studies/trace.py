@@ -1,4 +1,4 @@
-"""Trace of a film along time, by any model: moments, what they tell, saved and loaded."""
+"""Trace of a film in time, from any model: its moments, derived values, saving and loading."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from tympan.studies.files import from_json, read_json, remove, to_json, write_js
 from tympan.studies.film_surface import FilmSurface, save_series
 from tympan.studies.signals import Signal, nominal
 
-#: A loop that drifts by less than this share of its range counts as closed: less cannot be seen in
-#: a figure.
+#: Drift of a loop, relative to its range, below which it counts as closed: it is invisible in a
+#: figure.
 _CLOSED = 0.01
-#: Points of a loop, enough for a smooth line.
+#: Number of points of a loop, for a smooth line.
 _POINTS = 401
-#: Points of Gauss's rule between two times of a motion: exact where the voltage is straight, to
-#: 1e-9 where a step is a quarter of a sine.
+#: Number of Gauss points between two times of a motion. The rule is exact for a linear voltage, and
+#: accurate to 1e-9 if a step is a quarter of a sine.
 _GAUSS = 6
-#: Share of its largest swing below which an oscillation is gone.
+#: Amplitude relative to the largest one below which an oscillation has decayed.
 _SETTLED = 0.05
-#: Samples of one file: with its nine columns it stays within what a table may have.
+#: Largest number of samples in one file: with nine columns it stays within the limit of a table.
 _MOST = 1_000_000
-#: How long before a jump at once the rest is sampled, over the interval of samples.
+#: Time of the sample at rest before an initial jump, over the sampling interval.
 _EARLY = 1e-3
 
 _COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
@@ -50,27 +50,29 @@ _LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("def
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The moments of a motion [s], ascending; one that stands twice is a jump.
+    """Moments of a motion [s], ascending; a repeated moment is a jump.
 
-    Values at them are arrays whose first axis is that of time. Between jumps they follow cubic
-    splines.
+    The first axis of values at the moments is time. Between jumps they are cubic splines.
     """
 
     time: Array
 
     @property
     def end(self) -> float:
-        """Time of its end [s]."""
+        """Time of the end [s]."""
         return float(self.time[-1])
 
     @cached_property
     def parts(self) -> list[slice]:
-        """Moments between jumps."""
+        """Slices of the moments between jumps."""
         starts = (np.flatnonzero(np.diff(self.time) == 0) + 1).tolist()
         return [slice(*ends) for ends in zip([0, *starts], [*starts, len(self.time)], strict=True)]
 
     def at(self, values: Array, when: Array) -> Array:
-        """Values at some times [s]; at a jump what comes after it. Nan beyond the last moment."""
+        """Interpolate values at some times [s]; at a jump, the value after it.
+
+        Values are nan beyond the last moment.
+        """
         result = np.full((len(when), *values.shape[1:]), np.nan)
         starts = self.time[[part.start for part in self.parts]]
         of = np.where(when <= self.time[-1], np.searchsorted(starts, when, "right") - 1, -1)
@@ -83,28 +85,29 @@ class Trace:
         return result
 
     def rates(self, values: Array) -> Array:
-        """Rate at which values change at the moments [1/s].
+        """Compute the rate of change of values at the moments [1/s].
 
-        At a jump before and after it; the jump itself has no rate.
+        At a jump there is one rate before and one after it; the jump itself has no rate.
         """
         return np.concatenate([spline(self.time[part], values[part])(self.time[part], 1)
                                for part in self.parts])
 
     def integrals(self, values: Array) -> Array:
-        """Integral over each part between jumps, of values of shape (moments,)."""
+        """Integrate values of shape (moments,) over each part between jumps."""
         return np.array([spline(self.time[part], values[part]).integrate(
             self.time[part.start], self.time[part.stop - 1]) for part in self.parts])
 
     def extremes(self, values: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Time [s] and value of the smallest, and time and value of the largest.
+        """Find time [s] and value of the minimum, and time and value of the maximum.
 
-        Between moments too, of values of shape (moments,); the first time of several.
+        Values have the shape (moments,). Extremes between moments are included. If there are
+        several, the first time is returned.
         """
         when, what = [self.time], [values]
         for part in self.parts:
             curve = spline(self.time[part], values[part])
             turns = curve.derivative().roots(extrapolate=False)
-            # Where it is constant any time is a root, which is told by one that is no number.
+            # Where the curve is constant every time is a root; the result is then nan.
             turns = turns[np.isfinite(turns)]
             when.append(turns)
             what.append(curve(turns))
@@ -114,9 +117,9 @@ class Trace:
 
     def last_loop(self, signal: Signal, period: float, deflection: Array
                   ) -> tuple[pd.DataFrame, float]:
-        """The last period [s] of a signal, and ∮ y du [V m].
+        """Sample the last period [s] of a signal, and compute ∮ y du [V m].
 
-        The area is positive where the deflection lags behind.
+        The area is positive if the deflection lags behind the voltage.
         """
         when = np.linspace(self.end - period, self.end, _POINTS)
         u, y = nominal(signal, when), self.at(deflection, when)
@@ -125,7 +128,10 @@ class Trace:
                 area - float(u[-1] * y[-1] - u[0] * y[0]))
 
     def _enclosed(self, signal: Signal, begin: float, deflection: Array) -> float:
-        """∫ u dy [V m] from a time [s] on; at jumps of mean voltage."""
+        """Integrate ∫ u dy [V m] from a time [s] on.
+
+        At jumps u is the mean voltage.
+        """
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS)
         time, total = self.time, 0.0
         for part, following in zip(self.parts, [*self.parts[1:], None], strict=True):
@@ -145,7 +151,7 @@ class Trace:
 
 
 def unclosed(loop: pd.DataFrame) -> list[str]:
-    """A warning where a loop does not close."""
+    """Warn if a loop does not close."""
     y = loop["deflection"].to_numpy()
     if abs(y[-1] - y[0]) <= _CLOSED * np.ptp(y):
         return []
@@ -154,11 +160,11 @@ def unclosed(loop: pd.DataFrame) -> list[str]:
 
 
 def settling_time(time: Array, deflection: Array) -> float:
-    """Time of the last oscillation about the slow motion above 5 % of its largest swing [s].
+    """Find the last time at which the oscillation exceeds 5 % of its largest amplitude [s].
 
-    Counted from time[0]; nan where there is no oscillation, or it is not over yet. The slow motion
-    is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane
-    goes on creeping long after the oscillation has died away.
+    The time is measured from time[0]. It is nan without an oscillation, or if the oscillation has
+    not ended. The oscillation is about the slow motion through the midpoints of neighbouring
+    extremes: the membrane creeps long after the oscillation has decayed.
     """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
     if len(turning) < 3:
@@ -174,9 +180,9 @@ def settling_time(time: Array, deflection: Array) -> float:
 
 
 def sample_count(end: float, interval: float, runs: int = 1) -> int:
-    """Number of samples that a response up to ``end`` gives with an interval [s].
+    """Count the samples of a response up to ``end`` with an interval [s].
 
-    An :class:`InputError` where so many ``runs`` give more than a million.
+    InputError if so many ``runs`` have more than a million samples.
     """
     if runs * end / interval > _MOST:
         raise InputError(f"would give more than {_MOST} samples", key="--interval",
@@ -186,10 +192,11 @@ def sample_count(end: float, interval: float, runs: int = 1) -> int:
 
 def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, before: float
               ) -> tuple[Array, Array, Array]:
-    """Times [s], voltages [V] and deflections [m] of samples, begun at rest if they are not.
+    """Add a sample at rest before samples of times [s], voltages [V] and deflections [m].
 
-    A run of a dataset begins at rest under its first voltage. Where the signal jumps at once, its
-    first sample is after the jump already, and another comes in front: ``before`` [m], at rest.
+    A run of a dataset begins at rest under its first voltage. If the signal begins with a jump, its
+    first sample is already after the jump. A sample with deflection ``before`` [m] is then put in
+    front.
     """
     if voltage[0] == signal.first:
         return time, voltage, deflection
@@ -200,15 +207,16 @@ def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, be
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
-    """Response of a film to a signal, as any model gives it.
+    """Response of a film to a signal, from any model.
 
-    ``samples`` have the columns of transient.csv, SI, as the rig's sensor shows them; ``loop``, the
-    last period of a signal that has one, those of hysteresis.csv; ``films`` are surfaces by time.
+    ``samples`` have the columns of transient.csv, in SI, as the rig's sensor shows them. ``loop``:
+    the last period of a periodic signal, with the columns of hysteresis.csv. ``films``: surfaces by
+    time.
     """
 
     file: ClassVar[str]
     writer: ClassVar[str]
-    #: Of pictures of it that move.
+    #: File types of its animations.
     drawn: ClassVar[tuple[str, ...]] = ()
 
     specimen: Annotated[str, Key("name of the specimen")]
@@ -232,9 +240,9 @@ class Response:
     @classmethod
     def of(cls, signal: Signal, when: Array, deflection: Array, low: float, high: float,
            settles: bool, **others: Any) -> Self:
-        """The response whose deflections at times [s] these are, with its extremes [m].
+        """Create the response from deflections at times [s], with their extremes [m].
 
-        ``settles``: after the signal an oscillation dies away; ``others``: all other fields.
+        ``settles``: an oscillation decays after the signal. ``others``: all other fields.
         """
         settled = settling_time(when, deflection) if settles else np.nan
         return cls(first_voltage_V=signal.first, first_m=float(deflection[0]),
@@ -243,7 +251,7 @@ class Response:
 
     @classmethod
     def load(cls, folder: Path) -> Responses:
-        """Load a saved response; what is missing, damaged or of another kind is an InputError."""
+        """Load a saved response; InputError for a missing, damaged or different file."""
         file = folder / cls.file
         content = read_json(file)
         if not isinstance(content, dict) or not content.get("responses"):
@@ -264,9 +272,9 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """Responses of one actuator each, all to the same signal and by the same command.
+    """Responses of one actuator each, all to the same signal and from the same command.
 
-    With ``specimens``, on a ``rig``, what is saved is a dataset.
+    With ``specimens``, on a ``rig``, they are saved as a dataset.
     """
 
     responses: tuple[Response, ...]
@@ -275,7 +283,7 @@ class Responses:
 
     @property
     def rows(self) -> pd.DataFrame:
-        """The samples of all responses."""
+        """Samples of all responses."""
         samples = pd.concat([response.samples for response in self.responses], ignore_index=True)
         return samples.rename(columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
                                        "displacement": "displacement_m"})
@@ -287,19 +295,19 @@ class Responses:
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """Files of moving films that are drawn of it."""
+        """Files of its animations."""
         return tuple(f"{response.specimen}.{kind}" for response in self.responses
                      for kind in response.drawn)
 
     def json(self) -> dict[str, Any]:
-        """Responses as a JSON object, without samples."""
+        """Convert the responses to a JSON object, without samples."""
         return {"responses": to_json(self.responses)}
 
     def save(self, folder: Path) -> None:
-        """Write the numbers, transient.csv, dataset.toml beside it, and of loops hysteresis.csv.
+        """Write the numbers, transient.csv, dataset.toml, and for loops hysteresis.csv.
 
-        Films as a VTK series NAME.pvd. The numbers come last, so their presence means the rest is
-        complete.
+        Films are written as a VTK series NAME.pvd. The numbers are written last, so their presence
+        means that the rest is complete.
         """
         first = self.responses[0]
         for response in self.responses:
@@ -321,7 +329,7 @@ class Responses:
         write_json(folder / first.file, self.json())
 
     def as_stored(self) -> Responses:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return replace(self, responses=tuple(
             replace(response, samples=_as_written(response.samples, _COLUMNS),
                     loop=None if response.loop is None

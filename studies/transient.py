@@ -1,4 +1,4 @@
-"""A film in time under a signal of voltages: it creeps, its plate swings, it charges."""
+"""Motion of a film under a voltage signal: creep, oscillation of its plate, charging."""
 
 from __future__ import annotations
 
@@ -50,24 +50,25 @@ from tympan.studies.modes import carried
 from tympan.studies.signals import Pieces, Signal, Supplied, Wave, lagging, nominal, ramp
 from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
 
-#: Where a loop turns, as a share of the first limit, so that the film stays before it.
+#: Turning voltage of a loop as a share of the first limit, so that the film stays below the limit.
 _NEAR_LIMIT = 0.95
-#: Films of a loop that are kept where its fields are asked for.
+#: Number of films stored for a loop whose fields are requested.
 MOMENTS_OF_LOOP = 25
-#: Samples of a loop, enough for a smooth line.
+#: Number of samples of a loop, for a smooth line.
 _SAMPLES = 2000
 
-#: Errors of steps in time with which a loop is followed, one after the other, until its area
-#: changes by no more than a share. The last one takes some 10 s where the loop is thin.
+#: Errors of the time steps in successive runs of a loop. The runs end when its area changes by no
+#: more than ``_AREA``, relative. The last run takes some 10 s for a narrow loop.
 _LOOP_ERRORS = (1e-6, 1e-7, 1e-8)
 _AREA = 1e-3
-#: How far off an area may be, in changes from the run before: the finer one may err by as much.
+#: Error of an area, relative to its change from the run before: the finer run may have as large an
+#: error.
 _DOUBT = 2.0
 
-#: A film deflects more where by more than this factor: at rest it does so by rounding alone.
+#: Ratio of two deflections above which one counts as larger: at rest they differ by rounding only.
 _MORE = 1 + 1e-6
 
-#: Numbers that are kept of each moment.
+#: Number of values stored for each moment.
 _NUMBERS = 6
 
 
@@ -76,9 +77,9 @@ _NUMBERS = 6
 class TransientCase:
     """A specimen on a rig under a nominal ``mass`` [kg] and a signal of nominal voltages.
 
-    Before the signal begins it has rested under mass and first voltage for ``rest`` [s]: for ever
-    unless the film says when it was mounted. ``inertia``: the plate swings; else it follows the
-    film at once. Texts carry their unit.
+    Before the signal the film rests under mass and first voltage for ``rest`` [s]. The default is
+    an infinite time, or 0 if the film has a mounting time. ``inertia``: the plate has inertia;
+    otherwise it follows the film immediately. Values may be texts with a unit.
     """
 
     specimen: Specimen
@@ -97,7 +98,7 @@ class TransientCase:
                      steps: StepSettings = ...) -> None: ...
 
     def __post_init__(self) -> None:
-        highest = self.highest  # refuses loads that no such film can bear
+        highest = self.highest  # raises InputError for loads that no film bears
         if self.inertia and highest.specimen.plate is None:
             raise InputError("must be left out: the film has no plate that swings, and moves "
                              "without inertia itself", key="--swing", given=self.specimen.name)
@@ -110,12 +111,12 @@ class TransientCase:
 
     @property
     def highest(self) -> Case:
-        """The case at rest under the highest voltage of the signal."""
+        """Case at rest under the highest voltage of the signal."""
         return Case(self.specimen, mass=self.mass, voltage=self.signal.peak, rig=self.rig)
 
     @property
     def rested(self) -> float:
-        """Time under mass and first voltage before the signal [s]."""
+        """Time at rest under mass and first voltage before the signal [s]."""
         if self.rest is not None:
             return self.rest
         return inf if self.specimen.membrane.mounted is None else 0.0
@@ -123,14 +124,14 @@ class TransientCase:
 
 @dataclass(frozen=True, eq=False)
 class History(Trace):
-    """History of a film, moment by moment; after a jump of the voltage the same time twice.
+    """History of a film, moment by moment; at a jump of the voltage a time occurs twice.
 
-    ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
-    ``tilt`` [rad], ``current`` into the electrodes [A], all of shape (moments,). ``before``: the
-    deflection when the signal began [m], 0 where the film hung under nothing until then.
-    ``stopped``: where it went no further. ``slack``: when the film first lost tension [s], None
-    where it did not. ``balance``: where its energy went. ``farthest``: when it deflects most [s];
-    ``failures``: breakdown, and what its law fails, there.
+    ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F], ``tilt`` [rad] and
+    ``current`` into the electrodes [A] have the shape (moments,). ``before``: deflection when the
+    signal began [m]; 0 if the film had no load until then. ``stopped``: event that ended the
+    motion, or None. ``slack``: time when the film first lost tension [s], or None. ``balance``:
+    energy balance. ``farthest``: time of the largest deflection [s]. ``failures``: breakdown, and
+    failed criteria of its law, at that time.
     """
 
     deflection: Array
@@ -149,9 +150,12 @@ class History(Trace):
 
 def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = (),
             progress: ShareDone = lambda share: None) -> History:
-    """The motion of a film, with its fields at some times [s].
+    """Compute the motion of a film, with its fields at some times [s].
 
-    ``progress`` is called with the share of the signal that is over.
+    ``progress`` is called with the computed share of the signal.
+
+    Raises ------ InputError
+        If the film has no equilibrium under the mass and the signal's first voltage.
 
     Raises
     ------
@@ -161,7 +165,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     transient, state, memory = begun(case, settings)
     model = transient.model
     past, slack = list[Moment](), None
-    # Numbers alone: a signal read from a table may have millions of moments.
+    # Only numbers are stored: a signal read from a table may have millions of moments.
     record, energies = array("d"), array("d")
     farthest: Moment | None = None
     most = 0.0
@@ -198,7 +202,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
 
 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
-    """Breakdown, and criteria that the film's law fails, at a moment, as of a film at rest."""
+    """List breakdown and failed criteria of the film's law at a moment, as for a film at rest."""
     fields, = node_fields(transient.remembering(moment), [moment.state])
     weakest = int(np.argmax(fields.breakdown_share))
     x, y, _ = fields.position[weakest].tolist()
@@ -209,10 +213,11 @@ def _failures(transient: Transient, moment: Moment) -> list[str]:
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
-    """A case so long [s] after its voltage was switched on, at rest under the mass until then.
+    """Solve a case at a time [s] after its voltage was switched on.
 
-    A film that says when it was mounted is loaded with mass and voltage at once. ``film``: with its
-    fields on a surface. Its stresses have the branches' part.
+    Before that it is at rest under the mass. A film with a mounting time gets mass and voltage at
+    the same time. ``film``: include the fields on a surface. The stresses include the branches'
+    part.
     """
     began = time.perf_counter()
     status: Status
@@ -238,12 +243,12 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
 
 
 def _remarks(case: TransientCase) -> list[str]:
-    """Remarks that belong to every result of a case in time."""
+    """Collect remarks that belong to every result of a case in time."""
     return [*case.rig.in_motion, *case.highest.remarks]
 
 
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
-    """Moving parts, and their state and memory when the signal begins."""
+    """Build the moving parts, and their state and memory at the start of the signal."""
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
     force = float(rig.force(case.mass, model.plate_area))
@@ -275,7 +280,7 @@ def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Me
 
 
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
-    """Numbers that are kept of every moment, :data:`_NUMBERS` of them."""
+    """Collect the stored values of a moment, :data:`_NUMBERS` of them."""
     state = moment.state
     return (moment.time, model.deflection(state), float(np.sqrt(state.voltage_squared)),
             float(model.capacitance(state)), state.plate.tilt, moment.current)
@@ -283,7 +288,7 @@ def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldResponse(Response):
-    """Response of a film in time by finite elements."""
+    """Response of a film in time, computed with finite elements."""
 
     file = "transient.json"
     writer = "tympan transient -o"
@@ -311,10 +316,10 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
             step: bool = False, films: tuple[float, ...] = (),
             progress: ShareDone = lambda share: None
             ) -> tuple[FieldResponse, History]:
-    """Response of a film, sampled with an interval [s].
+    """Compute the response of a film, sampled with an interval [s].
 
-    ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step.
-    ``progress`` is called with the share of the signal that is over.
+    ``period``: period of a periodic signal [s]. ``step``: the signal is a step. ``progress`` is
+    called with the computed share of the signal.
     """
     began = time.perf_counter()
     done = history(case, settings, films, progress)
@@ -347,7 +352,10 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
 
 
 def _without_voltage(case: TransientCase, done: History, settings: Settings) -> float | None:
-    """Deflection without voltage [m], of a film that rested until a signal with voltage began."""
+    """Find the deflection without voltage [m]; None without a voltage in the signal.
+
+    It is also None if the film did not rest until the signal began.
+    """
     if case.rested != inf or not case.signal.peak:
         return None
     return (deflection_without_voltage(case.highest, settings) if case.signal.first
@@ -358,11 +366,11 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
               mass: float | str | None = None, rest: float | str | None = None,
               swing: bool = False, films: tuple[float, ...] = (), rig: Rig = Rig(),
               progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
-    """Responses of films to the signal of a wave, sampled with its interval.
+    """Compute responses of films to the signal of a wave, sampled with its interval.
 
-    Each bears the ``mass``, or one that suits all with a plate. ``films``: times [s] at which each
-    film is kept. ``progress`` is called with a specimen's name, then with the ``share`` of the
-    signal that is over.
+    Each film has the load ``mass``; the default suits all films with a plate. ``films``: times [s]
+    at which each film is stored. ``progress`` is called with a specimen's name, then with the
+    computed ``share`` of the signal.
     """
     def over(share: float) -> None:
         progress(share=share)
@@ -382,14 +390,14 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
 
 
 def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
-    """Rows of transient.csv at times [s], which say how long the film had rested."""
+    """Build rows of transient.csv at times [s], with the time that the film had rested."""
     sampled = when, nominal(case.signal, when), done.at(done.deflection, when)
     if case.rested:
         sampled = with_rest(case.signal, *sampled, done.before)
     time, voltage, deflection = sampled
-    # A sample at rest may stand in front of what begins with a jump.
+    # A sample at rest may precede a signal that begins with a jump.
     added = len(time) - len(when)
-    # The curve between moments may pass below 0 by its rounding.
+    # Rounding may make the curve between moments negative.
     film_voltage = np.append(np.repeat(float(case.rig.film_voltage(case.signal.first)), added),
                              np.maximum(done.at(done.voltage, when), 0.0))
     current = np.append(np.zeros(added), done.at(done.current, when))
@@ -403,11 +411,11 @@ def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
 
 def loop(case: Case, rate: float, turn: float | None, settings: Settings, films: int = 0
          ) -> Responses:
-    """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
+    """Raise the voltage at a rate [V/s] from the case's to a turning voltage [V], and back.
 
-    Left out, it turns at 95 % of the film's first limit at rest. With so many ``films`` on the way,
-    at equal times. The loop's area is that of two runs with ever shorter steps that agree to a
-    thousandth; how far they differ is said with it.
+    The default turning voltage is 95 % of the film's first limit at rest. ``films``: number of
+    films stored on the way, at equal intervals. The loop is computed with ever shorter time steps
+    until the areas of two runs agree to 1e-3. The result contains their difference.
     """
     if turn is None:
         first = first_limit(case, settings)
@@ -432,7 +440,7 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
         shorter = replace(ramped, steps=replace(ramped.steps, error=error))
         response, _ = respond(shorter, settings, duration / _SAMPLES, duration, films=moments)
         area = response.hysteresis_area_V_m
-        if area is None:  # it pulls in: there is no loop
+        if area is None:  # pull-in: there is no loop
             break
         apart, before = _DOUBT * abs(area - before), area
         if np.isfinite(apart):

@@ -1,10 +1,10 @@
-"""Wanted quantities of films: their values, bounds of these, and by how much films miss them.
+"""Wanted quantities of films: their values, bounds on them, and how much films miss them.
 
-`[want]` of requirements and of tolerances, `--want` and ``want=`` are read here: a bound is the
-same in all of them.
+`[want]` of requirements and of tolerances, `--want` and ``want=`` are read here; a bound has the
+same form in all of them.
 
-    stroke = "2 mm"                                   # at least: more of a stroke is better
-    deflection = ["at least 3 mm", "at most 6 mm"]    # of a deflection it is said which
+    stroke = "2 mm"                                   # at least, since more stroke is better
+    deflection = ["at least 3 mm", "at most 6 mm"]    # a deflection needs the sense of its bounds
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tympan.geometry.specimen import Specimen
 
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 
-#: Margin to the loss of tension where none is asked for: the film bears its voltage, no more.
+#: Margin to the loss of tension. Without a bound on it, the film must only bear its voltage.
 TENSION = "tension_margin"
 #: Margin to breakdown.
 BREAKDOWN = "breakdown_margin"
@@ -37,19 +37,20 @@ LIMIT = "limit"
 Sense = Literal["at least", "at most"]
 
 _SENSED = re.compile(r"\s*(?:at\s+(least|most)\s)?\s*(.+?)\s*", re.DOTALL)
-#: Relative difference from a bound that is none: reduced films, by which is searched, and finite
-#: elements differ by less.
+#: Relative difference from a bound that counts as none: reduced films, which a search uses, differ
+#: less from finite elements.
 _NEAR = 1e-3
 
 
 class Loaded(Protocol):
-    """Films without voltage, under theirs, and under that times a margin: (films, states) each.
+    """Films without voltage, under their voltage, and under a multiple of it: (films, states).
 
-    Of a film that has lost tension the numbers are those of one that bears compression; nan of one
-    without equilibrium. ``force`` that the film carries [N], ``blocked_force`` that the voltage
-    takes from a plate held where it is without [N], (films,); lowest ``frequency`` of the first
-    two [Hz], (films,); ``limit``: over the voltage, that of the first loss of tension or of
-    pull-in; ``first_limit``: nominal voltage of the first limit of any kind [V].
+    The numbers of a film that has lost tension are those of a film that bears compression; they are
+    nan without an equilibrium. ``force``: force that the film carries [N]. ``blocked_force``:
+    decrease by the voltage of the force that holds the plate at its deflection without voltage [N],
+    (films,). ``frequency``: lowest frequency of the first two states [Hz], (films,). ``limit``:
+    voltage of the first loss of tension or pull-in over the film's voltage. ``first_limit``:
+    nominal voltage of the first limit of any type [V].
     """
 
     @property
@@ -84,11 +85,11 @@ class Loaded(Protocol):
 class Quantity:
     """A quantity of loaded films: its ``name`` in files, its ``words``, and its values.
 
-    ``gain``: whether more of it is better, or less; None where a bound must say whether it is the
-    least or the largest value. ``of`` answers its values for films, (films,). ``scatters``: films
-    of one drawing differ in it. ``missed``: by what share films miss a bound, where that is not by
-    its value. A search keeps bounds of a quantity that is ``sought``. One ``of_plate`` needs a
-    plate. ``label``: what tables and figures call it, where that is not its name.
+    ``gain``: whether a larger value is better, or a smaller one; None if a bound must state its
+    sense. ``of`` computes its values for films, (films,). ``scatters``: films of one drawing differ
+    in it. ``missed``: computes the share by which films miss a bound, if it does not follow from
+    the value. ``sought``: a search can use bounds on it. ``of_plate``: it needs a plate. ``label``:
+    name in tables and figures, if different.
     """
 
     name: str
@@ -110,27 +111,27 @@ class Quantity:
 
     @property
     def column(self) -> str:
-        """Name of a column that holds it: its SI unit ends it."""
+        """Name of its column, which ends with its SI unit."""
         return self.name + (DIMENSIONS[self.dimension].suffix if self.dimension else "")
 
     @property
     def unit(self) -> str:
-        """SI unit, "1" of plain numbers."""
+        """SI unit, "1" for plain numbers."""
         return DIMENSIONS[self.dimension].si if self.dimension else "1"
 
     @property
     def table_unit(self) -> str:
-        """Unit of its values in tables, "" of plain numbers."""
+        """Unit of its values in tables, "" for plain numbers."""
         return DIMENSIONS[self.dimension].table_unit if self.dimension else ""
 
     @property
     def per_si(self) -> float:
-        """Value in :attr:`table_unit` of 1 in SI."""
+        """Factor from SI to :attr:`table_unit`."""
         return 1 / unit_factor(self.table_unit, self.dimension) if self.dimension else 1.0
 
     @property
     def example(self) -> str:
-        """A bound as a file has it."""
+        """Example of a bound in a file."""
         value = DIMENSIONS[self.dimension].example if self.dimension else "1.2"
         return f'"at least {value}"' if self.gain is None else f'"{value}"'
 
@@ -145,66 +146,72 @@ class Bound:
 
     @property
     def quantity(self) -> Quantity:
-        """The quantity."""
+        """Quantity of the bound."""
         return QUANTITIES[self.name]
 
     @property
     def key(self) -> str:
-        """Key among others: the quantity's name, with the sense where that is not the usual one."""
+        """Unique key: the quantity's name, with the sense if it is not the usual one."""
         return self.name if self.least == self.quantity.gain else f"{self.name} {self.sense}"
 
     @property
     def sense(self) -> Sense:
-        """Words of its sense."""
+        """Sense in words."""
         return "at least" if self.least else "at most"
 
     @property
     def text(self) -> str:
-        """The bound as people read it: "stroke at least 2 mm"."""
+        """Text for people: "stroke at least 2 mm"."""
         dimension = self.quantity.dimension
         value = quantity_text(self.value, dimension) if dimension else f"{self.value:g}"
         return f"{self.name.replace('_', ' ')} {self.sense} {value}"
 
     def misses(self, films: Loaded) -> Array:
-        """Share by which films miss it, (films,): not above 0 where they keep it, nan unknown."""
+        """Compute the shares by which films miss the bound, (films,).
+
+        A share is at most 0 if a film keeps the bound, and nan if unknown.
+        """
         missed = self.quantity.missed
         return self.missed(self.quantity.of(films)) if missed is None else missed(films)
 
     def missed(self, values: Array) -> Array:
-        """Share by which values of the quantity miss it."""
+        """Compute the shares by which values of the quantity miss the bound."""
         share = np.asarray(values) / self.value
         return np.asarray(1 - share if self.least else share - 1)
 
     def kept_by(self, value: float) -> bool:
-        """Whether a value keeps it, as nearly as reduced films know it."""
+        """Check whether a value keeps the bound, within the accuracy of reduced films."""
         return bool(self.missed(np.array(value)) <= _NEAR)
 
     def at(self, missed: float) -> float:
-        """Value that misses it by a share."""
+        """Compute the value that misses the bound by a share."""
         return self.value * (1 - missed if self.least else 1 + missed)
 
     def better(self, one: float, other: float) -> bool:
-        """Whether one value keeps it more easily than another."""
+        """Check whether one value keeps the bound more easily than another."""
         return one > other if self.least else one < other
 
     def relaxed_to(self, value: float | None) -> Bound | None:
-        """The bound at another value; None where that is no weaker, or could not be asked for."""
+        """Relax the bound to another value; None if it is not weaker or not allowed."""
         if value is None or not self.better(self.value, value) or not self.quantity.rule[0](value):
             return None
         return Bound(self.name, value, self.least)
 
     def relaxed_by(self, share: float) -> Bound | None:
-        """The bound with a value weaker by a share of itself; None where there is none."""
+        """Relax the bound by a share of its value; None if that is impossible."""
         return self.relaxed_to(self.at(share))
 
 
 def by_key(bounds: Iterable[Bound]) -> dict[str, Bound]:
-    """Bounds by their keys, of several by one key the last."""
+    """Map keys to bounds; the last of several bounds with one key counts."""
     return {bound.key: bound for bound in bounds}
 
 
 def read_bounds(name: str, given: object) -> tuple[Bound, ...]:
-    """Bounds of a quantity as they are given: "2 mm", "at most 2 mm", 1.2, or a list of these.
+    """Read bounds of a quantity: "2 mm", "at most 2 mm", 1.2, or a list of these.
+
+    Raises ------ InputError
+        If the quantity is unknown, or the bounds cannot be used; the key is the name.
 
     Raises
     ------
@@ -239,7 +246,7 @@ def _bound(name: str, given: object) -> Bound:
     if wanted.rule is _MARGIN and not least:
         raise InputError("must be a least value: a margin can hardly be too large", key=name,
                          given=given)
-    # A number without unit is a text on a command line.
+    # On a command line a number without unit is a text.
     number = value if not isinstance(value, str) or wanted.dimension else _plain(value)
     table = Table("", {name: number})
     try:
@@ -256,7 +263,10 @@ def _plain(text: str) -> float | str:
 
 
 def wanted_bounds(given: Mapping[str, object] | str) -> tuple[Bound, ...]:
-    """Bounds of a mapping, or of a text such as "stroke = 2 mm, deflection = at most 6 mm".
+    """Read bounds from a mapping or a text: "stroke = 2 mm, deflection = at most 6 mm".
+
+    Raises ------ InputError
+        If a bound cannot be used; the key is ``want``, with the quantity's name.
 
     Raises
     ------
@@ -287,7 +297,7 @@ def _pairs(text: str) -> Mapping[str, object]:
 
 
 def table_bounds(table: Table) -> tuple[Bound, ...]:
-    """Bounds of a table, all of whose keys are quantities."""
+    """Read the bounds of a table whose keys are all quantities."""
     found = list[Bound]()
     for name, given in table.data.items():
         table.asked.add(name)
@@ -330,12 +340,16 @@ def _breakdown_margin(films: Loaded) -> Array:
 
 
 def _tension_missed(films: Loaded) -> Array:
-    """The margin is looked at where tension must not be lost yet: by what is left of it there."""
+    """Compute the share by which films miss the margin to the loss of tension.
+
+    It is minus the least tension over the largest stress, at the voltage up to which tension must
+    not be lost.
+    """
     return np.asarray(-films.tension.min(1) / films.stress.max(1))
 
 
-#: All quantities that loaded films may be asked for: bounds of tolerances and of designs, and what
-#: a sweep may ask. Whoever registers one here can ask for it everywhere.
+#: All quantities of loaded films: bounds of tolerances and of designs, and quantities of a sweep. A
+#: quantity registered here is available in all of these.
 QUANTITIES: Registry[Quantity] = Registry("name")
 for _quantity in (
     Quantity("deflection", "deflection under the voltage", "length", None,
@@ -376,5 +390,5 @@ for _quantity in (
 
 
 def scattering() -> tuple[str, ...]:
-    """Names of the quantities that differ between films of one drawing."""
+    """List the names of quantities that differ between films of one drawing."""
     return tuple(name for name, quantity in QUANTITIES.items() if quantity.scatters)
