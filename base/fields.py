@@ -707,13 +707,10 @@ class Registry(dict[str, T]):
     def whole(self, name: str = "") -> Self:
         """Return the registry if no package is broken.
 
-        Raises ------ InputError
-            If a package is broken; the error of the kind ``name`` comes first.
-
         Raises
         ------
         InputError
-            When a package is broken; that of the kind's ``name`` first.
+            If a package is broken; the error of the kind ``name`` comes first.
         """
         for error in sorted(self.broken, key=lambda error: f"{name!r}" not in str(error.key)):
             raise error

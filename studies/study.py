@@ -277,13 +277,10 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
               ) -> StudyResult:
     """Run a study; with a ``folder``, save each specimen there as soon as it is finished.
 
-    Raises ------ InputError
-        If a specimen has no equilibrium under the picture's load.
-
     Raises
     ------
     InputError
-        When a specimen has no equilibrium under the picture's load.
+        If a specimen has no equilibrium under the picture's load.
     """
     if folder is not None:
         discard_report(folder)

@@ -154,13 +154,10 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
 
     ``progress`` is called with the computed share of the signal.
 
-    Raises ------ InputError
-        If the film has no equilibrium under the mass and the signal's first voltage.
-
     Raises
     ------
     InputError
-        When the film has no equilibrium under the mass and the signal's first voltage.
+        If the film has no equilibrium under the mass and the signal's first voltage.
     """
     transient, state, memory = begun(case, settings)
     model = transient.model

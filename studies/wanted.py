@@ -210,13 +210,10 @@ def by_key(bounds: Iterable[Bound]) -> dict[str, Bound]:
 def read_bounds(name: str, given: object) -> tuple[Bound, ...]:
     """Read bounds of a quantity: "2 mm", "at most 2 mm", 1.2, or a list of these.
 
-    Raises ------ InputError
-        If the quantity is unknown, or the bounds cannot be used; the key is the name.
-
     Raises
     ------
     InputError
-        When there is no such quantity, or the bounds cannot be used; the key is the name.
+        If the quantity is unknown, or the bounds cannot be used; the key is the name.
     """
     if name not in QUANTITIES:
         raise InputError(one_of(name, QUANTITIES), key=name, given=given)
@@ -265,13 +262,10 @@ def _plain(text: str) -> float | str:
 def wanted_bounds(given: Mapping[str, object] | str) -> tuple[Bound, ...]:
     """Read bounds from a mapping or a text: "stroke = 2 mm, deflection = at most 6 mm".
 
-    Raises ------ InputError
-        If a bound cannot be used; the key is ``want``, with the quantity's name.
-
     Raises
     ------
     InputError
-        When some bound cannot be used; the key is ``want``, with the quantity's name.
+        If a bound cannot be used; the key is ``want``, with the quantity's name.
     """
     pairs = _pairs(given) if isinstance(given, str) else given
     if not pairs:

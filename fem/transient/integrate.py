@@ -166,13 +166,10 @@ class Transient:
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
         """Yield moments from the signal's start, at a state, to its end; a jump repeats its time.
 
-        Raises ------ Stopped
-            If film and plate have no equilibrium any more, or the plate has pulled in.
-
         Raises
         ------
         Stopped
-            Where the film has no equilibrium with the plate any more, or the plate is gone.
+            If film and plate have no equilibrium any more, or the plate has pulled in.
         """
         breaks = self.signal.breaks
         begin = Moment(float(breaks[0]), state, memory)

@@ -90,26 +90,20 @@ class Mover(Protocol[Moment_co]):
 
         ``shortest``: no shorter step will be tried.
 
-        Raises ------ Stopped
-            If there is no alternative.
-
         Raises
         ------
         Stopped
-            Where there is no other way.
+            If there is no alternative.
         """
 
 
 def moments(mover: Mover[Moment_co], breaks: Sequence[float]) -> Iterator[Moment_co]:
     """Yield moments through a signal with breaks [s]; a piece's first time occurs twice.
 
-    Raises ------ Stopped
-        If the film has no equilibrium any more, or the plate has pulled in.
-
     Raises
     ------
     Stopped
-        Where the film has no equilibrium any more, or the plate is gone.
+        If the film has no equilibrium any more, or the plate has pulled in.
     """
     control, step = mover.control, 0.0
     for piece, (begin, end) in enumerate(pairwise(breaks)):

@@ -67,13 +67,10 @@ class Harmonic:
 
         It is a zero of the dynamic stiffness of the plate.
 
-        Raises ------ RuntimeError
-            If no zero is found.
-
         Raises
         ------
         RuntimeError
-            When none is found.
+            If no zero is found.
         """
         root = newton(self._dynamic_stiffness, guess, x1=guess * (1 + _ASIDE), tol=_CLOSE,
                       rtol=_CLOSE, maxiter=_MOST)

@@ -68,13 +68,10 @@ class Box:
 
         The specimen's own values may be outside the limits.
 
-        Raises ------ InputError
-            If a number does not exist or cannot vary, or if limits are invalid.
-
         Raises
         ------
         InputError
-            When a number is not there or cannot vary, or limits are none.
+            If a number does not exist or cannot vary, or if limits are invalid.
         """
         known, edges = (*varying(specimen), *_BESIDE), []
         for name, given in limits.items():

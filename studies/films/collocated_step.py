@@ -106,13 +106,10 @@ class CollocatedStep:
         The unknowns are those of :meth:`DrivenFilm.unknowns`. If the error of the step is far too
         large, the solution stops early.
 
-        Raises ------ NoBalance
-            If there is no stable equilibrium.
-
         Raises
         ------
         NoBalance
-            Where there is none that is stable.
+            If there is no stable equilibrium.
         """
         motion, x, size, tangent = self.motion, guess, np.inf, None
         film, flow, (constant, slope) = motion.tabulated, self.flow, self._drive
@@ -278,13 +275,10 @@ class StepSolution:
 def factorised(stiffness: Array) -> Callable[[Array], Array]:
     """Factorise a matrix over stages and shapes; return a solver of (..., stages, shapes).
 
-    Raises ------ NoBalance
-        If the matrix is singular.
-
     Raises
     ------
     NoBalance
-        Where it is singular.
+        If the matrix is singular.
     """
     *runs, stages, count = stiffness.shape[:-2]
     size = stages * count

@@ -95,13 +95,10 @@ class DrivenFilm:
     def begin(self) -> ReducedMoment:
         """Relaxed equilibrium under force and first voltage; ``flat`` if the film has an age.
 
-        Raises ------ NoBalance
-            If there is no equilibrium.
-
         Raises
         ------
         NoBalance
-            Where there is no rest.
+            If there is no equilibrium.
         """
         film, time = self.tabulated, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:

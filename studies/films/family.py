@@ -298,13 +298,10 @@ class FilmFamily:
         below film and plate instead of the rig's. ``force`` acts on the plate, ``voltage`` across
         the film. All limits are lowest and highest, in SI or with a unit.
 
-        Raises ------ InputError
-            If specimen or rig have no reduced film, or no film of the box has an equilibrium.
-
         Raises
         ------
         InputError
-            When the specimen or the rig has no reduced film, or no film of the box an equilibrium.
+            If specimen or rig have no reduced film, or no film of the box has an equilibrium.
         """
         return cls.over(Box.around(specimen, box), between(force, "force", "force"),
                         between(voltage, "voltage", "voltage"), rig, settings, family)

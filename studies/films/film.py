@@ -306,13 +306,10 @@ class ReducedFilm:
 
         ``last``: largest last correction, over the gap.
 
-        Raises ------ NoBalance
-            If there is no stable equilibrium.
-
         Raises
         ------
         NoBalance
-            Where there is none that is stable.
+            If there is no stable equilibrium.
         """
         scale = self.specimen.gap
         for _ in range(ITERATIONS):

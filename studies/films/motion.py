@@ -53,17 +53,12 @@ class ReducedMotion(DrivenFilm):
 
         The first time of each piece of the signal occurs twice.
 
-        Raises ------ Stopped
-            If the film has no equilibrium any more, or the plate has pulled in.
-        InputError
-            If the motion takes more work than its budget allows.
-
         Raises
         ------
         Stopped
-            Where the film has no equilibrium any more, or the plate is gone.
+            If the film has no equilibrium any more, or the plate has pulled in.
         InputError
-            Where it takes more work than its budget has.
+            If the motion takes more work than its budget allows.
         """
         return moments(_InMotion(self, begin or self.begin), self.signal.breaks.tolist())
 

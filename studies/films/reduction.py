@@ -94,15 +94,11 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float,
     The reduction uses a motion under the first force and equilibria under all forces. The tests
     compare it with the model under the last force.
 
-    Raises ------ InputError
-        If the film pulls in at such loads, if the reduced film does not follow it, or if the field
-        model takes more work than allowed.
-
     Raises
     ------
     InputError
-        When the film pulls in at such loads, the reduced one does not follow it there, or the field
-        model takes more work than it may.
+        If the film pulls in at such loads, if the reduced film does not follow it, or if the field
+        model takes more work than allowed.
     """
     path = path.bounded(model, followed=True, loads=IN_TIME)
     film = film_of_runs(model, forces, voltage, path)

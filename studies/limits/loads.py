@@ -47,13 +47,10 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
 
     They are ``over`` times the mass that pulls its plate down by a tenth of the gap.
 
-    Raises ------ InputError
-        If the plate cannot be pulled so far.
-
     Raises
     ------
     InputError
-        When the plate cannot be pulled so far.
+        If the plate cannot be pulled so far.
     """
     specimen.needed_plate()
     if rig.guide == "fixed":
@@ -78,13 +75,10 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
     example because a mechanism's table ends first, the voltage up to which it is followed replaces
     the limit.
 
-    Raises ------ InputError
-        If nothing limits the voltage.
-
     Raises
     ------
     InputError
-        When nothing limits the voltage.
+        If nothing limits the voltage.
     """
     risen = rise(Case(specimen, mass=mass, rig=rig), settings, first=True)
     first = risen.limits.limit
@@ -113,13 +107,10 @@ def charged(case: Case, voltage: float | str, settings: Settings) -> Case:
 
     For a share the film is followed from 0 V to this limit; other values need no computation.
 
-    Raises ------ InputError
-        If a share is no number from 0 to 100 %, or if the film has no first limit.
-
     Raises
     ------
     InputError
-        For a share that is no number from 0 to 100 %, and where the film has no first limit.
+        If a share is no number from 0 to 100 %, or if the film has no first limit.
     """
     if not (isinstance(voltage, str) and voltage.strip().endswith("%")):
         return replace(case, voltage=number(voltage, "voltage", "voltage"))
