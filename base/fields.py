@@ -107,8 +107,8 @@ class Printed:
 
     ``key``: name in JSON. ``in_unit``: the key ends with the unit of the whole result, for example
     ``noise_um``. ``may_miss``: the key is omitted if the value is None; a nan is written as null.
-    ``choices``: allowed values of a text, each with a ``meaning``. ``inline``: the choices of a
-    mapping are keys beside its own.
+    ``choices``: allowed values of a text, each with a ``meaning``. ``inline``: the keys of a
+    mapping, which are its ``choices``, are written into the record itself.
     """
 
     key: str = ""

@@ -182,7 +182,7 @@ def settling_time(time: Array, deflection: Array) -> float:
 def sample_count(end: float, interval: float, runs: int = 1) -> int:
     """Count the samples of a response up to ``end`` with an interval [s].
 
-    InputError if so many ``runs`` have more than a million samples.
+    InputError if all ``runs`` together have more than a million samples.
     """
     if runs * end / interval > _MOST:
         raise InputError(f"would give more than {_MOST} samples", key="--interval",

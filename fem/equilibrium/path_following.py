@@ -66,7 +66,7 @@ class PathSettings:
     unbalanced: float = 1e-2
 
     def bounded(self, model: Model, followed: bool = False, loads: int = 1) -> PathSettings:
-        """Add a budget of work, so that a search ends; a budget that exists is kept.
+        """Add a budget of work, so that a search ends; an existing budget stays.
 
         ``followed``: the search follows a branch, to a film's limits or over many ``loads``.
         """

@@ -44,7 +44,7 @@ Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 #: Function of a state that is positive until an event happens.
 StateMargin = Callable[[State], float]
 
-#: Message for such a film that is still slack under the named loads.
+#: Message for a film that is slack when mounted and still slack under the named loads.
 SLACK = ("the film is slack when mounted, and still {}: it has no definite shape; prestretch or "
          "load it more")
 _UNFOLLOWED = "the path could not be followed to the load: the film strains without bound"

@@ -50,7 +50,7 @@ def status_of(stopped: Stopped | None) -> MotionStatus:
 
 @dataclass(eq=False)
 class Followed(Generic[_Moment]):
-    """Sequence of a motion's moments; after it, ``stopped`` is what ended it, or None."""
+    """Moments of a motion; after the last one, ``stopped`` is the event that ended it, or None."""
 
     moments: Iterable[_Moment]
     stopped: Stopped | None = None

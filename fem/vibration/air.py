@@ -1,11 +1,11 @@
 """Added mass of the air that moves with film and plate, for each pair of motions.
 
-Frame and stand are a baffle. The air is still: frequencies are far below those whose sound wave is
-as long as the film. Let V(k) = ∫ v e^(−ik·x) dA for a velocity v of film and plate along the load.
-The kinetic energy of the air on one side is ½ ρ/(4π²) ∫ |V|²/k d²k. This is Rayleigh's integral ½
-ρ/(2π) ∬ v(x) v(x')/|x − x'| dA dA' (Lamb, Proc. R. Soc. A 98, 1920, 205) without its singularity.
-Motions normal to the load, such as a plate that slides or twists, move no air. The modes in vacuo
-are the basis for the modes of film, plate and air.
+Frame and stand are a baffle. The air is treated as incompressible: frequencies are far below those
+at which the wavelength of sound equals the film's size. Let V(k) = ∫ v e^(−ik·x) dA for a velocity
+v of film and plate along the load. The kinetic energy of the air on one side is ½ ρ/(4π²) ∫ |V|²/k
+d²k. This is Rayleigh's integral ½ ρ/(2π) ∬ v(x) v(x')/|x − x'| dA dA' (Lamb, Proc. R. Soc. A 98,
+1920, 205) without its singularity. Motions normal to the load, such as a plate that slides or
+twists, move no air. The modes in vacuo are the basis for the modes of film, plate and air.
 """
 
 from __future__ import annotations

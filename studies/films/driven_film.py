@@ -138,7 +138,7 @@ class DrivenFilm:
         """Collect the unknowns of a step at a moment.
 
         They are q and, if the film charges through a resistance, its voltage scaled to a length.
-        The scale gives the voltage's errors a weight beside those of q.
+        The scale makes errors of the voltage comparable with errors of q.
         """
         if not self.charges:
             return moment.q

@@ -89,8 +89,8 @@ _MOTION = 1e-4
 #: Part of the forces that the points do not reproduce; the deflection's error is proportional to
 #: it. If it grew with the allowed error, plates that hardly move would be off by 1e-7 m.
 _WORK = 2e-5
-#: Weight of the remaining resistance of softening films beside forces: points reproduce it to 1e-3.
-#: Without it films of an Ogden law with α = 1.6 pull in at 7 % less voltage than with finite
+#: Weight of the remaining resistance of softening films relative to forces: points reproduce it to
+#: 1e-3. Without it films of an Ogden law with α = 1.6 pull in at 7 % less voltage than with finite
 #: elements, with it at 0.3 % less. Films of VHB then have 58 points instead of 49.
 _SOFTENING = 0.02
 #: Largest number of shapes: the cost of a tangent grows with its square.
@@ -112,8 +112,8 @@ BLOCK = 500
 #: 6e-5.
 _NEARLY = 0.03
 
-#: Factor of the estimate on what covers the errors of random films: of the same number of further
-#: films, one would exceed what covers them.
+#: Safety factor of the error estimate, in addition to covering the errors of the test films.
+#: Without it one of the same number of further films would exceed the estimate.
 _MARGIN = 1.5
 #: Factor for the error of the largest stress: with half of it 88 of 30,000 films had larger errors,
 #: at most 1.8 times as large.

@@ -560,7 +560,7 @@ class Films:
         """Correct states near equilibria by U² [V²], each plate at its deflection.
 
         There is one correction, and ``chords`` more with the same tangents. Rates are those of the
-        given state. Each further correction is smaller by the ratio of the first correction to the
+        given state. The ratio of successive corrections is about the first correction over the
         state.
         """
         pull, stiffness = self.pull(films, q, squared)

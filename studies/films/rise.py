@@ -54,8 +54,8 @@ _CLOSE = 3e-3
 #: Error of local numbers of the reduced film: of stresses over the largest one, and of the share of
 #: the strength. Set by trial: limits of nine films had half of the error that this gives.
 _LOCAL = 2e-3
-#: Plate stiffness at the state that gives the error, over the stiffness without voltage. Towards
-#: the pull-in the deflection's error grows without bound and is no measure any more.
+#: Least plate stiffness, over that without voltage, of the state that gives the error. Towards the
+#: pull-in the deflection's error grows without bound and is no measure any more.
 _STIFF = 0.2
 
 
@@ -107,7 +107,7 @@ def rise(family: FilmFamily, row: AnyArray, force: float, last: FamilyRise | Non
 
 
 def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
-    """Search for a film's limits: its path, what ends it, and at which deflection."""
+    """Search for a film's limits; return its path, the limit that ends it, and its deflection."""
     family, seen = film.family, list[tuple[AnyArray, FilmMargins]]()
 
     def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> FilmMargins:

@@ -86,17 +86,17 @@ class Correction:
 
 
 #: Elements on one side of an electrode's edge have similar errors, so their jumps show only part of
-#: the error. Where a wrinkled film ends there, the error was up to 1.47 times as large (six meshes,
-#: three masses).
+#: the error. Where a wrinkled film ends there, the error was up to 1.47 times the estimate from
+#: jumps (six meshes, three masses).
 _ALIKE = Correction(lambda passage: passage.ends_wrinkled and passage.thins_at_edge, factor=1.5)
 
 #: If an electrode's edge itself becomes unstable, the film next to it strains so fast that elements
-#: half as large are hardly more accurate. Errors were up to 1.6 times as large (40 films, elements
-#: of a third of the size where errors were largest).
+#: half as large are hardly more accurate. Errors were up to 1.6 times the estimate from jumps (40
+#: films, elements of a third of the size where errors were largest).
 _BENT = Correction(lambda passage: passage.bends, factor=2.5)
 
 #: A film that cannot wrinkle strains most at an electrode's edge, and its jumps show too little of
-#: that. Errors were up to 2.3 times as large (29 films, elements half as large).
+#: that. Errors were up to 2.3 times the estimate from jumps (29 films, elements half as large).
 _KEPT = Correction(lambda passage: passage.kept, factor=2.5)
 
 #: An unstable place at an electrode's edge thins ever faster, and sooner on a finer mesh. Therefore
