@@ -1,4 +1,4 @@
-"""Statements of a field of an input file or a result, made once: meaning, unit, limits.
+"""Declaration of fields of input files and results: meaning, unit and limits, stated once.
 
 A field of a dataclass is declared by its type and a :class:`Key`::
 
@@ -7,13 +7,13 @@ A field of a dataclass is declared by its type and a :class:`Key`::
         stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
         rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
 
-Reading, writing, the reference pages and the schemas of results follow. A result's field has its
-unit in its name, ``deflection_m``, as the JSON that is printed.
+Reading, writing, the reference pages and the schemas of results follow from it. A result's field
+has its unit in its name, ``deflection_m``, as the printed JSON does.
 
-The type is the form: a number, whole number, truth, text or choice (``Literal``); a pair, a list
-or a list of points; another declared dataclass, a tuple of them, or one of the kinds of a
-:class:`Registry`. ``None`` and other defaults stand where a file leaves the key out. What must hold
-between fields is checked by the dataclass itself, in ``__post_init__``.
+The type determines the form: a number, whole number, truth value, text or choice (``Literal``); a
+pair, a list or a list of points; another declared dataclass, a tuple of them, or one of the kinds
+of a :class:`Registry`. ``None`` and other defaults apply if a file omits the key. The dataclass
+itself checks relations between fields, in ``__post_init__``.
 """
 
 from __future__ import annotations
@@ -58,33 +58,31 @@ T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 Content = dict[str, Any]
 
-#: What is said of a text without letters, wherever it stands: as one that is missing.
+#: Message for an empty text, everywhere: it counts as missing.
 EMPTY = "is empty: give a value, or leave it out"
 
-#: Readers that know more than the declaration, by dataclass and field: they get table and key.
+#: Special readers by dataclass and field; they are called with table and key.
 Special = Mapping[tuple[type, str], Callable[[Table, str], Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Key:
-    """Content of a key of an input file; of a result's field its meaning alone.
+    """Declaration of a key of an input file; a result's field needs only its meaning.
 
     * ``dimension``: one of :data:`tympan.base.units.DIMENSIONS`, "" for plain numbers.
-    * ``rule``: limits of a text or of every number, from a file or at a door of Python.
-    * ``made``: limits without which there is no such thing, also on the way of a fit: a thickness
-      is positive.
-    * ``name``: the key, where it is not the field's name.
-    * ``kinds``: what a table, or each of a list of tables, may be.
-    * ``inline``: the kind's keys stand beside this one's.
-    * ``needs``: another key. Without it, or where it is 0, this one has no place.
+    * ``rule``: limits of a text or of every number, from a file or from a function of the API.
+    * ``made``: limits that must always hold, also during a fit: a thickness is positive.
+    * ``name``: the key, if it is not the field's name.
+    * ``kinds``: allowed kinds of a table, or of each table of a list.
+    * ``inline``: the kind's keys are on the same level as this one.
+    * ``needs``: another key. Without it, or if it is 0, this key is not allowed.
     * ``discrete``: the field has no derivatives.
-    * ``least``: fewest numbers or points of a list.
-    * ``default``: what a missing key means, where the dataclass finds that out itself, in
-      ``completed``.
-    * ``also``: what people write instead of the key.
-    * ``doubled``: a word for twice each of its numbers, as a width is of a half extent. All of
-      these words may stand in place of the key.
-    * ``repeats``: one number stands for all of a list.
+    * ``least``: least number of numbers or points in a list.
+    * ``default``: meaning of a missing key, if the dataclass determines it in ``completed``.
+    * ``also``: other words that people write instead of the key.
+    * ``doubled``: words for twice each of its numbers, for example a width for a half extent. All
+      of these words together may replace the key.
+    * ``repeats``: one number is used for all numbers of a list.
     """
 
     meaning: str
@@ -105,12 +103,12 @@ class Key:
 
 @dataclass(frozen=True, eq=False)
 class Printed:
-    """Key of a field in the JSON of its result, where that is not always the field's name.
+    """Key of a field in the JSON of its result, if it differs from the field's name.
 
-    ``key``: its name there. ``in_unit``: the unit that the whole result has ends it, such as
-    ``noise_um``. ``may_miss``: a result without such a thing, None, has no such key; then nan,
-    where there happens to be no number, is null. ``choices``: names that a text may be, each with a
-    ``meaning``; a mapping that is ``inline`` has them as keys beside its own.
+    ``key``: name in JSON. ``in_unit``: the key ends with the unit of the whole result, for example
+    ``noise_um``. ``may_miss``: the key is omitted if the value is None; a nan is written as null.
+    ``choices``: allowed values of a text, each with a ``meaning``. ``inline``: the keys of a
+    mapping, which are its ``choices``, are written into the record itself.
     """
 
     key: str = ""
@@ -120,23 +118,23 @@ class Printed:
     inline: bool = False
 
     def spelled(self, name: str, unit: str = "") -> str:
-        """The key of a field of this name in a result that has this unit."""
+        """Build the key of a field with this name in a result with this unit."""
         return (self.key or name) + f"_{unit}" * self.in_unit
 
 
-#: A number in the unit that the whole result has.
+#: Mark of a number in the unit of the whole result.
 IN_UNIT = Printed(in_unit=True)
-#: What a result need not have.
+#: Mark of a value that a result may omit.
 MAY_MISS = Printed(may_miss=True)
-#: The field's name, always.
+#: Default: the key is the field's name.
 _AS_NAMED = Printed()
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A declared field: ``name`` in the dataclass, ``key`` in files, ``kind`` its type but None.
+    """A declared field: ``name`` in the dataclass, ``key`` in files, ``kind`` its type.
 
-    ``printed``: its key in the JSON of results.
+    The ``kind`` is without None. ``printed``: its key in the JSON of results.
     """
 
     name: str
@@ -148,7 +146,7 @@ class Field:
 
     @property
     def required(self) -> bool:
-        """Whether a file must have it."""
+        """Whether a file must contain it."""
         return self.default is MISSING and not self.says.default
 
     @cached_property
@@ -158,18 +156,21 @@ class Field:
 
     @cached_property
     def item(self) -> Any:
-        """The type of its parts, or its own."""
+        """Type of its parts, or its own type."""
         return get_args(self.kind)[0] if self.several else self.kind
 
     @cached_property
     def count(self) -> int | None:
-        """Number of its parts, None for one or any number."""
+        """Number of its parts; None for one or any number."""
         parts = get_args(self.kind)
         return len(parts) if self.several and parts[-1] is not Ellipsis else None
 
     @cached_property
     def rule(self) -> Rule:
-        """The limits of each of its numbers; where they are whole numbers, that too."""
+        """Limits of each of its numbers.
+
+        For whole numbers the limits include that.
+        """
         if self.item is not int:
             return self.says.rule
         if self.says.rule is FINITE:
@@ -179,10 +180,10 @@ class Field:
 
     @cached_property
     def made(self) -> Rule:
-        """The limits of each of its numbers where it is made in Python: those that it needs.
+        """Limits of each of its numbers when it is created in Python.
 
-        A fit passes, and a difference steps, beyond the numbers that a file may have; those are
-        refused at the doors.
+        Fits and finite differences may use numbers that a file may not contain. The functions of
+        the API refuse those.
         """
         loose = self.item is float and self.rule is not POSITIVE
         return self.says.made or (A_NUMBER if loose else self.rule)
@@ -194,7 +195,7 @@ class Field:
 
 
 def fields_of(cls: Any) -> tuple[Field, ...]:
-    """The declared fields of a dataclass, in order."""
+    """List the declared fields of a dataclass, in order."""
     return _fields_of(cls)
 
 
@@ -217,13 +218,13 @@ def _fields_of(cls: Any) -> tuple[Field, ...]:
 
 @cache
 def _by_name(cls: Any) -> tuple[dict[str, Field], tuple[str, ...]]:
-    """The declared fields of a dataclass by name, and the names of those it must have."""
+    """Map names to declared fields of a dataclass, and list the names of required ones."""
     declared = {field.name: field for field in fields_of(cls)}
     return declared, tuple(name for name, field in declared.items() if field.required)
 
 
 def field_at(value: Any, path: tuple[str, ...]) -> Field | None:
-    """The innermost declared field on the way along a path of attributes and element numbers."""
+    """Find the innermost declared field along a path of attributes and element numbers."""
     field = None
     for name in path:
         if isinstance(value, tuple):
@@ -236,31 +237,31 @@ def field_at(value: Any, path: tuple[str, ...]) -> Field | None:
 
 
 def symbol(field: Field | None) -> str:
-    """The SI unit of a field for people, "1" of plain numbers and of what is not declared."""
+    """Find the SI unit of a field for people; "1" for plain numbers and undeclared fields."""
     dimension = "" if field is None else field.says.dimension
     return DIMENSIONS[dimension].symbol if dimension else "1"
 
 
 def asks(cls: Any) -> Any:
-    """Let a declared dataclass of a question be made as :func:`takes_units` says.
+    """Let a declared dataclass of a request be created as :func:`takes_units` describes.
 
-    No fit passes through it: the limits of a file hold where it is made.
+    No fit creates it, so the limits of a file apply.
     """
     return takes_units(cls, attrgetter("rule"))
 
 
 def takes_units(cls: Any, limits: Callable[[Field], Rule] = attrgetter("made")) -> Any:
-    """Let a declared dataclass be made of what its file may hold: ``Circle("4.5 cm")``.
+    """Let a declared dataclass be created from what its file may contain: ``Circle("4.5 cm")``.
 
-    Texts carry their unit, lists serve as tuples, names of a library as what they stand for, and
-    what is left out is completed as a file's. What cannot be used is an :class:`InputError` that
-    names the key: a wrong unit, a number beyond its limits, an array in place of a number, an
-    unknown or a missing name. An imaginary step of a number is not looked at.
+    Texts have a unit, lists are used as tuples, and names of a library are replaced by their
+    objects. Missing values are completed as for a file. A wrong value raises an :class:`InputError`
+    that names the key: a wrong unit, a number outside its limits, an array in place of a number, an
+    unknown or a missing name. The imaginary step of a number is not checked.
     """
     of_numbers = cls.__init__
     rules = {field.name: limits(field) for field in fields_of(cls)}
     halves = [field for field in fields_of(cls) if field.says.doubled]
-    # Of what is not declared, numbers are looked at by the dataclass itself.
+    # The dataclass itself checks numbers in fields that are not declared.
     others = {name: hint for name, hint in get_type_hints(cls).items()
               if name not in {field.name for field in fields_of(cls)} and "float" not in str(hint)}
     arguments = Arguments.of(of_numbers, cls, *(word for field in halves
@@ -286,7 +287,7 @@ def takes_units(cls: Any, limits: Callable[[Field], Rule] = attrgetter("made")) 
 
 
 class FieldsAlone:
-    """A dataclass that is pickled by its fields: what follows from them may be much longer."""
+    """Dataclass that is pickled with its fields only; derived quantities may be much larger."""
 
     def __getstate__(self) -> dict[str, Any]:
         declared = {item.name for item in dataclass_fields(cast(Any, self))}
@@ -295,11 +296,12 @@ class FieldsAlone:
 
 @dataclass(frozen=True)
 class Arguments:
-    """The arguments of a function as a message knows them.
+    """Arguments of a function for messages about them.
 
-    ``positional`` may be given without a name, ``names`` are all, ``needed`` those without a
-    default; ``known`` has the names, and what people write instead of them, as messages spell them;
-    ``meanings`` those of fields; ``blank`` are those whose default is a text without letters.
+    ``positional``: names that may be given by position. ``names``: all names. ``needed``: names
+    without a default. ``known``: names, and words that people write instead, as messages spell
+    them. ``meanings``: meanings of fields. ``many``: further positional arguments are allowed.
+    ``blank``: names whose default is an empty text.
     """
 
     positional: tuple[str, ...]
@@ -312,9 +314,9 @@ class Arguments:
 
     @classmethod
     def of(cls, function: Callable[..., Any], declared: Any = None, *more: str) -> Arguments:
-        """Those of a function, or of the constructor of a ``declared`` dataclass.
+        """Collect the arguments of a function, or of a ``declared`` dataclass's constructor.
 
-        ``more`` are names that it hands on.
+        ``more``: further names that the function passes on.
         """
         listed = [item for item in signature(function).parameters.values() if item.name != "self"]
         single = [item for item in listed if item.kind not in (item.VAR_POSITIONAL,
@@ -333,7 +335,7 @@ class Arguments:
                    frozenset(item.name for item in listed if item.default == ""))
 
     def named(self, values: Sequence[Any], named: Mapping[str, Any]) -> Content:
-        """The values by their names."""
+        """Assign the values to their names."""
         if len(values) > len(self.positional) and not self.many:
             without = ", ".join(self.positional) or "none"
             raise InputError(f"of what is given without a name there may be {without}; name the "
@@ -349,7 +351,7 @@ class Arguments:
         return given | dict(named)
 
     def require_type(self, hint: Any, value: Any, name: str) -> None:
-        """Refuse a value of another type than that of an annotation, and an empty text."""
+        """Raise InputError for a value of a wrong type, and for an empty text."""
         _require_type(hint, value, name)
         if (isinstance(value, str | PathLike) and not str(value).strip() and name not in self.blank
                 and not {str, PathLike}.isdisjoint(get_origin(kind) or kind
@@ -357,7 +359,7 @@ class Arguments:
             raise InputError(EMPTY, key=name, given=value)
 
     def require(self, given: Mapping[str, Any], names: Sequence[str]) -> None:
-        """Refuse what lacks one of these names."""
+        """Raise InputError if one of these names is missing."""
         for name in names:
             if name not in given:
                 meaning = self.meanings.get(name)
@@ -365,15 +367,16 @@ class Arguments:
 
 
 def names_arguments(more: Any = None) -> Callable[[F], F]:
-    """Make a function answer wrong arguments by an :class:`InputError` that names them.
+    """Make a function raise an :class:`InputError` that names a wrong argument.
 
-    That is a wrong name, a missing argument, or one of another type than it is declared with.
-    ``more``: a typed dictionary of those that it hands on to a declared dataclass.
+    An argument is wrong if its name is unknown, if it is missing, or if it has another type than
+    declared. ``more``: typed dictionary of the arguments that the function passes on to a declared
+    dataclass.
     """
     def explained(function: F) -> F:
         declared = get_annotations(more) if more else {}
         arguments = Arguments.of(function, None, *declared)
-        # A quantity that is handed on is looked at by its dataclass, which knows its unit.
+        # The dataclass that knows the unit checks a quantity that is passed on.
         hints = get_annotations(function) | {
             name: Any if "float" in str(hint) else hint for name, hint in declared.items()}
         many = next((name for name, item in signature(function).parameters.items()
@@ -397,7 +400,7 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
 
 
 def checks_types(cls: Any) -> Any:
-    """Let a plain dataclass answer arguments of another type than declared by an InputError."""
+    """Let a plain dataclass raise InputError for arguments of a wrong type."""
     of_any = cls.__init__
     arguments, hints = Arguments.of(of_any), get_type_hints(cls)
 
@@ -414,24 +417,27 @@ def checks_types(cls: Any) -> Any:
 
 
 class _Unloaded:
-    """A type whose module only type checkers load: what is of it has a class of its name."""
+    """Type whose module only type checkers load; a class of the same name matches it."""
 
 
 class _Places(dict[str, Any]):
-    """Names of a module and Python's own; those that type checkers alone know are unloaded."""
+    """Names of a module and Python's own names.
+
+    Names that only type checkers know are created as unloaded types.
+    """
 
     def __missing__(self, name: str) -> Any:
         return vars(builtins).get(name) or type(name, (_Unloaded,), {})
 
 
 def _type_of(hint: Any, places: Mapping[str, Any]) -> Any:
-    """The type that an annotation means."""
+    """Evaluate an annotation to its type."""
     hint = getattr(hint, "__forward_arg__", hint)
     return eval(hint, {}, _Places(places)) if isinstance(hint, str) else hint
 
 
 def _require_type(hint: Any, value: Any, key: str) -> None:
-    """Refuse a value of another type than that of an annotation."""
+    """Raise InputError for a value of another type than an annotation's."""
     if get_origin(hint) is Literal:
         if value not in get_args(hint):
             raise InputError(one_of(value, dict.fromkeys(get_args(hint))), key=key,
@@ -455,19 +461,19 @@ _TYPES: dict[Any, str] = {
 
 
 def _kinds(hint: Any) -> tuple[Any, ...]:
-    """The types of a union, or the only one."""
+    """List the types of a union, or the only type."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
 def _fits(hint: Any, value: Any) -> bool:
-    """Whether a value is of a type."""
+    """Check whether a value matches a type."""
     kinds = _kinds(hint)
     return (Any in kinds or any(get_origin(kind) is Literal for kind in kinds)
             or any(_is_a(kind, value) for kind in kinds))
 
 
 def _is_a(kind: Any, value: Any) -> bool:
-    """Whether a value is of a kind; arrays serve as lists, and a text or number as one of them."""
+    """Check whether a value is of a kind; arrays count as lists, a text or number as one item."""
     item, kind = get_args(kind), get_origin(kind) or kind
     if kind is float:
         return _is_number(value)
@@ -475,32 +481,32 @@ def _is_a(kind: Any, value: Any) -> bool:
         return isinstance(value, Integral) and not isinstance(value, bool)
     if kind is Sequence:
         single = isinstance(value, str | Number)
-        # What is wrong with a number or text among them is said where it is read.
+        # Errors of a number or text among them are reported where it is read.
         if not item or not {float, str, int, Any}.isdisjoint(_kinds(item[0])):
             return single or hasattr(value, "__len__")
         return not single and hasattr(value, "__len__") and all(
             _fits(item[0], part) for part in value)
     if isinstance(kind, type) and issubclass(kind, _Unloaded):
         return any(base.__name__ == kind.__name__ for base in type(value).__mro__)
-    # Of a protocol it is not known before it is used.
+    # Whether a value matches a protocol shows only in its use.
     return (not isinstance(kind, type) or getattr(kind, "_is_protocol", False)
             or isinstance(value, kind))
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value is one number; True is none, and neither is a masked cell of a table."""
+    """Check whether a value is one number; True and a masked table cell are not numbers."""
     if getattr(value, "ndim", None) == 0:
         return value.dtype.kind in "iufc" and not _is_masked(value)
     return isinstance(value, Number) and not isinstance(value, bool)
 
 
 def _is_masked(value: Any) -> bool:
-    """Whether a value is a cell of a table of NumPy that is masked, so that it holds no number."""
+    """Check whether a value is a masked cell of a NumPy table, which contains no number."""
     return getattr(value, "ndim", None) == 0 and bool(getattr(value, "mask", False))
 
 
 def number(value: Any, dimension: str, key: str) -> float:
-    """One number [SI], given as it is or as a text with its unit.
+    """Convert one number [SI], given as a number or as a text with its unit.
 
     Examples
     --------
@@ -511,7 +517,7 @@ def number(value: Any, dimension: str, key: str) -> float:
 
 
 def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
-    """Several numbers [SI], or one of them, as :func:`number` takes it.
+    """Convert several numbers [SI], or one of them, as :func:`number` does.
 
     Examples
     --------
@@ -524,10 +530,10 @@ def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
 
 
 def _in_si(field: Field, value: Any, rule: Rule) -> Any:
-    """Arguments of a constructor as the dataclass keeps them, within the limits of a rule."""
+    """Convert a constructor argument to the value that the dataclass stores, within a rule."""
     if (type(value) is float and field.kind is float
             and -LARGEST <= value <= LARGEST and rule[0](value)):
-        return value  # what nearly all are, in each of a search's many thousand specimens
+        return value  # fast path: nearly all values, in many thousand specimens
     try:
         if isinstance(value, str) and field.says.kinds is not None and field.says.kinds.by_name:
             return field.says.kinds.by_name(value)
@@ -546,18 +552,18 @@ def _in_si(field: Field, value: Any, rule: Rule) -> Any:
 
 
 def _require_part(field: Field, value: Any) -> None:
-    """Refuse what can be no part of an actuator: a text, a number."""
+    """Raise InputError for a value that cannot be a part of an actuator: text or number."""
     if field.several and not isinstance(value, list | tuple):
         raise InputError("must be a list", given=value)
     says, of_type = field.says, (field.item is bool or get_origin(field.item) is Literal
                                  or is_dataclass(field.item))
     if says.kinds is None and field.item is not str and not of_type:
-        return  # anything may be there: an outline's many knots
+        return  # any value is allowed, such as an outline's knots
     for part in value if field.several else (value,):
-        if part is None:  # whether there may be none, the dataclass knows
+        if part is None:  # the dataclass decides whether None is allowed
             continue
         if says.kinds is not None:
-            # A package's kind is a dataclass, whatever else it is.
+            # The only requirement on a package's kind is that it is a dataclass.
             if not is_dataclass(part) or isinstance(part, type):
                 kinds = [kind.__name__ for kind in says.kinds.values() if isinstance(kind, type)]
                 raise InputError(f"must be one of {', '.join(kinds)}", given=part)
@@ -568,7 +574,7 @@ def _require_part(field: Field, value: Any) -> None:
 
 
 def _require_text(field: Field, text: Any) -> None:
-    """Refuse what is no text, or beyond the limits of the field's."""
+    """Raise InputError for a value that is not a text, or outside the field's limits."""
     if not isinstance(text, str | PathLike):
         raise InputError("must be a text", given=text)
     if not str(text).strip() and field.default != text and not field.several:
@@ -578,10 +584,10 @@ def _require_text(field: Field, text: Any) -> None:
 
 
 def require_of_file(part: Any, within: str = "") -> None:
-    """Refuse a part of an actuator with a number that no file may have.
+    """Raise InputError for a part of an actuator with a number that no file may contain.
 
-    ``within`` begins its key. Doors of Python ask for this. Constructors do not, since a fit may
-    pass through such numbers.
+    ``within`` is the start of its key. Functions of the API call this. Constructors do not, since a
+    fit may use such numbers.
     """
     for field in fields_of(type(part)):
         value = getattr(part, field.name)
@@ -597,7 +603,10 @@ def require_of_file(part: Any, within: str = "") -> None:
 
 
 def _require_limits(field: Field, part: Any, given: Any, rule: Rule) -> None:
-    """Refuse numbers beyond their limits, or too few; an imaginary step does not count."""
+    """Raise InputError for numbers outside their limits, or too few numbers.
+
+    An imaginary step is ignored.
+    """
     holds, words = rule
     items = part if field.several else (part,)
     if field.several and len(part) < field.says.least and part != field.default:
@@ -619,12 +628,12 @@ def _require_limits(field: Field, part: Any, given: Any, rule: Rule) -> None:
 
 
 def _told(field: Field, part: Any, given: Any) -> Any:
-    """Value for a message: a text as it was written, numbers with their unit."""
+    """Format a value for a message: a text as it was written, numbers with their unit."""
     return given if isinstance(given, str) else _shown(field, part)
 
 
 def _one_number(field: Field, value: Any) -> Any:
-    """A number, or a text with its unit [SI]."""
+    """Convert a number, or a text with its unit [SI]."""
     if isinstance(value, str) and field.says.dimension:
         return quantity(value, field.says.dimension)
     if _is_masked(value):
@@ -641,7 +650,7 @@ def _one_number(field: Field, value: Any) -> Any:
 
 
 def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
-    """Numbers or places, or one that stands for all [SI]."""
+    """Convert numbers or points, or one number that is used for all [SI]."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if field.says.repeats and field.count and not isinstance(value, list | tuple):
@@ -654,7 +663,7 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
     if of_pairs and not (all(issubclass(kind, list | tuple) for kind in types)
                          and {2} >= set(map(len, value))):
         raise InputError("must be pairs of numbers", given=value)
-    # Outlines have hundreds of numbers: no call for each, and no look at each where they are made.
+    # Outlines have hundreds of numbers; a call for each one would be slow.
     if {float} >= (set(map(type, chain(*value))) if of_pairs else types):
         return tuple(map(tuple, value)) if of_pairs else tuple(value)
     return tuple([tuple([_one_number(field, part) for part in item]) if of_pairs else
@@ -662,7 +671,7 @@ def _numbers(field: Field, value: Any) -> tuple[Any, ...]:
 
 
 def _halved(field: Field, given: Content) -> Content:
-    """Arguments with a field in place of the words for twice its numbers."""
+    """Replace the words for twice a field's numbers by the field."""
     words = [word for word in field.says.doubled if word in given]
     if not words:
         return given
@@ -680,12 +689,12 @@ def _either(field: Field) -> str:
 
 
 class Registry(dict[str, T]):
-    """All kinds of one thing by the name that files know them by.
+    """All kinds of one part by their names in files.
 
-    ``tag`` is the attribute of a kind that holds its name, and the key in files that chooses it.
-    The ``usual`` kind, if there is one, needs no name there.
-    ``by_name`` answers what a name of a library stands for, in place of a kind. ``broken`` are the
-    errors of users' packages whose kinds could not be loaded.
+    ``tag`` is the attribute of a kind that contains its name, and the key in files that chooses it.
+    The ``usual`` kind, if there is one, needs no name in files. ``by_name`` maps a name of a
+    library to an object, in place of a kind. ``broken`` contains the errors of users' packages
+    whose kinds could not be loaded.
     """
 
     by_name: Callable[[str], Any] | None = None
@@ -696,12 +705,12 @@ class Registry(dict[str, T]):
         self.broken: list[InputError] = []
 
     def whole(self, name: str = "") -> Self:
-        """The registry where every kind is needed, or one that is not there.
+        """Return the registry if no package is broken.
 
         Raises
         ------
         InputError
-            When a package is broken; that of the kind's ``name`` first.
+            If a package is broken; the error of the kind ``name`` comes first.
         """
         for error in sorted(self.broken, key=lambda error: f"{name!r}" not in str(error.key)):
             raise error
@@ -709,22 +718,28 @@ class Registry(dict[str, T]):
 
     @property
     def synonyms(self) -> dict[str, str]:
-        """Synonyms of the kinds, ``also`` of each, by the words that messages use instead."""
+        """Synonyms (``also``) of the kinds, with the words that messages use instead."""
         return {word: repr(name) for name, kind in self.items()
                 for word in getattr(kind, "also", ())}
 
     def register(self, kind: Any) -> Any:
-        """Make a kind known; serves as decorator. A dataclass then takes units."""
+        """Register a kind; usable as a decorator. A dataclass then takes units.
+
+        Raises
+        ------
+        ValueError
+            When another kind has its name.
+        """
         name = getattr(kind, self.tag)
-        if name in self and self[name] != kind and getattr(self[name], "__qualname__", "") != (
-                getattr(kind, "__qualname__", None)):
-            raise ValueError(f"{name!r} is registered already: {self[name]!r}")
+        known = self.get(name, kind)
+        if getattr(known, "__qualname__", known) != getattr(kind, "__qualname__", kind):
+            raise ValueError(f"{name!r} is registered already: {known!r}")
         takes = isinstance(kind, type) and is_dataclass(kind)
         self[name] = takes_units(kind) if takes else kind
         return kind
 
     def read(self, table: Table) -> Any:
-        """Object that a table describes, by the kind's own ``from_table`` if it has one."""
+        """Read the object in a table, with the kind's own ``from_table`` if it has one."""
         name = table.data.get(self.tag)
         if isinstance(name, str) and name not in self:
             self.whole(name)
@@ -732,13 +747,13 @@ class Registry(dict[str, T]):
         return cls.from_table(table) if hasattr(cls, "from_table") else read(cls, table)
 
     def write(self, value: Any, plain: bool = False) -> Content:
-        """The table that reads back as the value."""
+        """Write a value as a table that reads back equal."""
         name = getattr(value, self.tag)
         return ({} if name == self.usual else {self.tag: name}) | write(value, plain)
 
 
 def read(cls: type[T], table: Table, special: Special | None = None) -> T:
-    """An instance of a declared dataclass from a table, which must hold nothing else."""
+    """Read an instance of a declared dataclass from a table, which must contain nothing else."""
     values: Content = {}
     for field in fields_of(cls):
         if not field.says.inline:
@@ -764,7 +779,7 @@ def read(cls: type[T], table: Table, special: Special | None = None) -> T:
 
 
 def write(value: Any, plain: bool = False) -> Content:
-    """A declared dataclass as a table that :func:`read` turns into an equal one.
+    """Write a declared dataclass as a table that :func:`read` converts to an equal one.
 
     ``plain``: for a plain :class:`tympan.base.toml_reader.Table`.
     """
@@ -784,7 +799,7 @@ def write(value: Any, plain: bool = False) -> Content:
 
 
 def _shown(field: Field, part: Any) -> Any:
-    """A number or numbers of a field as a person reads them, with their unit."""
+    """Format a number or numbers of a field for people, with their unit."""
     if not field.says.dimension:
         return part
     try:

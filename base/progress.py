@@ -1,14 +1,14 @@
-"""How long work says what it does: in words, or by counting its parts."""
+"""Progress of long computations: reported in words, or as the number of finished parts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-#: Called with what is done next, in words.
+#: Function that is called with the next operation, in words.
 Progress = Callable[[str], None]
 
-#: Called with the parts that are done, and with their number.
+#: Function that is called with the number of finished parts and the total number.
 PartsDone = Callable[[int, int], None]
 
-#: Called with the share of a motion that is computed, from 0 to 1.
+#: Function that is called with the computed share of a motion, from 0 to 1.
 ShareDone = Callable[[float], None]

@@ -1,1 +1,1 @@
-"""The prestretched hyperelastic membrane under plate load and voltage."""
+"""Finite-element model of the prestretched hyperelastic membrane under plate load and voltage."""

@@ -1,4 +1,4 @@
-"""A source of voltages, and what is between it and the film's electrodes."""
+"""Voltage source, and the circuit between source and electrodes."""
 
 from __future__ import annotations
 
@@ -12,51 +12,52 @@ from tympan.fem.membrane.damped_rule import end_weight
 
 
 class SourceSignal(Protocol):
-    """A film's or source's voltage in time, smooth within pieces between ``breaks`` [s]."""
+    """Voltage of a film or source in time, smooth in pieces between ``breaks`` [s]."""
 
     @property
     def breaks(self) -> Array:
-        """Times between which it is smooth [s], shape (pieces + 1,)."""
+        """Times that separate the smooth pieces [s], shape (pieces + 1,)."""
 
     @property
     def first(self) -> Any:
-        """Voltage before it begins [V]."""
+        """Voltage before the first break [V]."""
 
     def within(self, piece: Any, time: Any) -> Any:
-        """Voltages [V] at times of a piece, its ends included."""
+        """Evaluate the voltage [V] at times of a piece; both ends belong to it."""
 
 
 @dataclass(frozen=True)
 class Circuit:
-    """Circuit of source and film: a series ``resistance`` and a ``leakage`` past the film [Ω]."""
+    """Circuit of source and film: a ``resistance`` in series, a ``leakage`` in parallel [Ω]."""
 
     resistance: float = 0.0
     leakage: float = np.inf
 
     @property
     def conductance(self) -> float:
-        """Conductance of both resistances from the film [1/Ω]."""
+        """Sum of both resistances' conductances, as the film sees them [1/Ω]."""
         return 1 / self.resistance + 1 / self.leakage
 
     @property
     def share(self) -> float:
-        """Share of the source's voltage that is across the film at rest."""
+        """Share of the source's voltage across the film in the steady state."""
         return 1 / (1 + self.resistance / self.leakage)
 
     def time(self, capacitance: Any) -> Any:
-        """Time in which a film of a capacitance [F] charges, by a factor e [s]."""
+        """Compute the charging time constant of a film with a capacitance [F], in s."""
         return self.share * self.resistance * capacitance
 
     def current(self, source: Any, film: Any) -> Any:
-        """Current to electrodes [A] at voltages of source and film [V]; 0 without resistance."""
+        """Compute the electrodes' current [A] from both voltages [V]; 0 without resistance."""
         return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
 
     def charged(self, charge: float, current: float, source: float, duration: float,
                 capacitance: float) -> tuple[float, float]:
-        """Charge of a film after a duration [s] at a voltage U of it, as Q − C U [C, F].
+        """Compute a film's charge after a duration [s] as Q − C U [C, F], for its voltage U.
 
-        By the damped trapezoidal rule of a film of a ``capacitance`` [F], from its ``charge`` [C]
-        and ``current`` [A] before, under the source's voltage [V] at the end.
+        The damped trapezoidal rule is applied to a film with a ``capacitance`` [F]. ``charge`` [C]
+        and ``current`` [A] are the values before the step; ``source`` is the source's voltage [V]
+        at its end.
         """
         later = end_weight(duration * self.conductance / capacitance)
         at_no_voltage = (1 - later) * current + later * source / self.resistance

@@ -1,4 +1,4 @@
-"""Derivatives by the complex step, exact to rounding for code that works with complex numbers."""
+"""Derivatives by the complex step, accurate to rounding, for code that allows complex numbers."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-#: An imaginary step so small that its square is lost beside any number, and far above underflow.
+#: Imaginary step. Its square is below the rounding error of any number, and far above underflow.
 STEP = 1e-40
 
 
 def complex_step(function: Callable[[Any], Any], at: Any, direction: Any = 1.0) -> Any:
-    """Derivative of an analytic function of a number or array along a direction.
+    """Differentiate an analytic function of a number or array along a direction.
 
-    Im f(x + ih)/h = f′(x) + O(h²), and nothing is subtracted that could cancel (Squire & Trapp,
-    SIAM Rev. 40, 1998).
+    Im f(x + ih)/h = f′(x) + O(h²). No subtraction can lose digits (Squire & Trapp, SIAM Rev. 40,
+    1998).
 
     Examples
     --------

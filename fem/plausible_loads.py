@@ -1,4 +1,4 @@
-"""Loads that can hardly be meant for a film: a number without unit is SI, and many write grams."""
+"""Check for implausible loads: a number without unit is SI, but many people enter grams."""
 
 from __future__ import annotations
 
@@ -13,32 +13,33 @@ from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
 
-#: Weight over the film's stiffness round the plate's edge, beyond which it cannot be meant. Films
-#: tear at some six times their mounted length, where they carry about their stiffness; usual loads
-#: are a tenth of that, and the same number in kilograms is then a hundred times too much.
+#: Largest plausible weight over the film's stiffness round the plate's edge. Films tear at some six
+#: times their mounted length, where they carry about their stiffness. Usual loads are a tenth of
+#: that. The same number in kilograms is then a hundred times too large.
 _MOST_WEIGHT = 10.0
 
-#: Maxwell stress over stiffness, below which a voltage cannot be meant: at it a thousand times the
-#: voltage gives ten times the stiffness, more than any film bears.
+#: Least plausible Maxwell stress over stiffness. At this value a thousand times the voltage gives
+#: ten times the stiffness, more than any film bears.
 _LEAST_STRAIN = 1e-5
 
-#: Maxwell stress over stiffness from which on a voltage is seen in a deflection.
+#: Least Maxwell stress over stiffness that has a visible effect on a deflection.
 _SEEN = 1e-4
 
-#: Deflections at which the force of a mechanism is looked at; of a steep one the largest may be
-#: missed, which is far from what is doubted.
+#: Number of deflections at which the force of a mechanism is evaluated. The largest force of a
+#: steep mechanism may be missed, but implausible loads are far larger.
 _PLACES = 41
 
-#: Stiffness of a neo-Hookean electrode, stretched equally along both axes, over its modulus.
+#: Equibiaxial stiffness of a neo-Hookean electrode over its modulus.
 _EQUIBIAXIAL = 6.0
 
 
 def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float) -> list[str]:
-    """Likely intended values of a mass [kg] and a nominal voltage [V], in sentences; mostly none.
+    """List likely intended values of an implausible mass [kg] or nominal voltage [V].
 
-    The door they came through does not matter, only what they do to the film. Of several voltages
-    the highest counts. What springs and other mechanisms carry is left to them. A film whose law
-    gives it no stiffness, such as the paper's Eq. (8), is not judged.
+    Each entry is a sentence; the list is usually empty. The check uses only what the loads do to
+    the film. Of several voltages the highest is checked. The forces that springs and other
+    mechanisms carry are added to what the film can carry. A film whose law has no stiffness, such
+    as the paper's Eq. (8), is not checked.
     """
     stiffness, around = _stiffness(specimen)
     doubts: list[str] = []
@@ -49,7 +50,7 @@ def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float)
         weight = abs(mass * rig.gravity)
         others = rig.spring * max(frame.semi_axes)
         others += sum(_carried(bias, max(frame.semi_axes)) for bias in rig.biases)
-        if rig.gas_pressure:  # an area takes as long as a hundred of these looks
+        if rig.gas_pressure:  # an area takes as long as 100 checks
             others += abs(rig.gas_pressure) * area(frame)
         if weight > _MOST_WEIGHT * around + others:
             doubts.append(
@@ -68,7 +69,7 @@ def implausible_loads(specimen: Specimen, rig: Rig, mass: float, voltage: float)
 
 
 def _carried(bias: Bias, far: float) -> float:
-    """Largest force of a mechanism [N] on a plate that moves so far [m], either way."""
+    """Find the largest force of a mechanism [N] on a plate within ± a deflection [m]."""
     if isinstance(bias, JoinedFilm):
         return _MOST_WEIGHT * _stiffness(bias.specimen)[1]
     forces = [abs(np.real(bias.derivatives(at)[1])) for at in np.linspace(-far, far, _PLACES)]
@@ -77,11 +78,14 @@ def _carried(bias: Bias, far: float) -> float:
 
 @lru_cache(maxsize=32)
 def _stiffness(specimen: Specimen) -> tuple[float, float]:
-    """Stiffness of the mounted film [Pa], electrodes included, and round the plate's edge [N]."""
+    """Compute the mounted film's stiffness [Pa] and that round the plate's edge [N].
+
+    Both include the electrodes.
+    """
     film = specimen.membrane
     stiffness = float(np.real(equibiaxial_stiffness(film.material, *film.prestretch)))
     stiffness += _EQUIBIAXIAL * specimen.electrode.stiffness
-    if not 0 < stiffness < np.inf:  # next to where the law locks or gives way
+    if not 0 < stiffness < np.inf:  # near locking or softening of the law
         stiffness = _EQUIBIAXIAL * float(np.real(small_strain_modulus(film.material)))
     edge = perimeter(specimen.plate.outline) if specimen.plate else 0.0
     return stiffness, float(np.real(stiffness * film.volume_per_area * edge))

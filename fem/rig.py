@@ -1,4 +1,4 @@
-"""Surroundings of the specimen: gravity, extra mass, spring, amplifier, displacement sensor."""
+"""Test rig around the specimen: gravity, extra mass, spring, amplifier, displacement sensor."""
 
 from __future__ import annotations
 
@@ -26,45 +26,46 @@ _AIR: Rule = (lambda x: 0 <= x <= 1000, "must be from 0 (none) to 1000 kg/m^3")
 
 _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
-#: What acts on a plate, of the rig's settings.
+#: Settings of the rig that act on a plate.
 _OF_PLATE = ("unaccounted_mass", "spring", "guide", "weight_offset", "plate_pressure", "biases",
              "friction", "plate_damping", "added_mass")
 
-#: What acts against the way a plate or a voltage came, and so needs to know that way.
+#: Settings whose effect depends on the direction of plate or voltage.
 AGAINST_THE_WAY = ("friction", "lag_voltage")
-#: What only a tester that holds the plate shows.
+#: Settings that only a tester that holds the plate needs.
 OF_TESTER = ("gauge_zero", "gauge_gain", "displacement_zero", "tester_compliance")
 
-#: Highest nominal voltage [V] that is taken from people and looked at by searches: no such film is
-#: tested beyond.
+#: Highest nominal voltage [V] that inputs and searches may use: no such film is tested above.
 MOST_VOLTAGE = 1e6
 
-#: Largest nominal mass [kg], likewise.
+#: Largest nominal mass [kg] of inputs and searches.
 MOST_MASS = 100.0
 
-#: Loads that such a film could bear; others are slips of a unit.
+#: Rules for loads that such a film could bear; larger ones are unit errors.
 MASS_RULE: Rule = (lambda x: 0 <= x <= MOST_MASS, f"must be from 0 to {MOST_MASS:g} kg")
 VOLTAGE_RULE: Rule = (lambda x: 0 <= x <= MOST_VOLTAGE,
                       f"must be from 0 to {MOST_VOLTAGE / 1e3:g} kV")
 
-#: A gas may hold more than an atmosphere: a stiff film of a few millimetres bears some 10 MPa.
+#: Rule for gas pressures. They may exceed an atmosphere: a stiff film of a few millimetres bears
+#: some 10 MPa.
 PRESSURES: Rule = (lambda x: -1e8 <= x <= 1e8, "must be from -100 to 100 MPa")
 
 GAS_SIGN = ("positive gas pressure now lifts film and plate, against the weight: in files written "
             "before this version, change its sign")
 
-#: Ways the voltage got to where it is, as datasets name them; none where it is not known.
+#: Signs of the direction of a voltage, by its name in datasets; "" means that it is unknown.
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 
 
-#: Corrections of where a plate is under a tester that yields: a film's force is nearly straight.
+#: Number of corrections of the plate's deflection in a compliant tester. Few are enough, since a
+#: film's force is nearly linear.
 _CORRECTIONS = 5
 
 
 @takes_units
 @dataclass(frozen=True)
 class Rig:
-    """The test rig; the defaults are an ideal one."""
+    """Test rig; the default values describe an ideal rig."""
 
     gravity: Annotated[float, Key("fall acceleration", "acceleration", POSITIVE)] = 9.80665
     unaccounted_mass: Annotated[float, Key("on the plate beside the nominal mass", "mass")] = 0.0
@@ -121,16 +122,16 @@ class Rig:
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
-        """The rig of a table; every key may be left out."""
+        """Read a rig from a table; every key is optional."""
         return read(cls, table)
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """The rig of a TOML file."""
+        """Read a rig from a TOML file."""
         return read(cls, Table.read(file, "rig"))
 
     def pressed(self, pressure: float | str | None) -> Rig:
-        """The same rig with the gas below the film at a pressure, where one is given."""
+        """Set the gas pressure below the film, if a value is given."""
         if pressure is None:
             return self
         value, (holds, words) = number(pressure, "stress", "pressure"), PRESSURES
@@ -142,14 +143,14 @@ class Rig:
     def remarks(self) -> tuple[str, ...]:
         """Sentences that belong to every result on this rig.
 
-        The one about the gas is for files of before 26 November 2026 and goes with the first
-        release: until then the solver's sign was the opposite of the texts'.
+        The sentence about the gas is for files from before 26 November 2026, when the solver's sign
+        was opposite to the documentation. It is removed with the first release.
         """
         return (GAS_SIGN,) if self.gas_pressure else ()
 
     @property
     def in_motion(self) -> tuple[str, ...]:
-        """Sentences that belong to every motion on this rig: what of it a motion does not have."""
+        """Sentences about the settings that a motion on this rig neglects."""
         left_out = [f"{key} of the rig changes readings at rest and is left out in time"
                     for key in AGAINST_THE_WAY if getattr(self, key)]
         if any(isinstance(bias, JoinedFilm) for bias in self.biases):
@@ -160,12 +161,12 @@ class Rig:
 
     @property
     def loading(self) -> Loading:
-        """Actions on film and plate besides force, voltage and gas pressure."""
+        """Actions on film and plate other than force, voltage and gas pressure."""
         springs = (Spring(self.spring),) if self.spring else ()
         return Loading((*springs, *self.biases), self.weight_offset, self.guide, self.gravity)
 
     def require_none_of_plate(self) -> None:
-        """Refuse what acts on a plate, for a film that has none."""
+        """Raise InputError if a setting acts on a plate; the film has none."""
         for name in _OF_PLATE:
             field = next(item for item in fields_of(type(self)) if item.name == name)
             if getattr(self, name) != field.default:
@@ -179,23 +180,23 @@ class Rig:
 
     @property
     def source(self) -> Rig:
-        """The same rig without leak: its film's voltage at rest is that of the source in time."""
+        """Rig without leakage: its steady film voltage is the voltage of the source in time."""
         return replace(self, leakage_resistance=inf)
 
     def record(self) -> dict[str, Any]:
-        """All settings by name, as a study stores them."""
+        """Collect all settings by name, as a study stores them."""
         return {**asdict(replace(self, biases=())), "biases": [
             {"law": bias.law, **_recorded(bias)} for bias in self.biases]}
 
     def force(self, mass: Any, plate_area: Any = 0.0) -> Any:
-        """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²]."""
+        """Compute the force on the plate [N] from a nominal mass [kg] and the plate area [m²]."""
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
     def rubbed(self, force: Any, direction: Any = 0.0) -> Any:
-        """Force [N] on the film of a force on the plate that rubs; friction never turns its sign.
+        """Subtract friction from a force on the plate [N]; friction never changes its sign.
 
-        ``direction`` as of a voltage: the plate is held up on its way down to where a rising one or
-        the weight moves it, held down where the voltage falls.
+        ``direction`` is that of the voltage. If the voltage or the weight moves the plate down,
+        friction holds it up. If the voltage falls, friction holds it down.
 
         Examples
         --------
@@ -207,11 +208,11 @@ class Rig:
         return _not_turned(force, force - direction * self.friction)
 
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
-        """Voltage [V] that acts on the film, of a nominal one: (1+k) U/(1+(U/U_s)²), less its lag.
+        """Compute the film's voltage [V] from a nominal one: (1+k) U/(1+(U/U_s)²) minus lag.
 
-        Of that a leak past the film leaves R_l/(R_l + R) beyond the series resistance R. The lag
-        never turns the sign. Numbers or arrays; ``direction`` is 1 where the voltage rises, -1
-        where it falls, 0 where that is not known.
+        A leak past the film leaves the share R_l/(R_l + R) behind the series resistance R. The lag
+        never changes the sign. Arguments are numbers or arrays. ``direction`` is 1 for a rising
+        voltage, -1 for a falling one, 0 if unknown.
 
         Examples
         --------
@@ -224,9 +225,9 @@ class Rig:
         >>> Rig(series_resistance=1e8, leakage_resistance=1e9).film_voltage(1100.0)
         1000.0
         """
-        # The lag is the film's own: it comes after all that the supply does.
+        # The lag belongs to the film: it applies after the supply's effects.
         sag = voltage / self.sag_voltage
-        # As a product: numbers and arrays round a power differently.
+        # A product, since numbers and arrays round a power differently.
         supplied = self.circuit.share * (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
         if isinstance(self.lag_voltage, float) and self.lag_voltage == 0:
             return supplied
@@ -234,20 +235,21 @@ class Rig:
 
     @property
     def most_voltage(self) -> float:
-        """Nominal voltage [V] up to :data:`MOST_VOLTAGE` at which the film sees most.
+        """Nominal voltage [V], up to :data:`MOST_VOLTAGE`, with the largest film voltage.
 
-        An amplifier that sags gives most at its ``sag_voltage``.
+        An amplifier with sag has its largest output at ``sag_voltage``.
         """
         return min(self.sag_voltage, MOST_VOLTAGE)
 
     def most_film_voltage(self, direction: float = 0.0) -> float:
-        """Highest voltage [V] that the film sees at any nominal one."""
+        """Compute the largest film voltage [V] over all nominal voltages."""
         return float(self.film_voltage(self.most_voltage, direction))
 
     def nominal_voltage(self, film_voltage: Any, direction: float = 0.0) -> Any:
-        """Lowest nominal voltage at which the film sees so much [V], numbers or arrays.
+        """Find the lowest nominal voltage [V] for film voltages [V], numbers or arrays.
 
-        Infinite where no nominal voltage gives it; what is not finite stays as it is.
+        Infinite if no nominal voltage gives a film voltage; values that are not finite stay
+        unchanged.
 
         Examples
         --------
@@ -270,10 +272,10 @@ class Rig:
         return nominal if nominal.ndim else float(nominal)
 
     def shown_voltage(self, film_voltage: float, direction: float = 0.0) -> float:
-        """Nominal voltage [V] that the supply shows where a film sees so much.
+        """Find the nominal voltage [V] that the supply displays for a film voltage [V].
 
-        It is from 0 to the most: neither rounding at the most that the supply gives leads beyond,
-        nor a lag below 0.
+        The result is limited to 0 and :attr:`most_voltage`. Rounding at the supply's largest output
+        and a lag therefore cannot exceed these limits.
 
         Examples
         --------
@@ -287,10 +289,10 @@ class Rig:
 
     def gauged(self, force: Callable[[Any], Any], stiffness: Callable[[Any], Any],
                displacement: Any) -> Any:
-        """Force [N] that a tester's gauge shows where its displacement shows so much [m].
+        """Compute the force [N] that a tester's gauge shows at a displacement [m] that it shows.
 
-        ``force`` of the film on the plate at displacements of the plate, and its slope. The plate
-        is where tester and film are in balance.
+        ``force`` and ``stiffness`` give the film's force on the plate and its slope at deflections
+        of the plate. The plate is where tester and film are in equilibrium.
         """
         at, yields = displacement - self.displacement_zero, self.tester_compliance
         plate = at
@@ -300,24 +302,24 @@ class Rig:
         return (1 + self.gauge_gain) * force(plate) + self.gauge_zero
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
-        """Reading [m] of the sensor at a deflection, so long after the run began [s]."""
+        """Compute the sensor's reading [m] at a deflection [m] and a time since the start [s]."""
         return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed
 
 
 def _recorded(bias: Bias) -> dict[str, Any]:
-    """Settings of a mechanism by name, but for those that it does without."""
+    """Collect the settings of a mechanism by name; settings that are None are omitted."""
     settings = {field.name: getattr(bias, field.name) for field in fields_of(type(bias))}
     return {name: write(value, plain=True) if is_dataclass(value) else value
             for name, value in settings.items() if value is not None}
 
 
 def _not_turned(before: Any, after: Any) -> Any:
-    """Changed value, none where the change turned its sign."""
+    """Return the changed value, or zero if the change reversed its sign."""
     return after * (np.real(after) * (1 - 2 * (np.real(before) < 0)) > 0)
 
 
 def checked_load(mass: float, voltage: float, gas_pressure: float = 0.0) -> None:
-    """Refuse what is not of :data:`MASS_RULE`, :data:`VOLTAGE_RULE` and :data:`PRESSURES`."""
+    """Raise InputError for a load outside MASS_RULE, VOLTAGE_RULE or PRESSURES."""
     for option, load, unit, (holds, words) in (("--mass", mass, "kg", MASS_RULE),
                                                ("--voltage", voltage, "V", VOLTAGE_RULE),
                                                ("gas_pressure", gas_pressure, "Pa", PRESSURES)):

@@ -1,4 +1,4 @@
-"""Roots of a function between two arguments; a missing value is an answer, not an error."""
+"""Roots of a function between two arguments; a missing value gives None instead of an error."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import numpy as np
 
 from tympan.base.arrays import Array
 
-#: Evaluations after which a search has failed; it needs some ten.
+#: Largest number of evaluations of a search; usually some ten are enough.
 _EVALUATIONS = 200
 
-#: Share of a cubic's largest factor below which a leading one is rounding.
+#: Leading coefficient that counts as rounding, relative to a cubic's largest coefficient.
 _VANISHING = 1e-14
-#: Imaginary part up to which a root is real: a double one is split by rounding.
+#: Largest imaginary part of a real root: rounding splits a double root.
 _REAL = 1e-9
 
 
 class NoValueHere(LookupError):
-    """The function has no value there, so a search cannot go on."""
+    """Error: the function has no value at an argument, so a search cannot continue."""
 
 
 def root_between(function: Callable[[float], float], low: float, high: float, xtol: float = 2e-12,
                  rtol: float = 1e-13) -> float | None:
-    """The argument between two at which a function vanishes.
+    """Find the argument between two at which a function vanishes.
 
-    None where that cannot be found: the function has the same sign at both ends, is not a finite
-    number somewhere on the way, or raises :class:`NoValueHere`.
+    None if it cannot be found: the function has the same sign at both ends, is not finite somewhere
+    on the way, or raises :class:`NoValueHere`.
 
     Examples
     --------
@@ -49,11 +49,11 @@ def root_between(function: Callable[[float], float], low: float, high: float, xt
 
 def _narrowed(function: Callable[[float], float], first: tuple[float, float],
               second: tuple[float, float], xtol: float, rtol: float) -> float | None:
-    """The root between two points of a function; None where their signs are alike.
+    """Find the root between two points of a function; None if their signs are equal.
 
-    Chandrupatla's rule says when inverse quadratic interpolation is safe (Advances in Engineering
-    Software 28, 1997). SciPy has it too, behind a package that takes as long to import as all else
-    that an equilibrium needs.
+    Chandrupatla's rule decides where inverse quadratic interpolation is safe (Advances in
+    Engineering Software 28, 1997). SciPy contains the method too, but the import of its package
+    takes as long as all other imports for an equilibrium.
     """
     (a, at_a), (b, at_b) = first, second
     if not at_a or not at_b:
@@ -83,9 +83,9 @@ def _narrowed(function: Callable[[float], float], first: tuple[float, float],
 
 
 def cubic_roots(values: Array, slopes: Array, beside: float = 0.0) -> list[float]:
-    """Roots from 0 to 1, in order, of the cubic of values and slopes at both ends.
+    """Find the roots from 0 to 1, in order, of the cubic with values and slopes at both ends.
 
-    Those ``beside`` an end by no more than this are among them; none where a number is not finite.
+    Roots outside by at most ``beside`` are included. The list is empty if a number is not finite.
 
     Examples
     --------

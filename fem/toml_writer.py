@@ -1,4 +1,4 @@
-"""Specimens and rigs as TOML that ``solve`` takes and that reads back equal."""
+"""Writer of specimens and rigs as TOML; ``solve`` reads equal ones back."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 
-#: Ranges of stretch to state for a law that is not admissible over all of them, the widest first.
+#: Stretch ranges for a law that is not admissible over all stretches, the widest first.
 _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 2.5), (1.0, 2.0),
            (1.0, 1.5))
 
 
 def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
-    """The tables of a specimen file, with the name of the library's material, if it has one.
+    """Convert a specimen to the tables of a specimen file.
 
-    Another law has the ``range`` that it is stated for, or one that it needs.
+    If the library has the material, the tables contain its name. Another law gets the ``range``
+    stated for it, or the widest range over which it is admissible.
 
-    ``plain``: quantities as SI numbers under keys that end with the unit.
+    ``plain``: quantities are SI numbers, and their keys end with the unit.
 
     Raises
     ------
@@ -56,15 +57,16 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
 
 
 def specimen_to_toml(specimen: Specimen) -> str:
-    """A specimen file; :func:`tympan.fem.film.library.load_specimen` reads the equal specimen.
+    """Write a specimen as TOML text.
 
-    Where the law needs a range that the film does not have, the specimen that is read has it.
+    :func:`tympan.fem.film.library.load_specimen` reads an equal specimen back. If the law needs a
+    range that the film does not have, the specimen read back has this range.
     """
     return toml(specimen_content(specimen))
 
 
 def rig_to_toml(rig: Rig) -> str:
-    """A rig file; :meth:`tympan.fem.rig.Rig.read` reads the equal rig."""
+    """Write a rig as TOML text; :meth:`tympan.fem.rig.Rig.read` reads an equal rig."""
     content = write(rig)
     for bias, entry in zip(rig.biases, content.get("bias", ()), strict=True):
         if isinstance(bias, JoinedFilm):
@@ -73,7 +75,7 @@ def rig_to_toml(rig: Rig) -> str:
 
 
 def toml(content: Mapping[str, Any]) -> str:
-    """Nested tables as TOML text; lists of tables become arrays of tables.
+    """Write nested tables as TOML text; lists of tables become arrays of tables.
 
     Examples
     --------

@@ -92,10 +92,10 @@ class MeshSettings:
                             self.across / factor)
 
     def suited(self, prestretch: tuple[float, float]) -> MeshSettings:
-        """Settings fine enough for a prestretch to be as exact as with equal stretches.
+        """Refine for a prestretch, so that the accuracy is that of equal stretches.
 
-        Where the tension is unequal, a round plate acts as an ellipse does, whose ends are sharper:
-        elements are smaller by the root of the ratio of the stretches.
+        Under unequal tension a round plate acts like an ellipse, whose ends are sharper. Elements
+        are smaller by the root of the ratio of the stretches.
 
         Examples
         --------
@@ -217,7 +217,7 @@ def _curve_loop(occ: Any, loop: Loop) -> int:
 
 
 def _number_from_both_ends(gmsh: Any) -> None:
-    """Number the curves and points of a surface as OpenCASCADE's own wires do.
+    """Assign numbers to curves and points in the order of OpenCASCADE's wires.
 
     The triangulation depends on these numbers and on the origin of the plane.
     """

@@ -89,7 +89,7 @@ class Strength(Protocol):
     law: ClassVar[str]
 
     def field(self, l1: Stretch, l2: Stretch, thickness: Stretch) -> Stretch:
-        """True field at breakdown [V/m], by the stretches and the stretched thickness [m]."""
+        """Compute the breakdown field [V/m] from the stretches and the stretched thickness [m]."""
 
 
 class FlowLaw(Protocol):

@@ -1,7 +1,7 @@
-"""Studies of films: what is asked of the finite elements, and what is answered.
+"""Studies of films: the questions that the finite elements answer, and their results.
 
-A case (``case.py``) is one specimen under one load; what a film does in time is in ``trace.py``.
-Every other file or chapter is a study. It answers a result with everything computed, which saves
-and loads itself; a field of a result says its meaning by a ``Key``. Nothing here draws or prints.
-Who may import whom is in ``pyproject.toml``, "the studies' floors".
+A case (``case.py``) is one specimen under one load; motion in time is in ``trace.py``. Every other
+file or package is a study. Its result contains everything computed, and saves and loads itself. A
+``Key`` gives the meaning of each field of a result. Nothing here draws or prints.
+``pyproject.toml`` lists the allowed imports, under "the studies' floors".
 """

@@ -1,4 +1,4 @@
-"""Tables of our own: rows that follow from the fields of records, or from a list of columns.
+"""Tables in the program's own format, from the fields of records or a list of columns.
 
 Tables of other programs are read by :mod:`tympan.tables.columns`.
 """

@@ -101,7 +101,7 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
 
 
 def write_arrays(file: Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays by name atomically: for MATLAB into NAME.mat, for NumPy into NAME.npz."""
+    """Write arrays by name atomically: MATLAB's NAME.mat or NumPy's NAME.npz."""
     def write(path: Path) -> None:
         with path.open("wb") as stream:
             if file.suffix == ".mat":
@@ -174,7 +174,7 @@ def _stored(cls: Any, unit: str) -> tuple[tuple[str, str, Printed], ...]:
 def to_json(value: Any, unit: str = "") -> Any:
     """Convert a value to JSON for :func:`from_json`: dataclasses to objects, arrays to lists.
 
-    Keys of fields that are ``in_unit`` end in the ``unit``.
+    Keys of fields that are ``in_unit`` end with the ``unit``.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""One specimen's branch of equilibria: through pull-in, and what the film loses on the way."""
+"""Branch of equilibria of one specimen, beyond pull-in, with the film's limits on the way."""
 
 from __future__ import annotations
 
@@ -53,34 +53,33 @@ from tympan.studies.film_surface import FilmSurface, film_surface, save_series, 
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
 from tympan.studies.walk.spread import Passage, spread
 
-#: Longest step along a branch, relative to the frame's half extent, so that its points are a smooth
-#: curve.
+#: Longest step along a branch, relative to the frame's half extent, for a smooth curve.
 _STEP = 0.015
 #: Largest stretch at a branch's end, beyond the range of most laws. Set by trial.
 _STRETCH = 6.0
 
-#: Deflection and stretch at a branch's end, relative to where it begins, if that is far already.
+#: Deflection and stretch at a branch's end, relative to its start, if they are large there already.
 _FURTHER = 2.0
 
 UNFOLLOWED = "the branch could not be followed further"
-#: So far ahead of where a branch was left, relative to the frame, a mechanism that ends is named as
-#: the reason: a step is hardly longer.
+#: Distance ahead of a branch's end, relative to the frame, within which the end of a mechanism is
+#: named as the reason. A step is hardly longer.
 _AHEAD = 0.05
 _THINS = "followed until the film, wrinkled, thins without bound"
 
-#: Difference of two deflections, relative to the frame, that are one.
+#: Difference of two deflections, relative to the frame, below which they count as equal.
 _SAME = 1e-6
 
-#: What may grow along a branch.
+#: Quantity that may grow along a branch.
 Along = Literal["voltage", "charge", "mass", "pressure"]
-#: Events at limit points.
+#: Limit states that are limit points.
 _LIMIT_POINTS = {PULL_IN.kind, SNAP_THROUGH.kind, SNAP_BACK.kind}
 
-#: The load that grows, and the unit in results.
+#: Load that grows, and its unit in results.
 _GROWING: dict[Along, tuple[Load, str]] = {
     "voltage": ("voltage", "V"), "charge": ("voltage", "C"), "mass": ("force", "kg"),
     "pressure": ("pressure", "Pa")}
-#: Of a unit in results, what a person reads and how many of it there are.
+#: Factor and unit for people, by the unit in results.
 _READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa")}
 
 
@@ -110,7 +109,7 @@ class Station:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens at one point of a branch."""
+    """Event at one point of a branch."""
 
     what: Annotated[str, Key("what happens there, a kind of limit"), OF_LIMITS]
     value: Annotated[float, Key("value of what grows along the path")]
@@ -129,17 +128,17 @@ class Event:
 
     @property
     def value_text(self) -> str:
-        """The value in the unit a person reads."""
+        """Value in the unit for people."""
         factor, unit = _READ[self.unit]
         return f"{factor * self.value:.5g} {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathResult(CaseRecord):
-    """A path: its stations in order, and where a limit of the film is passed.
+    """A path: its stations in order, and where the film reaches its limits.
 
-    Mass and voltage are those it starts at. ``limits``: the film at each limit point, with a field
-    ``critical_mode``. ``films``: that of each station, where they were asked for.
+    Mass and voltage are those at the start. ``limits``: the film at each limit point, with a field
+    ``critical_mode``. ``films``: the film at each station, if requested.
     """
 
     ending = "-path"
@@ -159,13 +158,14 @@ class PathResult(CaseRecord):
 
     @property
     def rows(self) -> dict[str, Array]:
-        """A row for each station."""
+        """Table with a row for each station."""
         return rows_of(self.stations)
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``.
 
-        Films of stations as a VTK series ``NAME-path.pvd``, whose times are the CSV's rows from 0.
+        Films of the stations are written as a VTK series ``NAME-path.pvd``, whose times are the
+        CSV's rows from 0.
         """
         name = f"{self.specimen}-path"
         remove(folder, *(file.name for file in folder.glob(f"{name}-limit-*.vtu")))
@@ -189,10 +189,10 @@ class PathResult(CaseRecord):
 
 def path(case: Case, settings: Settings, along: Along,
          progress: Progress = lambda words: None, films: bool = False) -> PathResult:
-    """Follow the equilibria of a case while one quantity grows, and through its limit points.
+    """Follow the equilibria of a case while one quantity grows, through its limit points.
 
-    The case's mass and voltage are where the path starts; InputError if there is no equilibrium.
-    ``films``: with the film of every station.
+    The path starts at the case's mass and voltage; InputError if there is no equilibrium.
+    ``films``: include the film of every station.
     """
     plate = case.specimen.needed_plate() if along == "mass" else case.specimen.plate
     if plate is not None and along == "mass" and case.rig.guide == "fixed":
@@ -232,15 +232,15 @@ def path(case: Case, settings: Settings, along: Along,
 
 
 def _with_stroke(station: Station, rest: float | None) -> Station:
-    """A station with its stroke, from a deflection without voltage [m]."""
+    """Add the stroke to a station, from a deflection without voltage [m]."""
     return station if rest is None else replace(station, stroke_m=station.deflection_m - rest)
 
 
 def _with_snaps(way: Iterator[Stop], settings: PathSettings) -> Iterator[Stop]:
-    """Stops whose limit points are snaps where a mechanism makes the plate jump.
+    """Change limit points to snaps where a mechanism makes the plate jump.
 
-    At every second limit point what grows turns back: a branch that became unstable by a snap is
-    stable again from there on.
+    At every second limit point the growing quantity turns back: a branch that became unstable by a
+    snap is stable again from there on.
     """
     turns, snaps = 0, False
     for stop in way:
@@ -254,27 +254,28 @@ def _with_snaps(way: Iterator[Stop], settings: PathSettings) -> Iterator[Stop]:
 
 
 def apart(way: Sequence[Stop]) -> list[Stop]:
-    """Stops without those at the point of the one before, where two things happen at once."""
+    """Remove stops at the same point as the one before, where two events coincide."""
     return [stop for number, stop in enumerate(way)
             if not number or stop.film is not way[number - 1].film]
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
           most: float = np.inf, falling: bool = False) -> Iterator[Stop]:
-    """The equilibria of a case from a state of its model on, while one quantity grows.
+    """Yield the equilibria of a case from a state of its model, while one quantity grows.
 
-    What happens between two points of the branch is a stop of its own, so that curves pass through
-    it. A voltage grows to ``most`` across the film [V], if the supply gives that; or it falls to 0.
+    An event between two points of the branch is a separate stop, so that curves pass through it. A
+    voltage grows up to ``most`` across the film [V], if the supply gives that. With ``falling`` it
+    falls to 0.
     """
     settings = settings.bounded(model, followed=True)
     longest = _STEP * max(abs(model.deflection(start)) / model.high, 1.0)
     stepping = replace(settings, arc=replace(settings.arc, longest=longest))
     load = _GROWING[along][0]
-    # A search meets no check of what people give: it has a bound of its own.
+    # A search has its own bound, because no check of user inputs applies to it.
     highest = min(most, case.rig.most_film_voltage(case.direction)) ** 2
     first: Stop | None = None
     before: Stop | None = None
-    # A gas that sucks is made to suck more.
+    # A negative gas pressure becomes more negative.
     sense = -1 if falling or (load == "pressure" and start.pressure < 0) else 1
     for branch, point in follow_branch(model, start, load, stepping, sense, beyond=True):
         here = Stop(_growing(along)(branch.model, point, load))
@@ -282,7 +283,8 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
             return
         if first is not None and before is not None:
             if load == "voltage" and point.state.load(load) > highest:
-                # A stiff film hardly moves on the way there: its load says more than its motion.
+                # A stiff film hardly moves on the way there: its load is a better measure than its
+                # motion.
                 begun = before.film.point.state.under(voltage=highest)
                 last = next(branch.points(begun), None)
                 if last is not None:
@@ -305,9 +307,9 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """A film at a point of its way, and what happens there, if anything.
+    """A film at a point of its path, and the event there, if any.
 
-    ``ended`` says why the way would end with it.
+    ``ended`` is the reason if the path ends here.
     """
 
     film: FilmPoint
@@ -331,23 +333,23 @@ class Stop:
             unbalanced=film.model.unbalanced(state))
 
     def happens(self, state: LimitState) -> bool:
-        """Whether the film passes a limit state here."""
+        """Check whether the film reaches a limit state here."""
         return self.event is not None and self.event.what == state.kind
 
     def at(self, state: LimitState) -> Stop:
-        """The same stop where what happens is another limit state."""
+        """Replace the event by another limit state."""
         assert self.event is not None
         return replace(self, event=replace(self.event, what=state.kind))
 
     def landed(self, settings: PathSettings) -> Solution | None:
-        """Equilibrium to which the plate comes from here, at a limit point; None if nowhere."""
-        # A film that is kept from wrinkling does not jump.
+        """Find the equilibrium to which the plate jumps from this limit point; None without one."""
+        # A film that cannot wrinkle does not jump.
         model = self.film.model
         return snapped(model, self.film.point, settings) if model.wrinkles else None
 
 
 def above_words(case: Case) -> str:
-    """Why the voltage of a case is raised no further: its supply gives no more."""
+    """Explain why the voltage of a case is not raised further: its supply gives no more."""
     if case.rig.sag_voltage < MOST_VOLTAGE:
         most = case.rig.most_film_voltage(case.direction)
         return (f"the limit is above {most / 1e3:.4g} kV across the film, the most that the "
@@ -356,9 +358,9 @@ def above_words(case: Case) -> str:
 
 
 def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str:
-    """Why a branch is not followed further; "" where it is.
+    """Explain why a branch is not followed further; "" if it continues.
 
-    What is far depends on where it began: a film may hang deep, or be stretched much, under its
+    The limits depend on the start: a film may already have a large deflection or stretch under its
     load alone.
     """
     station, point = stop.station, stop.film.point
@@ -378,7 +380,7 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
 
 
 def _end_of_mechanism(film: FilmPoint) -> str:
-    """Message where the next step would lead beyond a mechanism of the rig; "" elsewhere."""
+    """Write a message if the next step leads beyond a mechanism's range; else ""."""
     model = film.model
     if not model.loading.biases or HEAVE not in model.plate_freedoms:
         return ""
@@ -388,9 +390,9 @@ def _end_of_mechanism(film: FilmPoint) -> str:
 
 def _passed(case: Case, branch: Branch, along: Along, points: tuple[Stop, Stop, Stop]
             ) -> list[Stop]:
-    """Events between two points of a branch, in order; what happens at once at one point.
+    """Find the events between two points of a branch, in order.
 
-    ``points``: the first of the branch and these two.
+    Events that coincide are at one point. ``points``: the first of the branch and these two.
     """
     first, before, after = (stop.film for stop in points)
 
@@ -412,7 +414,7 @@ def _passed(case: Case, branch: Branch, along: Along, points: tuple[Stop, Stop, 
 
 
 def _to_thinning(events: list[Stop]) -> Iterator[Stop]:
-    """Events of a wrinkled film before a point that it does not reach."""
+    """Yield events of a wrinkled film before a point that it does not reach."""
     for stop in events:
         gone = stop.happens(INSTABILITY)
         yield replace(stop, ended=_THINS if gone and stop.film.thins else UNFOLLOWED)
@@ -421,7 +423,7 @@ def _to_thinning(events: list[Stop]) -> Iterator[Stop]:
 
 
 def _happening(case: Case, along: Along, passage: Passage) -> Stop:
-    """Stop where a film passes a limit state."""
+    """Create the stop where a film reaches a limit state."""
     state, stop = passage.state, Stop(passage.here)
     x, y = passage.here.place(state)
     off = spread(passage, lambda film: _measured(case, film, along))
@@ -431,7 +433,10 @@ def _happening(case: Case, along: Along, passage: Passage) -> Stop:
 
 
 def _critical_film(film: FilmPoint) -> FilmSurface:
-    """The film at a limit point with its critical mode, which is the path's direction there."""
+    """Create the surface of the film at a limit point with its critical mode.
+
+    The mode is the path's direction there.
+    """
     model, point = film.model, film.point
     mode = moved(model, point.state, point.direction)
     change = replace(point.state, positions=mode.positions - point.state.positions)
@@ -439,7 +444,10 @@ def _critical_film(film: FilmPoint) -> FilmSurface:
 
 
 def _measured(case: Case, film: FilmPoint, along: Along) -> float:
-    """Quantity that grows along the branch: the nominal mass, but the film's own voltage."""
+    """Compute the quantity that grows along the branch.
+
+    A mass is the nominal one, a voltage that across the film.
+    """
     if along == "mass":
         idle = case.rig.force(0.0, case.specimen.plate_area)
         return float((film.point.state.force - idle) / case.rig.gravity)
@@ -449,5 +457,5 @@ def _measured(case: Case, film: FilmPoint, along: Along) -> float:
 
 
 def _growing(along: Along) -> type[FilmPoint]:
-    """Kind of points along which something grows."""
+    """Choose the class of points by the quantity that grows."""
     return ChargedPoint if along == "charge" else FilmPoint

@@ -1,4 +1,4 @@
-"""Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file.
+"""Voltage signals: steps, ramps, sines, pseudo-random steps, and series from a CSV file.
 
 A signal runs from time 0 to its ``end`` [s] and is smooth between ``breaks`` [s], both included. It
 begins from rest at ``first`` [V]; ``peak`` is its largest magnitude [V]. ``within(piece, time)`` is

@@ -1,4 +1,4 @@
-"""The main job: specimens solved, their fields, lines and curves, and α of every shape."""
+"""The main task: specimens solved, their fields, lines and curves, and α of every shape."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ from tympan.studies.tolerance.given import Tolerances, causes
 
 Banded = TypeVar("Banded", CaseResult, CurveResult, ForceResult | None)
 
-#: Boundaries of the mesh along the lines x and y through the plate's centre, and around the plate.
+#: Boundaries of the mesh: the lines x and y through the plate's centre, and the plate's edge.
 _BOUNDARIES = {"x": "axis_x", "y": "axis_y", "plate": "plate"}
 
-#: Number of deflections of a force curve: half of ``tympan force``'s, for a small picture.
+#: Number of deflections of a force curve: half of that in ``tympan force``, for a small picture.
 _PULLED = 31
 #: Largest deflection of a force curve over the largest one under the lightest load.
 _BEYOND = 1.25
-#: Share of the film's first limit at which forces are computed where no voltage is given.
+#: Share of the film's first limit at which forces are computed if no voltage is given.
 _BELOW_LIMIT = 0.8
 
 #: Columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
@@ -70,10 +70,10 @@ LINES: tuple[Column, ...] = (
 class Study:
     """Specimens and settings of a study.
 
-    ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` the masses of the
-    deflection–voltage curves, and the voltages marked on them; ``sources`` the specimens' files as
-    text, for the report. Masses that are None follow from the films. With ``tolerances`` results,
-    curves and forces have the bands of films that scatter.
+    ``mass`` [kg] and ``voltage`` [V] are those of the picture. ``curves``: masses of the
+    deflection–voltage curves, and the voltages marked on them. ``sources``: the specimens' files as
+    text, for the report. Masses that are None are chosen from the films. With ``tolerances``,
+    results, curves and forces have tolerance bands.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Study:
         return 5 * len(self.specimens)
 
     def with_loads(self) -> Study:
-        """Add masses that suit all films where none are given."""
+        """Add masses that suit all films if none are given."""
         if self.mass is not None and self.curves is not None:
             return self
         mass = self.mass
@@ -113,11 +113,11 @@ class Study:
 
 @dataclass(frozen=True, eq=False)
 class SpecimenResult:
-    """One specimen of a study: under the picture's load with its film, along lines, and curves.
+    """Results of one specimen of a study: fields under the picture's load, lines and curves.
 
-    ``semi_axes_m`` are the frame's half extents, ``source`` its file as text. ``lines`` has the
-    columns of :data:`LINES` in SI; they, the curves' table, the film and ``force`` have files of
-    their own. ``force`` is None where no tester can pull the plate from the flat film.
+    ``semi_axes_m``: half extents of the frame. ``source``: its file as text. ``lines`` has the
+    columns of :data:`LINES` in SI. Lines, curves, film and ``force`` have files of their own.
+    ``force`` is None if no tester can pull the plate from the flat film.
     """
 
     name: str
@@ -141,7 +141,7 @@ class SpecimenResult:
             self.force.save(folder / "forces")
 
     def as_stored(self) -> SpecimenResult:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return replace(self, lines=as_written(LINES, self.lines), curves=self.curves.as_stored())
 
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
@@ -164,8 +164,8 @@ class SpecimenResult:
 class StudyResult:
     """All results of a study for its report; ``mass_kg`` and ``voltage_V`` are the picture's.
 
-    ``from_films`` names the loads that were not given, but chosen to suit the films. ``rig``,
-    ``settings`` and ``alpha_settings`` are those of the run, ``libraries`` and ``python`` its
+    ``from_films``: names of the loads that were chosen from the films instead of given. ``rig``,
+    ``settings`` and ``alpha_settings`` are those of the run. ``libraries`` and ``python`` are its
     versions.
     """
 
@@ -190,7 +190,7 @@ class StudyResult:
 
     @property
     def rows(self) -> dict[str, Array]:
-        """The rows of all curves, with the names of their specimens."""
+        """Rows of all curves, with the names of their specimens."""
         tables = [specimen.curves.table for specimen in self.specimens]
         names = [np.full(len(table["mass"]), specimen.name, dtype=object)
                  for specimen, table in zip(self.specimens, tables, strict=True)]
@@ -215,7 +215,7 @@ class StudyResult:
         write_json(folder / "study.json", self.json())
 
     def as_stored(self) -> StudyResult:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return replace(self, specimens=tuple(item.as_stored() for item in self.specimens))
 
     @classmethod
@@ -234,20 +234,20 @@ class StudyResult:
 
 
 def discard_report(folder: Path) -> None:
-    """Remove the files that say that a study in the folder is complete."""
+    """Remove the files that mark a study in the folder as complete."""
     remove(folder, "study.json", "alpha.json", "report.html")
 
 
 def default_study() -> Study:
-    """Study of the source paper's three actuators under 17.9 g."""
+    """Read the study of the source paper's three actuators under 17.9 g."""
     return read_study(STUDY)
 
 
 def read_study(file: Path) -> Study:
     """Read a study from STUDY.toml.
 
-    Keys: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads. Loads
-    that are left out follow from the films.
+    Keys: ``specimens`` (files in the same folder) and optionally name, mass, voltage, rig and
+    loads. Missing loads are chosen from the films.
     """
     table = Table.read(file, "study")
     names = table.value("specimens")
@@ -275,12 +275,12 @@ def read_study(file: Path) -> Study:
 
 def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | None = None
               ) -> StudyResult:
-    """Run a study; with a ``folder``, each specimen is kept there as soon as it is finished.
+    """Run a study; with a ``folder``, save each specimen there as soon as it is finished.
 
     Raises
     ------
     InputError
-        When a specimen has no equilibrium under the picture's load.
+        If a specimen has no equilibrium under the picture's load.
     """
     if folder is not None:
         discard_report(folder)
@@ -314,7 +314,8 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
 def line_profile(model: Model, state: State, line: str) -> tuple[Array, Fields]:
     """Compute distances [m], shape (n,), and fields along a line of lines/NAME.csv.
 
-    "x" and "y" run through the plate's centre from end to end; "plate" around it, by angle.
+    "x" and "y" pass through the plate's centre from end to end. "plate" goes around the plate, by
+    angle.
     """
     fields, _ = edge_fields(model, state, _BOUNDARIES[line])
     arm = fields.position - model.centre

@@ -28,7 +28,7 @@ from tympan.studies.signals import Signal, nominal
 
 #: Largest drift of a closed loop, over its range: less cannot be seen in a figure.
 _CLOSED = 0.01
-#: Points of a loop, enough for a smooth line.
+#: Number of points of a loop, for a smooth line.
 _POINTS = 401
 #: Points of Gauss's rule between two times of a motion: exact where the voltage is linear, and to
 #: 1e-9 where a step is a quarter of a sine.
@@ -116,7 +116,7 @@ class Trace:
                   ) -> tuple[pd.DataFrame, float]:
         """Sample the last period [s] of a signal, and compute ∮ y du [V m].
 
-        The area is positive where the deflection lags behind.
+        The area is positive if the deflection lags behind the voltage.
         """
         when = np.linspace(self.end - period, self.end, _POINTS)
         u, y = nominal(signal, when), self.at(deflection, when)
@@ -200,7 +200,7 @@ def with_rest(signal: Signal, time: Array, voltage: Array, deflection: Array, be
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
-    """Response of a film to a signal, as any model gives it.
+    """Response of a film to a signal, from any model.
 
     ``samples`` has the columns of transient.csv in SI units, as the rig's sensor shows them.
     ``loop`` is the last period of a periodic signal, with the columns of hysteresis.csv. ``films``
@@ -235,7 +235,7 @@ class Response:
            settles: bool, **others: Any) -> Self:
         """Make the response from deflections at times [s] and its extremes [m].
 
-        ``settles``: after the signal an oscillation dies away; ``others``: all other fields.
+        ``settles``: an oscillation decays after the signal. ``others``: all other fields.
         """
         settled = settling_time(when, deflection) if settles else np.nan
         return cls(first_voltage_V=signal.first, first_m=float(deflection[0]),
@@ -265,7 +265,7 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """Responses of one actuator each, all to the same signal and by the same command.
+    """Responses of one actuator each, all to the same signal and from the same command.
 
     With ``specimens``, on a ``rig``, the saved files are a dataset.
     """
@@ -276,7 +276,7 @@ class Responses:
 
     @property
     def rows(self) -> pd.DataFrame:
-        """The samples of all responses."""
+        """Samples of all responses."""
         samples = pd.concat([response.samples for response in self.responses], ignore_index=True)
         return samples.rename(columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
                                        "displacement": "displacement_m"})

@@ -1,4 +1,4 @@
-"""A film in time under a signal of voltages: it creeps, its plate swings, it charges."""
+"""Motion of a film under a voltage signal: creep, oscillation of its plate, charging."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
 _NEAR_LIMIT = 0.95
 #: Number of films of a loop that are kept where its fields are requested.
 MOMENTS_OF_LOOP = 25
-#: Samples of a loop, enough for a smooth line.
+#: Number of samples of a loop, for a smooth line.
 _SAMPLES = 2000
 
 #: Errors of steps in time for a loop's runs, one after the other, until its area changes by no more
@@ -98,7 +98,7 @@ class TransientCase:
                      steps: StepSettings = ...) -> None: ...
 
     def __post_init__(self) -> None:
-        highest = self.highest  # refuses loads that no such film can bear
+        highest = self.highest  # raises InputError for loads that no film bears
         if self.inertia and highest.specimen.plate is None:
             raise InputError("must be left out: the film has no plate that swings, and moves "
                              "without inertia itself", key="--swing", given=self.specimen.name)
@@ -111,12 +111,12 @@ class TransientCase:
 
     @property
     def highest(self) -> Case:
-        """The case at rest under the highest voltage of the signal."""
+        """Case at rest under the highest voltage of the signal."""
         return Case(self.specimen, mass=self.mass, voltage=self.signal.peak, rig=self.rig)
 
     @property
     def rested(self) -> float:
-        """Time under mass and first voltage before the signal [s]."""
+        """Time at rest under mass and first voltage before the signal [s]."""
         if self.rest is not None:
             return self.rest
         return inf if self.specimen.membrane.mounted is None else 0.0
@@ -157,7 +157,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     Raises
     ------
     InputError
-        When the film has no equilibrium under the mass and the signal's first voltage.
+        If the film has no equilibrium under the mass and the signal's first voltage.
     """
     transient, state, memory = begun(case, settings)
     model = transient.model
@@ -284,7 +284,7 @@ def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldResponse(Response):
-    """Response of a film in time by finite elements."""
+    """Response of a film in time, computed with finite elements."""
 
     file = "transient.json"
     writer = "tympan transient -o"

@@ -1,4 +1,4 @@
-"""Wanted quantities of films: their values, bounds of these, and by how much films miss them.
+"""Wanted quantities of films: their values, bounds on them, and how much films miss them.
 
 This module reads `[want]` of requirements and of tolerances, `--want` and ``want=``. A bound has
 the same form in all of them.
@@ -147,7 +147,7 @@ class Bound:
 
     @property
     def quantity(self) -> Quantity:
-        """The quantity."""
+        """Quantity of the bound."""
         return QUANTITIES[self.name]
 
     @property
@@ -157,7 +157,7 @@ class Bound:
 
     @property
     def sense(self) -> Sense:
-        """Words of its sense."""
+        """Sense in words."""
         return "at least" if self.least else "at most"
 
     @property
@@ -211,7 +211,7 @@ def read_bounds(name: str, given: object) -> tuple[Bound, ...]:
     Raises
     ------
     InputError
-        When there is no such quantity, or the bounds cannot be used; the key is the name.
+        If the quantity is unknown, or the bounds cannot be used; the key is the name.
     """
     if name not in QUANTITIES:
         raise InputError(one_of(name, QUANTITIES), key=name, given=given)
@@ -241,7 +241,7 @@ def _bound(name: str, given: object) -> Bound:
     if wanted.rule is _MARGIN and not least:
         raise InputError("must be a least value: a margin can hardly be too large", key=name,
                          given=given)
-    # A number without unit is a text on a command line.
+    # On a command line a number without unit is a text.
     number = value if not isinstance(value, str) or wanted.dimension else _plain(value)
     table = Table("", {name: number})
     try:

@@ -1,4 +1,4 @@
-"""Branches of equilibria followed by their arc length, through limit points and beyond."""
+"""Continuation of branches of equilibria by arc length, through and beyond limit points."""
 
 from __future__ import annotations
 
@@ -15,29 +15,34 @@ from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.roots import NoValueHere, root_between
 
-#: Error of the place where a function vanishes, relative to the frame: far below a mesh's own.
+#: Accuracy of the point where a function vanishes, relative to the frame. It is far below the
+#: discretisation error of a mesh.
 _SHARP = 1e-7
 
-#: The same, relative to that place's distance from the point before: loads are told to 1e-3.
+#: The same accuracy, relative to the distance from the previous point. Loads are printed with a
+#: relative accuracy of 1e-3.
 _SHARP_SHARE = 1e-6
 
-#: How many times as far apart as their steps two neighbours on one branch may be. A turn of the
-#: branch makes it little more than 1; on two branches it grows without bound as steps get shorter.
+#: Largest distance of two neighbouring points on one branch, relative to their difference in arc
+#: length. A curved branch makes this ratio little more than 1. For points on two different branches
+#: the ratio grows without bound as steps get shorter.
 _APART = 30.0
 
-#: Where between two points, in turn, others are tried that are nearer to what is looked for.
+#: Positions between two points, as shares of the interval, at which further points are tried in
+#: turn. These points are closer to the one that is searched.
 _SHARES = (0.5, 0.25, 0.75, 0.5, 0.25, 0.75, 0.5)
 
-#: Halvings of a step to the last point before a fold: its load is told to 1e-4 of a step's.
+#: Number of halvings of a step to find the last point before a fold. The load of that point is then
+#: accurate to 1e-4 of the step's change of load.
 _HALVINGS = 14
 
 
 @dataclass(frozen=True)
 class ArcSettings:
-    """Steps along a branch, relative to the frame's half extent.
+    """Settings of the steps along a branch; lengths are relative to the frame's half extent.
 
-    ``first``, ``longest`` and ``shortest`` step; ``turn``: largest angle between the directions at
-    both ends of a step [rad]; ``points``: limit on their number.
+    ``first``, ``longest`` and ``shortest``: step lengths. ``turn``: largest angle between the
+    directions at both ends of a step [rad]. ``points``: largest number of points.
     """
 
     first: float = 5e-3
@@ -51,8 +56,8 @@ class ArcSettings:
 class PathPoint:
     """An equilibrium on a branch.
 
-    ``direction``: unit motion of film and plate along it; ``rate``: change of the load per unit of
-    arc length, zero at a limit point and negative beyond it.
+    ``direction``: unit motion of film and plate along the branch. ``rate``: change of the load per
+    unit of arc length, zero at a limit point and negative beyond it.
     """
 
     solution: Solution
@@ -61,13 +66,13 @@ class PathPoint:
 
     @property
     def state(self) -> State:
-        """The equilibrium."""
+        """State of the equilibrium."""
         return self.solution.state
 
 
 @dataclass(frozen=True)
 class Branch:
-    """The equilibria of a model when one ``load`` is free and the others are given."""
+    """Equilibria of a model when one ``load`` is free and the others are given."""
 
     model: Model
     load: Load
@@ -76,9 +81,10 @@ class Branch:
     arc: ArcSettings = field(default_factory=ArcSettings)
 
     def points(self, start: State, sense: int = 1) -> Iterator[PathPoint]:
-        """Points from an equilibrium on, the load growing at first (``sense`` 1) or falling (−1).
+        """Yield points from an equilibrium on.
 
-        Ends where no step can be made any more, or at the limit of points.
+        At first the load increases (``sense`` 1) or decreases (−1). The iteration ends where no
+        further step is possible, or at the largest number of points.
         """
         point, step = self._first(start, sense), self.arc.first
         for _ in range(self.arc.points):
@@ -98,15 +104,15 @@ class Branch:
             else:
                 return
             step = min(1.6 * step if turn < self.arc.turn / 3 else step, self.arc.longest)
-            # Beside a limit the sign of the rate is that of the point's own tangent alone.
+            # Near a limit point only the point's own tangent gives the sign of the rate.
             beside = abs(following.rate) < abs(following.rate - point.rate)
             point = self._renewed(following) if beside else following
 
     def at(self, point: PathPoint, step: float, near: PathPoint | None = None,
            ) -> PathPoint | None:
-        """The point a length along the direction of another, if Newton finds it.
+        """Find the point at a distance along another point's direction; None if Newton fails.
 
-        It is looked for from a point ``near`` it, at first from the other itself.
+        Newton's method starts from a point ``near`` it; the default is ``point`` itself.
         """
         near = near or point
         further = step - product(self.model, point.direction, self._motion(point, near))
@@ -119,14 +125,16 @@ class Branch:
 
     def where(self, before: PathPoint, after: PathPoint,
               value: Callable[[PathPoint], float], of_state: bool = False) -> PathPoint | None:
-        """The point between two others where a function vanishes; None without change of sign.
+        """Find the point between two others where a function vanishes; None without sign change.
 
-        Where that is the rate, the point is a limit and its direction the critical mode. A function
-        ``of_state`` looks at no tangent. Where Newton's method goes astray from both of them, it
-        starts from others between them. A film without plate may lose its stability in many motions
-        at once, and with it the way to that point: then the nearest one that is found. Where the
-        sign changes since the two are on different branches, the last point before that is given,
-        at which the function does not vanish.
+        If the function is the rate, the result is a limit point and its direction is the critical
+        mode. A function ``of_state`` needs no tangent. If Newton's method fails from both points,
+        it starts from further points between them.
+
+        A film without a plate may lose its stability in many motions at once. Newton's method may
+        then fail near the point, and the nearest point found is returned. If the sign changes only
+        because the two points are on different branches, the last point before the change is
+        returned. The function does not vanish there.
         """
         search = _Between(self, before, value, of_state)
         end = product(self.model, before.direction, self._motion(before, after))
@@ -144,11 +152,11 @@ class Branch:
         return self._renewed(search.points[search.on_branch(root)])
 
     def _renewed(self, point: PathPoint) -> PathPoint:
-        """The point with its own tangent, if it has one: Newton's is too far off for limits."""
+        """Compute the point's own tangent if possible: Newton's is too inaccurate at limits."""
         return self._along(point.solution, point.direction) or point
 
     def _along(self, solution: Solution, direction: Parts) -> PathPoint | None:
-        """An equilibrium as a point of the branch, which goes about in a direction there."""
+        """Convert an equilibrium to a point of the branch, given its approximate direction."""
         state = solution.state
         solution.release()
         tangent, _ = tangent_at(self.model, state, (self.load,),
@@ -164,7 +172,8 @@ class Branch:
         if not length(self.model, motion):  # a load that moves nothing
             at_loads.release()
             return None
-        # Not solved again with the load free: the first point has the start's load to the last bit.
+        # The first point is not solved again with the load free, so its load equals the start's
+        # load exactly.
         return self._along(at_loads, self._unit(motion)[0])
 
     def _solved(self, guess: State, arc: Constraint) -> PathPoint | None:
@@ -187,7 +196,11 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """Points tried beside one of a branch, by their step from it, where a function vanishes."""
+    """Search for the point on a branch where a function vanishes.
+
+    ``points`` and ``values`` contain the points tried so far and their values, by their step from
+    ``before``.
+    """
 
     branch: Branch
     before: PathPoint
@@ -197,16 +210,17 @@ class _Between:
     values: dict[float, float] = field(default_factory=dict)
 
     def put(self, step: float, point: PathPoint) -> None:
-        """Keep a point with its value, and with its own tangent if the value looks at that."""
+        """Store a point and its value; renew its tangent if the value needs the tangent."""
         point = point if self.of_state else self.branch._renewed(point)
         self.points[step], self.values[step] = point, self.value(point)
         point.solution.release()
 
     def at(self, step: float) -> float:
-        """The value at a step; :class:`NoValueHere` if no point is found there.
+        """Evaluate the function at a step; raise :class:`NoValueHere` if no point is found there.
 
-        Where Newton's method goes astray from one start, it may not from another. Those before the
-        place come first: beyond it the film may be on another branch, with no way back.
+        If Newton's method fails from one start, it may succeed from another. Starts before the sign
+        change come first: beyond it the film may be on another branch, from which Newton's method
+        does not return.
         """
         if step not in self.points:
             starts = sorted(self.points, key=lambda near: (self.passed(near), abs(near - step)))
@@ -218,22 +232,22 @@ class _Between:
         return self.values[step]
 
     def passed(self, step: float) -> bool:
-        """Whether a point is beyond the place: its value has not the sign of the first."""
+        """Check whether a point is beyond the sign change, that is, not of the first sign."""
         return step != 0 and not self.values[step] * self.values[0.0] > 0
 
     def around(self) -> tuple[float, float] | None:
-        """The last step before the place and the first beyond it; None without change of sign."""
+        """Find the last step before the sign change and the first beyond it; None without one."""
         passed = {step for step in self.points if self.passed(step)}
         return (max(self.points.keys() - passed), min(passed)) if passed else None
 
     def root(self, low: float, high: float) -> float | None:
-        """The step between two at which the function vanishes, if it has values on the way."""
+        """Find the step between two where the function vanishes; None if values are missing."""
         return root_between(self.at, low, high, xtol=_SHARP, rtol=_SHARP_SHARE)
 
     def closer(self) -> tuple[float, float] | None:
-        """The steps around the place, once others are tried between them that are nearer to it.
+        """Try further points near the sign change and return the steps on both sides of it.
 
-        Each is a start from which Newton's method may find the next.
+        Newton's method may find the next point from each of them. None without change of sign.
         """
         for share in _SHARES:
             if (ends := self.around()) is None:
@@ -243,10 +257,10 @@ class _Between:
         return self.around()
 
     def last(self) -> float:
-        """The last step before the place that is on the branch of the first point, by halving.
+        """Find by halving the last step before the sign change on the first point's branch.
 
-        A short fold ends the branch where the film gives way in one place: beyond it no point is
-        found, or one of another branch.
+        A short fold ends the branch where the film loses its stiffness at one place. Beyond the
+        fold no point is found, or a point of another branch.
         """
         low, high = 0.0, min(step for step in self.points if self.passed(step))
         for _ in range(_HALVINGS):
@@ -262,19 +276,19 @@ class _Between:
         return low
 
     def _strayed(self, low: float, high: float) -> bool:
-        """Whether the points of two steps are further apart than those of one branch."""
+        """Check whether two points are further apart than points of one branch."""
         apart = length(self.branch.model,
                        self.branch._motion(self.points[low], self.points[high]))
         return apart > _APART * (high - low + _SHARP)
 
     def least(self) -> PathPoint:
-        """The point of the smallest value."""
+        """Find the point with the smallest absolute value."""
         return self.points[min(self.values, key=lambda step: abs(self.values[step]))]
 
     def on_branch(self, root: float) -> float:
-        """The step of the place; the last before it if those around it are on different branches.
+        """Return the root, or the last step before it if its neighbours are on two branches.
 
-        Points of one branch are no further apart than their steps are.
+        Points of one branch are about as far apart as their steps.
         """
         ends = self.around()
         if ends is None:

@@ -1,4 +1,4 @@
-"""Equations in place of loads that are not given: a deflection, a charge, a length of path."""
+"""Equations that replace a load that is not given: a deflection, a charge, an arc length."""
 
 from __future__ import annotations
 
@@ -13,29 +13,33 @@ from tympan.fem.membrane.state import Load, State, turned
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """Residual of a constraint; its derivatives by a motion of film and plate, and by loads."""
+    """Linearised constraint at a state.
+
+    ``miss``: residual. ``by_motion``: derivative with respect to the motion of film and plate.
+    ``by_load``: derivatives with respect to the loads.
+    """
 
     miss: float
     by_motion: Parts
     by_load: Mapping[Load, float] = field(default_factory=dict)
 
 
-#: An equation at a state, in place of a load that is not given.
+#: Function of model and state that gives the equation which replaces a free load.
 Constraint = Callable[[Model, State], Equation]
 
 
 def held_plate(deflection: float) -> Constraint:
-    """The plate, or the centre of a film without one, is held at a deflection [m]."""
+    """Prescribe the deflection [m] of the plate, or of the centre of a film without plate."""
     def equation(model: Model, state: State) -> Equation:
         return Equation(model.deflection(state) - deflection, model.lift)
     return equation
 
 
 def held_charge(charge: float, further: float = 0.0) -> Constraint:
-    """The electrodes carry a charge Q [C], the voltage source being cut off: C(x) U = Q.
+    """Prescribe the charge Q [C] of disconnected electrodes: C(x) U = Q.
 
-    The capacitance is C = −2 ∂energy/∂U², its derivative −2 ∂forces/∂U²; a ``further`` one beside
-    the film's holds part of the charge [F].
+    The capacitance is C = −2 ∂energy/∂U², its derivative −2 ∂forces/∂U². A ``further`` capacitance
+    [F] in parallel with the film holds part of the charge.
     """
     def equation(model: Model, state: State) -> Equation:
         voltage = max(float(np.sqrt(max(state.voltage_squared, 0.0))), 1e-6)
@@ -48,7 +52,7 @@ def held_charge(charge: float, further: float = 0.0) -> Constraint:
 
 
 def arc_length(origin: State, direction: Parts, distance: float) -> Constraint:
-    """⟨direction, state − origin⟩ is a distance along a path (Keller's pseudo-arclength)."""
+    """Prescribe ⟨direction, state − origin⟩, Keller's pseudo-arclength."""
     def equation(model: Model, state: State) -> Equation:
         along = product(model, direction, difference(model, state, origin))
         return Equation(along - distance, metric(model, direction))
@@ -56,7 +60,7 @@ def arc_length(origin: State, direction: Parts, distance: float) -> Constraint:
 
 
 def difference(model: Model, state: State, origin: State) -> Parts:
-    """Motion of the free components and of the plate from one state to another."""
+    """Compute the motion of free components and plate from one state to another."""
     plate = np.concatenate([state.plate.translation - origin.plate.translation,
                             turned(state.plate, origin.plate)])
     film = (state.positions - origin.positions)[model.discretisation.free]
@@ -64,21 +68,21 @@ def difference(model: Model, state: State, origin: State) -> Parts:
 
 
 def metric(model: Model, motion: Parts) -> Parts:
-    """The motion as a linear form, so that with itself it gives its squared length.
+    """Convert a motion to the linear form that, applied to it, gives its squared length.
 
-    Length is relative to the frame: the mean square over the film plus the plate's; loads do not
-    count, since without motion they cannot change.
+    Length is relative to the frame: the mean square over the film plus the plate's. Loads do not
+    contribute, since they cannot change without motion.
     """
     return (motion[0] / (model.size**2 * max(1, motion[0].size)),
             motion[1] * (model.arm_of_freedom / model.size) ** 2)
 
 
 def product(model: Model, first: Parts, second: Parts) -> float:
-    """Inner product of two motions of film and plate relative to the frame."""
+    """Compute the inner product of two motions of film and plate, relative to the frame."""
     inner, plate = metric(model, first)
     return float(inner @ second[0] + plate @ second[1])
 
 
 def length(model: Model, motion: Parts) -> float:
-    """Length of a motion of film and plate relative to the frame."""
+    """Compute the length of a motion of film and plate, relative to the frame."""
     return float(np.sqrt(product(model, motion, motion)))

@@ -1,4 +1,4 @@
-"""The film with its plate, or its centre, held at a deflection."""
+"""Equilibrium of the film at a prescribed deflection of its plate or its centre."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from tympan.fem.equilibrium.ramp import SLACK, Outcome, still_slack
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 
-#: How far the plate, or the centre, of a film that is slack when mounted is first pushed out,
-#: relative to the frame's half extent.
+#: First deflection of the plate, or of the centre, of a film that is slack when mounted; relative
+#: to the frame's half extent.
 _PUSHED = 0.2
-#: What is said of a taut film whose plate a mechanism drives off.
+#: Message for a taut film if a mechanism drives the plate away.
 _DRIVEN = ("a mechanism of the rig drives the plate away from the flat film, and nothing stops it; "
            "use a weaker one, or a stiffer film")
 
 
 def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings(), pressure: float | None = None) -> Outcome:
-    """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N].
+    """Solve for the film at a voltage [V], its plate held at a deflection [m].
 
-    Without a plate its centre, by ``state.pressure`` [Pa]; with one a gas may have a ``pressure``
-    [Pa], that of the start where it is left out. The tangent of the solution may be that of a state
-    on the way there, if near enough to correct by.
+    ``state.force`` [N] holds the plate. Without a plate ``state.pressure`` [Pa] holds the film's
+    centre. With a plate, ``pressure`` [Pa] may prescribe a gas pressure; the default is the
+    pressure of the start. The tangent of the solution may belong to a state on the way to it, if
+    corrections by that tangent converge fast enough.
     """
     settings = settings.bounded(model)
     free = (model.pushed_by,)
@@ -64,17 +65,21 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
 
 
 def _held_first(model: Model, deflection: float, settings: PathSettings) -> Solution:
-    """The mounted film with its plate held; where that is slack, pushed the way it shall go."""
+    """Solve for the mounted film with its plate held at zero deflection.
+
+    A film slack when mounted is pushed out in the direction of the given deflection instead.
+    """
     if model.slack_when_mounted:
         return first_shape(model, settings, -1 if deflection < 0 else 1)
     return newton(model, model.mounted(), (model.pushed_by,), (held_plate(0.0),), settings.newton)
 
 
 def first_shape(model: Model, settings: PathSettings, sense: int) -> Solution:
-    """The flat mounted film; or, where that is slack, the film pushed out at plate or centre.
+    """Solve for the flat mounted film; if it is slack, for the film pushed out.
 
-    An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
-    there. ``sense``: 1 to push it along the load, -1 against it.
+    The film is pushed out at its plate or at its centre. An unstressed flat membrane has no
+    stiffness normal to its plane, so its load path cannot start there. ``sense``: 1 pushes along
+    the load, -1 against it.
     """
     flat = newton(model, model.mounted(), settings=settings.newton)
     if flat.converged and flat.stable and model.in_tension(flat.state):
@@ -99,7 +104,7 @@ def first_shape(model: Model, settings: PathSettings, sense: int) -> Solution:
 
 
 def _cone(model: Model, deflection: float) -> State:
-    """A cone from the frame to the lifted plate; without a plate a dome."""
+    """Build a cone from the frame to the raised plate; without a plate, a dome."""
     cone, plate = model.mounted(), model.specimen.plate
     x, y, _ = cone.positions.T
     to_frame = np.abs(model.specimen.frame.level(x, y))

@@ -1,4 +1,4 @@
-"""Equilibria at many deflections of a held plate, and those that a load has between them."""
+"""Equilibria at many deflections of a held plate, and equilibria under a load between them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.roots import cubic_roots
 
-#: Most deflections that one step leads over: a cubic must be near those between. Set by trial.
+#: Largest number of deflections in one step; the cubic of the step must be accurate at all of them.
+#: Set by trial.
 _LONGEST = 12
-#: Iterations up to which a step was easy, so that the next one leads over more deflections.
+#: Largest number of iterations of an easy step; the next step then has more deflections.
 _EASY = 2
-#: A step may miss what was foretold by this share of its motion: else it is on another branch.
+#: Largest distance from the predicted state, as a share of the step's motion. A solution further
+#: away is on another branch.
 _SURPRISE = 0.3
-#: Distance below which two equilibria are one, relative to their interval: rounding puts the same
-#: one a little before or beyond an end of it.
+#: Distance below which two equilibria are the same one, relative to their interval. Rounding may
+#: move an equilibrium a little past an end of its interval.
 BESIDE = 1e-6
 
 _HELD = GivenDeflection()
@@ -34,10 +36,10 @@ _HELD = GivenDeflection()
 
 @dataclass(frozen=True, eq=False)
 class HeldSpan:
-    """A step of a held plate: a ``span`` and the equilibria found within it, in order.
+    """A step of a held plate: its ``span`` and the equilibria within it, in order.
 
-    Both ends have tangents of their own; equilibria between have that of the end. A plate that was
-    not followed all the way was ``stopped`` at the end.
+    Both ends have their own tangents; the ``inner`` equilibria have the tangent of the end.
+    ``stopped``: the plate was not followed all the way, and the span ends where it stopped.
     """
 
     span: Span
@@ -46,14 +48,14 @@ class HeldSpan:
 
     @property
     def solutions(self) -> tuple[Solution, ...]:
-        """Its equilibria without the first."""
+        """Equilibria of the step without the first."""
         return (*self.inner, self.span.end)
 
     @cached_property
     def forces(self) -> tuple[Array, Array, Array]:
-        """Deflections [m] of all, the forces that hold them [N], and the slopes of these [N/m].
+        """Deflections [m], the forces that hold the plate [N], and their slopes [N/m].
 
-        Slopes are those of the polynomial through the forces and both ends' slopes.
+        The slopes are those of the polynomial through all forces and both ends' slopes.
         """
         states = [solution.state for solution in (self.span.start, *self.solutions)]
         places = np.array([self.span.model.deflection(state) for state in states])
@@ -72,10 +74,11 @@ class HeldSpan:
 
 @dataclass(frozen=True, eq=False)
 class HeldInterval:
-    """Two deflections of a held plate [m] next to each other, and the film between them.
+    """Two neighbouring deflections of a held plate [m], and the film between them.
 
-    ``excess``: force that holds the plate over that of its load [N], and ``slopes`` of that [N/m],
-    at both ends; ``foretold``: the state that is expected at a deflection.
+    ``excess``: force that holds the plate minus the force of its load [N], at both ends.
+    ``slopes``: derivatives of the excess [N/m], at both ends. ``foretold``: function that predicts
+    the state at a deflection.
     """
 
     low: float
@@ -87,10 +90,11 @@ class HeldInterval:
 
 def crossings(model: Model, intervals: Iterable[HeldInterval], force: float, settings: PathSettings,
               beyond: float = BESIDE) -> Iterator[Solution]:
-    """Equilibria under a force [N] where the force of a held plate crosses that of its load.
+    """Yield equilibria under a force [N], where the held plate needs exactly this force.
 
-    Newton's method begins at the roots of each interval's cubic. An equilibrium that was found
-    before is left out, and so is one ``beyond`` the interval by more than so many times its length.
+    Newton's method starts at the roots of each interval's cubic. Equilibria found before are
+    omitted. Equilibria outside the interval by more than ``beyond`` times its length are omitted,
+    too.
     """
     found: list[float] = []
     for interval in intervals:
@@ -108,17 +112,17 @@ def crossings(model: Model, intervals: Iterable[HeldInterval], force: float, set
 
 
 def held_stiffness(solution: Solution) -> float:
-    """Slope of the force that holds the plate [N/m]."""
+    """Compute the slope of the force that holds the plate [N/m]."""
     assert solution.tangent is not None
     return float(solution.tangent.along()[1]["force"])
 
 
 def held_path(model: Model, deflections: Sequence[float], start: Solution,
               settings: PathSettings = PathSettings()) -> Iterator[HeldSpan]:
-    """Steps through deflections of the plate [m] from one at which it is held, at its voltage.
+    """Yield steps through deflections of the plate [m] from a held start, at its voltage.
 
-    They pass every limit point of the load. The path ends before a deflection that is not reached:
-    what lies there is asked of the end of the last step.
+    The path passes every limit point of the load. It ends before a deflection that cannot be
+    reached; the end of the last step is the last equilibrium.
     """
     last = with_tangent(model, start, settings)
     span: Span | None = None
@@ -142,7 +146,10 @@ def held_path(model: Model, deflections: Sequence[float], start: Solution,
 
 def with_tangent(model: Model, solution: Solution, settings: PathSettings = PathSettings()
                  ) -> Solution:
-    """A solution of a held plate with the tangent of its own state, which Newton's is not."""
+    """Give a solution of a held plate the tangent at its own state.
+
+    The tangent that Newton's method leaves belongs to an earlier iterate.
+    """
     solution.release()
     target = model.deflection(solution.state)
     tangent = tangent_at(model, solution.state, _HELD.free(model), _HELD.constraints(target))[0]
@@ -151,7 +158,7 @@ def with_tangent(model: Model, solution: Solution, settings: PathSettings = Path
 
 def _step(model: Model, span: Span | None, last: Solution, ahead: Sequence[float],
           settings: PathSettings) -> HeldSpan | None:
-    """A step to the last of some deflections; None if that, or one on the way, is not found."""
+    """Make a step to the last of some deflections; None if one of them is not found."""
     end = _next(model, span, last, ahead[-1], settings)
     if end is None:
         return None
@@ -162,7 +169,10 @@ def _step(model: Model, span: Span | None, last: Solution, ahead: Sequence[float
 
 def _next(model: Model, span: Span | None, last: Solution, value: float, settings: PathSettings
           ) -> Solution | None:
-    """The equilibrium that the last span leads on to, or the slope at its end, with its tangent."""
+    """Solve for the equilibrium with its tangent, predicted by the last span; None if not found.
+
+    Without a last span the slope at its end predicts the equilibrium.
+    """
     span = span or Span(model, last, last, _HELD)
     guess = span.foretold(value)
     given = _HELD.free(model), _HELD.constraints(value), settings.newton
@@ -170,7 +180,7 @@ def _next(model: Model, span: Span | None, last: Solution, value: float, setting
     if solution is None:
         last.release()
         solution = newton(model, guess, *given)
-        # It took a tangent more than by corrections alone.
+        # This needed one tangent more than corrections alone.
         solution = replace(solution, iterations=solution.iterations + _EASY)
     if not solution.converged:
         return None
@@ -182,7 +192,7 @@ def _next(model: Model, span: Span | None, last: Solution, value: float, setting
 
 
 def _creep(model: Model, last: Solution, value: float, settings: PathSettings) -> HeldSpan | None:
-    """A step to a deflection, or as near to it as shorter ones lead; None if they lead nowhere."""
+    """Step to a deflection, or as close as shorter steps reach; None if none succeeds."""
     voltage = max(last.state.voltage_squared, 0.0) ** 0.5
     outcome = held(model, value, voltage, last, settings)
     if outcome.solution is last:

@@ -14,42 +14,43 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 
-#: Why Newton's method stops where the law gives no stress.
+#: Message if the law gives no stress.
 STRAINED = "the film would be strained beyond what its material can reach"
 
-#: A correction, relative to the frame, that changes the film's forces no more than rounding does.
+#: Correction, relative to the frame, that changes the film's forces no more than rounding does.
 _STILL = 1e-12
 
-#: Share of the largest allowed correction that may be foretold to be left after a longer one.
+#: Largest predicted error after a correction longer than allowed, as a share of the largest allowed
+#: correction.
 _LEFT = 1e-3
 
-#: Most corrections by the tangent of another state. If more are needed, a new tangent costs less.
+#: Largest number of corrections by the tangent of another state. If more are needed, a new tangent
+#: costs less.
 _SIMPLIFIED = 5
-#: Each of these corrections must be this much shorter than the one before: five then gain three
-#: digits. If they shrink more slowly, a new tangent costs less.
+#: Largest ratio of one of these corrections to the previous one: five corrections then gain three
+#: digits. If corrections decrease more slowly, a new tangent costs less.
 _SHORTER = 0.25
 
 
 #: Cost of a simplified correction, relative to that of a tangent.
 _CORRECTION = 0.2
 
-#: Why Newton's method stops where the search that calls it has done its work, and what to do then.
+#: Message if the search has used all its work, and advice what to do then.
 EXHAUSTED = "the search took more work than it may"
 LIGHTER = "a smaller load or a coarser mesh (--refine 0.5) takes less"
 
-#: What of a tangent's work does not grow with the film, in unknowns: a tangent takes some 2 ms, and
-#: as much again for each so many unknowns.
+#: Part of a tangent's work that does not grow with the film, in unknowns. A tangent takes some 2
+#: ms, and another 2 ms for every 500 unknowns.
 _FIXED = 500
 
-#: Work that a search may take, in tangents times their unknowns and what does not grow with them:
-#: some 15 s.
+#: Largest work of a search: number of tangents times their unknowns plus ``_FIXED``; some 15 s.
 WORK = 2.5e6
 
 
 class Budget:
-    """Work left to a search, in that of tangents; the same on every machine.
+    """Work that is left to a search, in the unit of :data:`WORK`; it is machine-independent.
 
-    All of a search's calls of Newton's method draw on one budget, so that it ends.
+    All calls of Newton's method in a search share one budget, so that the search ends.
     """
 
     def __init__(self, work: float) -> None:
@@ -57,28 +58,31 @@ class Budget:
 
     @property
     def spent(self) -> bool:
-        """Whether none is left."""
+        """Whether no work is left."""
         return self.left <= 0
 
     def part(self, work: float) -> Budget:
-        """Separate budget of so much work, no more than this one has left."""
+        """Create a separate budget of some work, at most what is left in this one."""
         return Budget(min(work, self.left))
 
 
 def tangent_work(model: Model, subspace: Subspace = FULL) -> float:
-    """Work of a tangent of a film, its factors included; within a subspace that of its products."""
+    """Compute the work of a tangent and its factorisation.
+
+    Within a subspace the work includes the products with its columns.
+    """
     return (model.unknowns + _FIXED) * subspace.work
 
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """Convergence and damping; all dimensionless.
+    """Settings for convergence and damping; all are dimensionless.
 
     ``correction``: largest allowed last correction, relative to the frame. ``residual``: largest
-    allowed unbalanced force, relative to the largest nodal reaction. ``iterations``: limit on
-    tangents. ``damping``: smallest step taken before giving up; ``longest``: correction, relative
-    to the frame, at which it does so too. ``budget``: work left to the search that this is part of;
-    without one there is no limit.
+    allowed unbalanced force, relative to the largest nodal reaction. ``iterations``: largest number
+    of tangents. ``damping``: smallest damping factor before the method gives up. ``longest``:
+    correction, relative to the frame, above which the method gives up. ``budget``: work left to the
+    search that this call belongs to; None sets no limit.
     """
 
     correction: float = 1e-7
@@ -89,7 +93,7 @@ class NewtonSettings:
     budget: Budget | None = field(default=None, compare=False, repr=False)
 
     def spend(self, work: float) -> bool:
-        """Draw on the budget; whether there was some left."""
+        """Subtract work from the budget; return whether some was left before."""
         if self.budget is None:
             return True
         self.budget.left -= work
@@ -98,7 +102,7 @@ class NewtonSettings:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Result of Newton's method; ``advice`` says why when it did not converge."""
+    """Result of Newton's method; ``advice`` names the reason if it did not converge."""
 
     state: State
     converged: bool
@@ -119,22 +123,23 @@ class Solution:
         return 0 if self.tangent is None else self.tangent.wrinkling
 
     def thinning_margin(self, model: Model) -> float:
-        """Margin of the state by :meth:`Model.thinning_margin`; it is kept."""
+        """Compute the state's :meth:`Model.thinning_margin`, once for each model."""
         if model not in self._margins:
             self._margins[model] = model.thinning_margin(self.state)
         return self._margins[model]
 
     def predicted(self, model: Model, load: Load, value: float) -> State:
-        """The state at another value of a load along the path's tangent: Euler's predictor.
+        """Predict the state at another value of a load by the tangent (Euler's predictor).
 
-        By the last iterate's tangent, which is close enough; what it says is kept, without factors.
+        The tangent of the last iterate is accurate enough. The result is stored, so that later
+        predictions need no factors.
         """
         loads = {load: value}
         return moved(model, self.state.under(**loads), self.rate(model, load),
                      value - self.state.load(load))
 
     def rate(self, model: Model, load: Load) -> Parts:
-        """Motion of film and plate per unit of a load, along the path."""
+        """Compute the motion of film and plate per unit of a load, along the path."""
         if (model, load) not in self._responses:
             assert self.tangent is not None
             film, plate = self.tangent.respond(model.by_load(self.state, load))
@@ -142,7 +147,7 @@ class Solution:
         return self._responses[model, load]
 
     def release(self) -> None:
-        """Drop a large film's factors before the next are made: two would double the memory."""
+        """Release a large film's factors before the next ones: two would double the memory."""
         if self.tangent is not None:
             self.tangent.release()
 
@@ -150,12 +155,12 @@ class Solution:
 def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
            constraints: tuple[Constraint, ...] = (),
            settings: NewtonSettings = NewtonSettings(), subspace: Subspace = FULL) -> Solution:
-    """Solve for the equilibrium near a guess, whose loads are given, but for those that are free.
+    """Solve for the equilibrium near a guess; its loads are given except the free ones.
 
-    There is one constraint for each free load; the subspace says which motions are allowed.
+    There is one constraint for each free load. The subspace contains the allowed motions.
 
     Damping and convergence are those of NLEQ-ERR (Deuflhard, *Newton Methods for Nonlinear
-    Problems*, 2004, §3.3.3): a step is accepted when the simplified correction at its end is
+    Problems*, 2004, §3.3.3). A step is accepted when the simplified correction at its end is
     shorter than the correction that led there. The test compares displacements with displacements,
     so it does not depend on units or on the stiffness of the film.
     """
@@ -165,12 +170,12 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     for iteration in range(1, settings.iterations + 1):
         if not settings.spend(tangent_work(model, subspace)):
             return Solution(state, False, iteration, None, EXHAUSTED)
-        with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
+        with np.errstate(all="ignore"):  # a prediction may overshoot; checked below
             part = model.linearised(state)
         if not np.isfinite(part.forces).all():
             return Solution(state, False, iteration, None, f"{STRAINED}: take smaller steps")
         equations = [constraint(model, state) for constraint in constraints]
-        tangent = None  # two at once would double the memory
+        tangent = None  # two tangents would double the memory
         try:
             tangent = Tangent(model, part, state, free, equations, subspace)
             motion, loads = tangent.correct(model.residual(part.forces, state),
@@ -191,7 +196,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                 return Solution(state, False, iteration, tangent, "no step reduces the error: a "
                                 "limit point or a loss of tension is near")
             trial = moved(model, state, motion, damping, loads)
-            # A step too long may press an element flat; it is then halved.
+            # A step that is too long may collapse an element; the step is then halved.
             with np.errstate(all="ignore"):
                 forces = model.nodal_forces(trial)
             if np.isfinite(forces).all():
@@ -201,7 +206,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                 after = length(model, simplified)
                 if after <= (1 - damping / 4) * before or after < settings.correction:
                     break
-                # Towards less of a potential whose slope jumps where wrinkles begin: enough.
+                # The slope of the potential jumps where wrinkles begin. A decrease of the potential
+                # is then sufficient.
                 descends = not free and _work(model.residual(forces, trial), motion) <= 0
                 if descends and model.wrinkles and not model.in_tension(state):
                     break
@@ -221,12 +227,12 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                       constraints: tuple[Constraint, ...] = (),
                       settings: NewtonSettings = NewtonSettings(), tangent: Tangent | None = None,
                       second: tuple[Tangent, float] | None = None) -> Solution | None:
-    """Solve for the equilibrium near a guess by one tangent, that of the guess if none is given.
+    """Solve for the equilibrium near a guess with one tangent; default: the guess's.
 
-    None where corrections do not become shorter fast enough for new tangents to cost more. What is
-    left at the end is foretold from how they did (Hairer and Wanner, *Solving Ordinary Differential
-    Equations II*, §IV.8). ``second`` is another tangent with the weight of its corrections: between
-    two states their mean is off by the square of what that of either is.
+    None if the corrections decrease so slowly that new tangents cost less. The remaining error is
+    estimated from the ratio of the corrections (Hairer and Wanner, *Solving Ordinary Differential
+    Equations II*, §IV.8). ``second`` is another tangent and the weight of its corrections. The mean
+    of two states' tangents has an error of second order in that of either.
     """
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     with np.errstate(all="ignore"):
@@ -263,7 +269,7 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
 
 
 def _left(after: float, before: float) -> float:
-    """Residual after two corrections by one tangent, foretold from their lengths."""
+    """Estimate the remaining error from the lengths of two corrections with one tangent."""
     return after * after / (before - after) if after < before else after
 
 
@@ -274,7 +280,7 @@ def _mean(first: Parts, second: Parts, weight: float) -> Parts:
 def tangent_at(model: Model, state: State, free: tuple[Load, ...] = (),
                constraints: tuple[Constraint, ...] = (), subspace: Subspace = FULL
                ) -> tuple[Tangent | None, Array]:
-    """Tangent at a state, None where it is singular or beyond the law; and the nodal forces."""
+    """Compute the tangent (None if singular or beyond the law) and the nodal forces."""
     part = model.linearised(state)
     if not np.isfinite(part.forces).all():
         return None, part.forces
@@ -287,7 +293,7 @@ def tangent_at(model: Model, state: State, free: tuple[Load, ...] = (),
 
 def moved(model: Model, state: State, motion: Parts, fraction: float = 1.0,
           loads: Mapping[Load, float] | None = None) -> State:
-    """The state after a fraction of a motion of film and plate, and of changes of loads."""
+    """Apply a fraction of a motion of film and plate, and of changes of loads, to a state."""
     positions = state.positions.copy()
     positions[model.discretisation.free] += fraction * motion[0]
     freedoms = np.zeros(6)
@@ -302,10 +308,10 @@ def _work(residual: Parts, motion: Parts) -> float:
 
 
 def _unbalanced(model: Model, subspace: Subspace, state: State, forces: Array) -> float:
-    """Largest unbalanced force over the largest nodal one; moments over the half extent.
+    """Compute the largest unbalanced force relative to the largest nodal force.
 
-    What a plate in motion is pushed with by rounding does not count: in a step of time short enough
-    that is anything.
+    Moments are divided by the half extent. The rounding error of a moving plate's inertia force is
+    subtracted: in a very short time step it has no bound.
     """
     inner, plate = subspace.project(model.residual(forces, state))
     push = np.abs(plate)

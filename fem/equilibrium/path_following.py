@@ -1,4 +1,4 @@
-"""A film's branch of equilibria followed on, past the loss of tension with smooth motions."""
+"""Continuation of a film's branch, beyond the loss of tension with smooth motions."""
 
 from __future__ import annotations
 
@@ -21,35 +21,38 @@ from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 
-#: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
+#: Shortest step of a charged film, relative to the frame: its wrinkles may end in one spot.
 _LOCAL = 1e-6
 
-#: Tangents that the search for an equilibrium of a large film has at least.
+#: Least number of tangents that a search for the equilibrium of a large film may take.
 _TANGENTS = 40
 
-#: How many times that work the search for a film's limits may take: it follows a whole branch. Set
-#: by trial: with 2, the limits of a film of 300 extreme ones took 62 s where others worked, too.
+#: Work of a search for a film's limits, relative to :data:`WORK`: it follows a whole branch. Set by
+#: trial: with 2, the limits of one film of 300 extreme ones took 62 s on a machine with other work.
 _FOLLOWED = 1.6
-#: How many times those tangents a large film may take in it, if not more loads ask for more: limits
-#: of 13 random films took 45 to 142 tangents, and 200 of 50,000 unknowns take up to a minute.
+#: Tangents of a search for a large film's limits, relative to ``_TANGENTS``, unless more loads need
+#: more. Limits of 13 random films took 45 to 142 tangents. 200 tangents of 50,000 unknowns take up
+#: to a minute.
 _FOLLOWED_FAR = 5.0
 
-#: How many times the work of a search for an equilibrium it may take to follow a film beyond its
-#: end: no film gets there, so it is worth less than the way to the end.
+#: Work to follow a film beyond its last equilibrium, relative to a search for an equilibrium. No
+#: real film gets there, so it is worth less than the path up to the limit.
 _BEYOND = 1.5
 
 
 @dataclass(frozen=True)
 class PathSettings:
-    """Steps of a ramp.
+    """Settings of the steps of a load ramp.
 
-    ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U²
-    reached, below which the ramp is followed by its arc length instead; ``shortest``: step of a
-    held plate at which to give up; ``reach``: deflection, relative to the frame's half extent, at
-    which a search for equilibrium ends; ``smooth``: numbers of waves around the plate, and degrees
-    between plate and frame, of the smooth motions of a film that bears compression, ``annular``
-    those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may leave,
-    relative to the largest, if the mesh is to resolve them.
+    ``first``: first step as a share of the ramp. ``handover``: step, relative to the load or U²
+    reached, below which arc-length continuation replaces the ramp. ``shortest``: step of a held
+    plate below which the path is given up. ``reach``: deflection, relative to the frame's half
+    extent, at which a search for an equilibrium ends.
+
+    ``smooth``: numbers of waves around the plate, and polynomial degrees between plate and frame,
+    of the smooth motions of a film under compression. ``annular``: these degrees for an
+    axisymmetric film. ``unbalanced``: largest nodal force that smooth motions may leave, relative
+    to the largest force, for a mesh that resolves them.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -63,9 +66,9 @@ class PathSettings:
     unbalanced: float = 1e-2
 
     def bounded(self, model: Model, followed: bool = False, loads: int = 1) -> PathSettings:
-        """Settings with a budget of work, so that a search ends; unchanged if they have one.
+        """Add a budget of work, so that a search ends; an existing budget stays.
 
-        ``followed``: along a branch, to a film's limits or over many ``loads``.
+        ``followed``: the search follows a branch, to a film's limits or over many ``loads``.
         """
         if self.newton.budget is not None:
             return self
@@ -75,7 +78,7 @@ class PathSettings:
         return replace(self, newton=replace(self.newton, budget=budget))
 
     def beyond_end(self, model: Model) -> PathSettings:
-        """Settings with less work, for a film beyond its end that is kept from wrinkling."""
+        """Reduce the work for a film without wrinkles beyond its last equilibrium."""
         budget = self.newton.budget
         if budget is None:
             return self
@@ -84,18 +87,19 @@ class PathSettings:
 
     @property
     def exhausted(self) -> bool:
-        """Whether a search has done all the work that it may."""
+        """Whether a search has used all its work."""
         return self.newton.budget is not None and self.newton.budget.spent
 
     def require_work(self, key: str) -> None:
-        """Refuse what is not complete: InputError where a search has done all its work."""
+        """Raise InputError if a search used all its work, so the result is incomplete."""
         if self.exhausted:
             raise InputError(f"{EXHAUSTED}: {LIGHTER}", key=key)
 
     def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
-        """Smooth motions of a model: without waves where it is axisymmetric.
+        """Yield subspaces of smooth motions of a model.
 
-        None of a film without plate, whose motions are no waves around one.
+        The motions of an axisymmetric model have no waves. A film without a plate has no subspaces,
+        since the waves are defined around the plate.
         """
         if model.specimen.plate is None:
             return iter(())
@@ -105,15 +109,17 @@ class PathSettings:
 
 def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings(),
                   sense: int = 1, beyond: bool = False) -> Iterator[tuple[Branch, PathPoint]]:
-    """Points from an equilibrium on, each with the branch it is on.
+    """Yield points from an equilibrium on, each with the branch that contains it.
 
-    One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
-    equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
-    one that bears compression, with smooth motions; with ``beyond`` from the first point beyond the
-    loss of tension on, which is then among the points. Where one place thins ever faster, the load
-    turns on some meshes: no limit of the plate, and no point beyond is given. A film that is
-    wrinkled before it would thin ends there: of its points the last alone is beyond, as its margin
-    to thinning says.
+    At first the load increases (``sense`` 1) or decreases (−1). All motions are allowed as long as
+    the film has an equilibrium. A film may be taut up to where, wrinkled, it would thin without
+    bound. It is then continued as a film that bears compression, with smooth motions. With
+    ``beyond``, the continuation starts at the first point beyond the loss of tension, which is also
+    yielded.
+
+    On some meshes the load turns because one place thins ever faster. This is no limit point of the
+    plate, and no point beyond it is yielded. A film that is wrinkled before it would thin ends
+    there. Only its last point is then beyond the end, as its thinning margin shows.
     """
     last, passed = start, 0.0
     shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
@@ -145,7 +151,7 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
     for subspace in settings.subspaces(model):
         smooth = replace(branch, model=model, subspace=subspace, arc=settings.arc)
         points = smooth.points(last, sense)
-        # The first point is the last one again, by smooth motions.
+        # The first smooth point is the last point again.
         if next(points, None) is not None and (first := next(points, None)) is not None:
             yield from ((smooth, point) for point in dropwhile(
                 lambda point: length(model, difference(model, point.state, last)) < passed,

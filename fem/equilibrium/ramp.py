@@ -1,4 +1,4 @@
-"""One load changed in adaptive steps, and what lies at their end if not an equilibrium."""
+"""Load ramp in adaptive steps, and the reason why it ends if not at an equilibrium."""
 
 from __future__ import annotations
 
@@ -18,62 +18,66 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.roots import root_between
 
-#: A natural step may miss its prediction by this share of its motion. Up to a limit point it misses
-#: at most half: the motion grows to at most twice the prediction.
+#: Largest distance from the prediction of a step, as a share of its motion. Up to a limit point the
+#: distance is at most half: the motion is at most twice the prediction.
 _SURPRISE = 0.6
-#: The rate at a natural step's end must explain this share of its motion. A film stiffening with
-#: the cube of its motion has 1/3 of it explained.
+#: Least share of a step's motion that the rate at its end must explain. It explains 1/3 for a film
+#: that stiffens with the cube of its motion.
 _EXPLAINED = 0.2
-#: Motions below this share of the frame are not asked so: they pass no limit point that matters.
-#: Set by trial.
+#: Motion, relative to the frame, below which these tests are omitted: such a step passes no limit
+#: point that matters. Set by trial.
 UNNOTICED = 1e-4
 
-#: Smallest part of Newton's correction that is taken within a step: a step that needs less is
+#: Smallest damping factor of Newton's method within a step. A step that needs a smaller one is
 #: halved. Set by trial.
 _DAMPED = 0.05
-#: Longest correction within a step, relative to the frame: no film moves so far at once.
+#: Longest correction within a step, relative to the frame: no film moves so far in one step.
 _ASTRAY = 1.0
 
-#: Share of the work that residual tension may do in a film slack when mounted. Up to there it
-#: changes the deflection by some 1 %; beyond it soon holds the plate by itself.
+#: Largest share of the work that residual tension may do in a film slack when mounted. Up to this
+#: share it changes the deflection by some 1 %. Beyond it, residual tension soon holds the plate
+#: alone.
 _RESIDUAL_SHARE = 0.1
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
-#: A number of a state that is positive up to where something happens to it.
+#: Function of a state that is positive until an event happens.
 StateMargin = Callable[[State], float]
 
-#: What is said of such a film, still slack under what is named.
+#: Message for a film that is slack when mounted and still slack under the named loads.
 SLACK = ("the film is slack when mounted, and still {}: it has no definite shape; prestretch or "
          "load it more")
 _UNFOLLOWED = "the path could not be followed to the load: the film strains without bound"
 
-#: Step, relative to the load, within which a film that would be stiff even wrinkled does not thin.
+#: Step, relative to the load, within which a film that would be stiff even if wrinkled does not
+#: thin.
 _SMALL_STEP = 0.5
 
 #: Accuracy of the load at which a film begins to thin without bound, relative to the step that
-#: holds it: far below what a mesh leaves uncertain.
+#: contains it. It is far below the discretisation error of a mesh.
 _SHARP = 1e-6
-#: Accuracy of a guess of that load, relative to the step. The step ends twice as far beyond it, so
-#: that its end is on the other side.
+#: Accuracy of a prediction of that load, relative to the step. The step ends twice this distance
+#: beyond the prediction, so that its end is on the other side.
 _NEAR = 1e-3
-#: Most equilibria that are looked at for that load. Every sixth halves the interval, so that some
-#: ten halvings are among them.
+#: Largest number of equilibria in the search for that load. Every sixth one halves the interval,
+#: which makes some ten halvings.
 _CLOSING = 60
 
-#: Iterations within which an equilibrium is reached from beyond there, or sooner from before it.
+#: Largest number of iterations from beyond that load. If more are needed, the search starts from
+#: before it.
 _SOON = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """End of a search for an equilibrium.
+    """Result of a search for an equilibrium.
 
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status
-    "no_equilibrium" the film reached its end: ``limit`` is the largest U² [V²], force [N] or
-    pressure [Pa], as ``limited`` says, that has an equilibrium on this path, ``critical`` the point
-    of the branch where it has it. There the load passes a maximum; or the film ``thins``: wrinkled,
-    it has no stable width. ``snapped``: on the way a mechanism made the plate jump.
+    "no_equilibrium" the film has no equilibrium at the target. ``limit`` is then the largest U²
+    [V²], force [N] or pressure [Pa] that has one on this path, and ``limited`` names which load.
+    ``critical`` is the point of the branch at the limit. The load has a maximum there, or the film
+    ``thins``: wrinkled, it has no stable width. ``snapped``: a mechanism made the plate jump on the
+    way.
     """
 
     status: Status
@@ -87,12 +91,12 @@ class Outcome:
 
     @property
     def state(self) -> State:
-        """The state of the solution."""
+        """State of the solution."""
         return self.solution.state
 
 
 def in_words(value: float, load: Load) -> str:
-    """A load as a person reads it: a force [N], a pressure [Pa], or U² [V²] as its voltage."""
+    """Format a load for people: force [N], pressure [Pa], or U² [V²] as its voltage."""
     if load == "voltage":
         return f"{np.sqrt(max(value, 0.0)) / 1e3:.4g} kV across it"
     unit = "Pa of gas pressure" if load == "pressure" else "N on the plate"
@@ -100,22 +104,22 @@ def in_words(value: float, load: Load) -> str:
 
 
 def without_mechanism(model: Model, deflection: float) -> str:
-    """Message that a mechanism cannot be at a deflection [m]; empty where all can."""
+    """Write a message if a mechanism has no force at a deflection [m]; else an empty one."""
     laws = " and ".join(f'"{law}"' for law in model.loading.ended(deflection))
     return laws and (f"the mechanism {laws} of the rig ends on the way: it has no force at about "
                      f"{1e3 * deflection:.3g} mm, and nothing is extrapolated")
 
 
 def still_slack(model: Model, state: State) -> bool:
-    """Whether a film slack when mounted still is: what holds its plate is residual tension."""
+    """Check whether a film slack when mounted still is: residual tension holds its plate."""
     return model.slack_when_mounted and model.residual_share(state) > _RESIDUAL_SHARE
 
 
 @dataclass(frozen=True)
 class LoadRamp:
-    """One load changed to a target under the others as they are.
+    """Change of one load to a target; the other loads stay constant.
 
-    ``ends``: whether it is sought where a film ends that does not get there.
+    ``ends``: whether to search for the limit if the target has no equilibrium.
     """
 
     model: Model
@@ -125,7 +129,10 @@ class LoadRamp:
     ends: bool = True
 
     def run(self, start: Solution) -> Outcome:
-        """Ramp in steps while Newton converges to a stable state; then go on by arc length."""
+        """Increment the load while Newton converges to stable states.
+
+        Then continue by arc length.
+        """
         origin = start.state.load(self.load)
         if self.target == origin:
             return Outcome("equilibrium", start)
@@ -161,14 +168,14 @@ class LoadRamp:
         return Outcome("equilibrium", solution)
 
     def _given_up(self, last: Solution) -> Outcome:
-        """Message where the search has done its work."""
+        """Report that the search has used all its work."""
         reached, target = (in_words(value, self.load)
                            for value in (last.state.load(self.load), self.target))
         return Outcome("not_converged", last, f"{EXHAUSTED}: it was given up at {reached} of "
                        f"{target}; {LIGHTER}")
 
     def natural(self, start: Solution) -> Solution | None:
-        """The equilibrium at the target if one step leads there, to no thinner or slack film."""
+        """Solve at the target in one step; None if that fails, or if the film thins or is slack."""
         if (self.target == start.state.load(self.load)
                 or self._short_of_thinning(start, self.target) != self.target):
             return None
@@ -178,12 +185,15 @@ class LoadRamp:
         return trial
 
     def _slackened(self, start: Solution, now: Solution) -> bool:
-        """Whether a film has gone slack as its load fell; as it rises, a slack film may tighten."""
+        """Check whether a film has gone slack while its load decreased.
+
+        A slack film may become taut again while its load increases.
+        """
         before, after = (solution.state.load(self.load) for solution in (start, now))
         return abs(after) < abs(before) and still_slack(self.model, now.state)
 
     def _short_of_thinning(self, start: Solution, value: float) -> float:
-        """The load, no further than a value, up to which a film is predicted not to thin."""
+        """Limit a load to where the film is predicted not to thin."""
         if not self.model.wrinkles:
             return value
         origin = start.state.load(self.load)
@@ -195,9 +205,10 @@ class LoadRamp:
 
     def _foretold(self, start: Solution, margin: StateMargin, low: float, high: float, sharp: float
                   ) -> float | None:
-        """The load between two at which a film moving on as at the start uses a margin up.
+        """Predict the load between two at which a margin becomes zero; None if it does not.
 
-        ``sharp``: its accuracy, relative to their difference. None if it does not.
+        The prediction uses the rate at the start. ``sharp``: accuracy, relative to the difference
+        of the loads.
         """
         def at(load: float) -> float:
             return margin(start.predicted(self.model, self.load, load))
@@ -211,7 +222,7 @@ class LoadRamp:
 
     def _at(self, start: Solution, value: float, iterations: int | None = None
             ) -> tuple[Solution, State]:
-        """The equilibrium near another one at another value of the load; what was predicted."""
+        """Solve for the equilibrium at another value of the load; return also the prediction."""
         guess, settings = start.predicted(self.model, self.load, value), self.settings.newton
         start.release()
         limited = replace(settings, damping=max(settings.damping, _DAMPED), longest=_ASTRAY,
@@ -219,22 +230,24 @@ class LoadRamp:
         return newton(self.model, guess, settings=limited), guess
 
     def _step(self, start: Solution, value: float) -> tuple[Solution, bool]:
-        """Result of Newton's method at another value; whether that is stable and foreseen."""
+        """Solve at another value of the load; check that the result is stable and as predicted."""
         trial, guess = self._at(start, value)
         return trial, trial.converged and trial.stable and self._foreseen(start, guess, trial)
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
-        """The film's end between two equilibria where it begins to thin; None if unclear."""
+        """Find where the film begins to thin between two equilibria; None if unclear."""
         ends = self._around(before, after, self.model.thinning_margin)
         return ends and self._thins(ends[0], self._point(ends[1]))
 
     def _around(self, before: Solution, after: Solution, margin: StateMargin
                 ) -> tuple[Solution, Solution] | None:
-        """Equilibria between which a margin is used up: the last with some, the closest to it.
+        """Find the last equilibrium with a positive margin, and the one closest to zero margin.
 
-        From the closest so far to where the film, moving on as there, uses it up, until that is no
-        further away; now and then to the middle, should that not close in; and from the last with
-        some, should the film go astray. None if it still does.
+        Each iteration goes from the closest equilibrium so far to the load where the rate there
+        predicts a zero margin. It ends when that load is no further away than the accuracy. Every
+        sixth iteration halves the interval, in case the predictions do not converge. If Newton's
+        method fails from the closest equilibrium, it starts from the last one with a positive
+        margin. None if that fails, too.
         """
         ends, margins = [before, after], [margin(before.state), margin(after.state)]
         strayed: Solution | None = None
@@ -262,10 +275,11 @@ class LoadRamp:
         return ends[0], close
 
     def _tense(self, start: Solution, reached: Solution) -> Solution:
-        """The equilibrium from which a film is followed on that was reached from a start.
+        """Find the equilibrium from which a branch is continued.
 
-        Of one that bears compression the one where it loses tension: the smooth motions start
-        there, for further on its soft waves depend on each step that was made.
+        This is ``reached``. A film that bears compression is continued from where it loses tension:
+        smooth motions start there, since beyond it the soft waves depend on each step that was
+        made.
         """
         tension = self.model.least_tension
         if self.model.wrinkles or tension(start.state) < 0 or tension(reached.state) > 0:
@@ -274,7 +288,7 @@ class LoadRamp:
         return reached if ends is None else ends[1]
 
     def _point(self, solution: Solution) -> PathPoint | None:
-        """The equilibrium as a point of its branch; None where the load moves nothing."""
+        """Convert an equilibrium to a point of its branch; None if the load moves nothing."""
         film, plate = solution.rate(self.model, self.load)
         solution.release()
         scale = length(self.model, (film, plate))
@@ -284,11 +298,11 @@ class LoadRamp:
         return PathPoint(solution, (film / scale, plate / scale), 1 / scale)
 
     def _foreseen(self, last: Solution, guess: State, trial: Solution) -> bool:
-        """Whether a step ended so near its prediction that it passed no limit points.
+        """Check whether a step ended near its prediction, so that it passed no limit point.
 
         Up to a limit point the motion grows like a square root, to at most twice the prediction,
-        and ever faster. A plate that snapped to another branch went further than the predictions
-        from either end say.
+        and ever faster. A plate that jumped to another branch moved further than predicted from
+        either end.
         """
         back = trial.predicted(self.model, self.load, last.state.load(self.load))
         missed, gone, explained = (length(self.model, difference(self.model, trial.state, state))
@@ -297,7 +311,7 @@ class LoadRamp:
                 and explained >= _EXPLAINED * gone - UNNOTICED)
 
     def _by_arc_length(self, origin: Solution, reached: Solution) -> Outcome:
-        """Follow the branch from the last equilibrium to the target, a turn, thinning or an end."""
+        """Follow the branch from the last equilibrium to the target, a limit or thinning."""
         load, target, settings = self.load, self.target, self.settings
         start = self._tense(origin, reached)
         sense = 1 if target >= start.state.load(load) else -1
@@ -320,12 +334,12 @@ class LoadRamp:
                     break
                 if sense * critical.state.load(load) < sense * target:
                     return self._ended(stable, critical, "pull-in")
-                after = critical  # the target is before it, if not before the point after it
+                after = critical  # the target is before this point or before the next one
             if sense * after.state.load(load) >= sense * target:
                 return self._landed(stable, branch.where(
                     before, after, lambda point: point.state.load(load) - target, of_state=True))
-            # Where the film by itself resists no more, the plate's stiffness passes a pole: its
-            # sign tells nothing.
+            # Where the film alone loses its stiffness, the plate's stiffness has a pole: its sign
+            # means nothing there.
             if not after.solution.stable and after.solution.wrinkling == 0:
                 return self._ended(stable, after, "the film loses its stability")
             if abs(self.model.deflection(after.state)) > settings.reach * self.model.high:
@@ -340,7 +354,7 @@ class LoadRamp:
         return min(self.model.thinning_margin(point.state), 1e12)
 
     def _landed(self, stable: Solution, reached: PathPoint | None) -> Outcome:
-        """The equilibrium at the target from the branch's point there."""
+        """Solve for the equilibrium at the target, from the branch's point there."""
         if reached is not None:
             reached.solution.release()
             solution = newton(self.model, reached.state.under(**{self.load: self.target}),
@@ -351,7 +365,7 @@ class LoadRamp:
         return self._unfollowed(stable)
 
     def _unfollowed(self, last: Solution) -> Outcome:
-        """Reason why the film cannot be followed to the target, or a mechanism cannot."""
+        """Report why the film or a mechanism cannot be followed to the target."""
         ahead = last.predicted(self.model, self.load, self.target)
         last.release()
         beyond = without_mechanism(self.model, self.model.deflection(ahead))

@@ -1,7 +1,8 @@
-"""Equilibria of a plate that a mechanism makes jump, and all others under the same loads.
+"""Equilibria after a mechanism makes the plate jump, and all equilibria under the same loads.
 
-Beyond a limit point of its load a plate without inertia moves on to the first deflection at which
-film and mechanism hold it again. The plate is held on the way, so that limit points do not matter.
+At a limit point of its load a plate without inertia jumps to the next deflection at which film and
+mechanism hold it in equilibrium. The search prescribes the deflection, so that limit points need no
+special treatment.
 """
 
 from __future__ import annotations
@@ -18,22 +19,22 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE
 
-#: Deflections looked at in each interval where a mechanism softens: there the force bends.
+#: Deflections in each interval where a mechanism softens: the force has curvature there.
 _SOFT = 32
-#: The same elsewhere: the force only grows there.
+#: Deflections in each other interval, where the force only increases.
 _FIRM = 8
-#: Distance of the nearest deflection from the start, relative to the frame: far below what plates
-#: jump that are not limited by a short interval. As many more are looked at where such an interval
-#: begins, since it may have no end.
+#: Distance of the closest deflection to the start, relative to the frame. It is far below the jumps
+#: of plates that no short interval limits. ``_SOFT`` further deflections are added where such an
+#: interval begins, since it may have no end.
 _NEAREST = 1e-3
-#: Distance of one of them over that of the one before: the last is beyond the whole frame.
+#: Ratio of the distances of successive deflections: the last one is beyond the whole frame.
 _WIDER = 1.25
 
 
 def snapped(model: Model, limit: PathPoint, settings: PathSettings) -> Solution | None:
-    """Equilibrium to which a plate jumps from a limit point of its load, which stays as it is.
+    """Find the equilibrium to which a plate jumps from a limit point, at constant load.
 
-    None without a mechanism that may make it jump, or where nothing holds it any more.
+    None if no mechanism can make it jump, or if there is no further equilibrium.
     """
     freedoms = list(model.plate_freedoms)
     if HEAVE not in freedoms:
@@ -42,9 +43,10 @@ def snapped(model: Model, limit: PathPoint, settings: PathSettings) -> Solution 
 
 
 def landed(model: Model, start: Solution, way: float, settings: PathSettings) -> Solution | None:
-    """Equilibrium to which a plate moves from a state that does not hold it, by the sign of a way.
+    """Find the equilibrium to which a plate moves from a state without equilibrium.
 
-    None where a mechanism cannot make it jump, or nothing holds it any more.
+    The sign of ``way`` is the direction of the motion. None if no mechanism can make the plate
+    jump, or if there is no further equilibrium.
     """
     if not model.loading.softening:
         return None
@@ -53,7 +55,7 @@ def landed(model: Model, start: Solution, way: float, settings: PathSettings) ->
 
 
 def resting(model: Model, reached: Solution, settings: PathSettings) -> list[Solution]:
-    """All stable equilibria under the loads of a stable one, which is among them, by deflection."""
+    """Find all stable equilibria under a stable one's loads, itself included, by deflection."""
     others = [solution for way in (-1.0, 1.0)
               for solution in _equilibria(model, reached, way, settings)]
     return sorted([reached, *(other for other in others if _rests(model, other))],
@@ -66,17 +68,17 @@ def _rests(model: Model, solution: Solution) -> bool:
 
 def _equilibria(model: Model, start: Solution, way: float, settings: PathSettings
                 ) -> Iterator[Solution]:
-    """Equilibria under the loads of one that a held plate passes on one way (1 or -1) from there.
+    """Yield equilibria that a held plate passes in one direction (1 or -1), at equal loads.
 
-    The last interval in which a mechanism softens ends the search: a plate that is held back beyond
-    it moves no further. A film that would thin without bound ends it, too.
+    The last interval in which a mechanism softens ends the search: a plate that is pushed back
+    beyond it moves no further. A film that would thin without bound ends the search, too.
     """
     return crossings(model, _ahead(model, start, way, settings), start.state.force, settings)
 
 
 def _ahead(model: Model, start: Solution, way: float, settings: PathSettings
            ) -> Iterator[HeldInterval]:
-    """Intervals that a held plate passes on its way from a start, without the one it starts in."""
+    """Yield the intervals that a held plate passes from a start, except the first one."""
     force = start.state.force
     places, last = _places(model, model.deflection(start.state), way, settings)
     if not places:
@@ -97,9 +99,9 @@ def _ahead(model: Model, start: Solution, way: float, settings: PathSettings
 
 def _places(model: Model, start: float, way: float, settings: PathSettings
             ) -> tuple[list[float], float]:
-    """Deflections [m] of a plate on its way from a start, and the last where a mechanism softens.
+    """List deflections [m] from a start in one direction, and the last where a mechanism softens.
 
-    None where no mechanism softens on that way.
+    The list is empty if no mechanism softens in that direction.
     """
     end = way * settings.reach * model.high
     marks = [way * float(np.clip(way * mark, way * start, way * end))
@@ -108,7 +110,7 @@ def _places(model: Model, start: float, way: float, settings: PathSettings
     if way * (last - start) <= 0:
         return [], last
     ends = sorted({start, *marks, end}, key=lambda mark: way * mark)
-    # An interval may be wide, or have no end: near to the start a plate is looked at closely.
+    # An interval may be wide or have no end: deflections near the start are closely spaced.
     near = _NEAREST * model.size * _WIDER ** np.arange(_SOFT)
     parts: list[list[float]] = []
     for low, high in pairwise(ends):

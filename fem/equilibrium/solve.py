@@ -1,4 +1,4 @@
-"""The equilibrium under given loads."""
+"""Equilibrium under given loads."""
 
 from __future__ import annotations
 
@@ -14,31 +14,34 @@ from tympan.fem.equilibrium.snap import landed, snapped
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 
-#: Distance from an unstable equilibrium, relative to the frame, below which a plate is at it.
+#: Distance from an unstable equilibrium, relative to the frame, below which the plate counts as at
+#: it.
 _AT_IT = 1e-9
 
-#: Unknowns from which on elements of half the order find the start: below, they save little. Set by
-#: trial.
+#: Number of unknowns above which elements of half the order find the start. For smaller films they
+#: save little. Set by trial.
 _LARGE = 5_000
-#: How far an equilibrium may be from a guess of it, relative to its motion. If it is further, the
-#: film is beside a limit. Set by trial.
+#: Largest distance of an equilibrium from its guess, relative to its motion. A larger one means
+#: that the film is near a limit. Set by trial.
 _ALIKE = 0.1
 
-#: Iterations with which Newton's method makes a short step, if at all.
+#: Largest number of iterations for a short step; if more are needed, the step fails.
 _FEW = 8
 
 
 def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.0,
                 start: Solution | None = None, settings: PathSettings = PathSettings(),
                 ends: bool = True) -> Outcome:
-    """The equilibrium under a force on the plate [N], a voltage [V] and a gas pressure [Pa].
+    """Solve for the equilibrium under a force [N], a voltage [V] and a gas pressure [Pa].
 
-    The force, which there is none of without a plate, pushes along the load; the gas below film and
-    plate lifts them against it. ``start`` is a converged solution; by default the flat mounted
-    film, loaded first and then charged. An "equilibrium" is stable under these loads and connected
-    to the start without passing a limit point; a plate that a mechanism makes jump at one goes on
-    from where it comes to rest, and the outcome is ``snapped``. Without ``ends`` it is not sought
-    where a film without equilibrium ends, nor whether it has one close to its end.
+    The force acts on the plate in the direction of the load; a film without a plate has none. The
+    gas below film and plate lifts them against the load. ``start`` is a converged solution. The
+    default start is the flat mounted film, which is first loaded and then charged.
+
+    An "equilibrium" is stable under these loads and connected to the start without passing a limit
+    point. If a mechanism makes the plate jump at a limit point, the path continues from the new
+    equilibrium, and the outcome is ``snapped``. Without ``ends`` two searches are omitted: for the
+    limit of a film without equilibrium, and for an equilibrium close to that limit.
     """
     settings = settings.bounded(model)
     if start is None and (outcome := _nested(model, force, voltage, pressure, settings)):
@@ -49,8 +52,8 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     if start is None and not solution.converged:
         outcome = replace(outcome, advice=without_mechanism(model, 0.0) or outcome.advice)
     targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
-    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds
-    # it.
+    # A force pushes out a film that is slack when mounted. It is removed only after the gas holds
+    # the film.
     pushed = start is None and solution.state.load(model.pushed_by) != 0
     order: tuple[Load, ...] = ("force", "pressure", "voltage")
     for load in ("pressure", "force", "voltage") if pushed else order:
@@ -68,11 +71,14 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
 
 
 def _begun(model: Model, settings: PathSettings, sense: int) -> Solution:
-    """The first shape; of a plate that a mechanism drives off at once, where it comes to rest."""
+    """Solve for the first shape.
+
+    If a mechanism moves the plate away at once, the first shape is the equilibrium that it reaches.
+    """
     if model.loading.softening and not model.slack_when_mounted:
         flat = newton(model, model.mounted(), settings=settings.newton)
         if flat.converged and not flat.stable:
-            # It is mounted at 0, beside this equilibrium or at it.
+            # The plate is mounted at 0, near this equilibrium or at it.
             beside = -model.deflection(flat.state)
             way = beside if abs(beside) > _AT_IT * model.size else sense
             if (rest := landed(model, flat, way, settings)) is not None:
@@ -81,7 +87,7 @@ def _begun(model: Model, settings: PathSettings, sense: int) -> Solution:
 
 
 def _ramped(ramp: LoadRamp, start: Solution) -> Outcome:
-    """A load changed to its target; where a mechanism makes the plate jump, on from there."""
+    """Change a load to its target; continue after each jump that a mechanism causes."""
     outcome = ramp.run(start)
     while outcome.critical is not None and not outcome.thins:
         landed = snapped(ramp.model, outcome.critical, ramp.settings)
@@ -93,10 +99,10 @@ def _ramped(ramp: LoadRamp, start: Solution) -> Outcome:
 
 def _nested(model: Model, force: float, voltage: float, pressure: float, settings: PathSettings
             ) -> Outcome | None:
-    """A large film's equilibrium, from that of elements of half the order: nested iteration.
+    """Solve for a large film from the solution with elements of half the order.
 
-    None where the film is not like those: beside a limit, wrinkled, or where Newton's method goes
-    astray.
+    This is nested iteration. None if the coarse film is no good guess: near a limit, wrinkled, or
+    where Newton's method fails.
     """
     fine = model.discretisation
     order = fine.mesh.order // 2
@@ -117,10 +123,10 @@ def _nested(model: Model, force: float, voltage: float, pressure: float, setting
 
 def equilibrium_near(model: Model, guess: State, settings: PathSettings, alike: float = _ALIKE
                      ) -> Solution | None:
-    """The equilibrium under the loads of a guess near it; None where the film is not like that.
+    """Solve for the equilibrium near a guess, under its loads; None if there is none.
 
-    Such a film is beside a limit or wrinkled, or Newton's method goes astray. ``alike``: how far it
-    may be from the guess, relative to its motion.
+    Newton's method may fail, or the film may be near a limit or wrinkled. ``alike``: largest
+    distance from the guess, relative to the film's motion.
     """
     solution = newton(model, guess, settings=settings.newton)
     if solution.converged and solution.stable and model.in_tension(solution.state):
@@ -133,19 +139,19 @@ def equilibrium_near(model: Model, guess: State, settings: PathSettings, alike: 
 
 
 def _unloading(settings: PathSettings) -> PathSettings:
-    """Settings to unload a film slack when mounted: short steps, soon given up.
+    """Create settings to unload a film slack when mounted: short steps, few iterations.
 
-    Where such a film goes slack, Newton's method uses all its iterations and fails.
+    Where such a film goes slack, Newton's method would use all its iterations and fail.
     """
     return replace(settings, handover=1.0, arc=replace(settings.arc, longest=settings.arc.first),
                    newton=replace(settings.newton, iterations=_FEW))
 
 
 def _sense(model: Model, force: float, pressure: float) -> int:
-    """The way a film goes that resists nothing yet: 1 along the load, -1 where the gas lifts it.
+    """Find the direction in which a slack film moves: 1 along the load, -1 if the gas lifts it.
 
-    A film pushed in carries what acts on its plate, the gas on it included, and about half of the
-    gas on itself.
+    A film that is pushed in carries the load and the gas pressure on its plate, and about half of
+    the gas pressure on itself.
     """
     mesh = model.discretisation
     film_area = float(mesh.weights.sum() * mesh.mirrored)

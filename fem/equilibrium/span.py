@@ -1,4 +1,4 @@
-"""Equilibria between two of a path, whatever is given along it: a load, or the plate's place."""
+"""Interpolation between two equilibria of a path, at a given load or plate deflection."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from tympan.fem.equilibrium.ramp import UNNOTICED
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 
-#: By what share of its motion an equilibrium may miss the cubic through those around it.
+#: Largest distance of an equilibrium from the interpolating cubic, relative to its motion.
 _ASIDE = 0.01
 
 
 class Given(Protocol):
-    """A quantity that is given along a path, and what follows from it."""
+    """Interface of a quantity that is given along a path."""
 
     def free(self, model: Model) -> tuple[Load, ...]:
-        """Loads that follow."""
+        """List the loads that are solved for."""
 
     def constraints(self, value: float) -> tuple[Constraint, ...]:
-        """An equation for each of these."""
+        """Build one equation for each of these loads."""
 
     def value(self, model: Model, state: State) -> float:
-        """Value of this quantity in a state."""
+        """Compute the value of the quantity in a state."""
 
     def applied(self, state: State, value: float) -> State:
-        """The state, with the value where that is a load."""
+        """Set the value in a state, if the quantity is a load."""
 
     def slope(self, model: Model, solution: Solution) -> tuple[Parts, dict[Load, float]]:
-        """Motion, and change of the loads that follow, per unit of it."""
+        """Compute the motion and the change of the free loads per unit of the quantity."""
 
 
 @dataclass(frozen=True)
 class GivenLoad:
-    """A load, such as U² [V²]; nothing follows but the motion."""
+    """A given load, such as U² [V²]; only the motion is solved for."""
 
     load: Load
 
@@ -59,7 +59,7 @@ class GivenLoad:
 
 @dataclass(frozen=True)
 class GivenDeflection:
-    """The deflection of the plate [m]; the force that holds it there follows."""
+    """A given deflection of the plate [m]; the force that holds it is solved for."""
 
     def free(self, model: Model) -> tuple[Load, ...]:
         return (model.pushed_by,)
@@ -80,9 +80,10 @@ class GivenDeflection:
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Two equilibria of a path of a model so near that a cubic leads from the one to the other.
+    """Two equilibria on a path that are close enough for a cubic between them.
 
-    That is Hermite's, through both by what is ``given``, with their slopes.
+    It is Hermite's cubic through both equilibria with their slopes, as a function of the ``given``
+    quantity.
     """
 
     model: Model
@@ -93,7 +94,7 @@ class Span:
 
     @cached_property
     def ends(self) -> tuple[float, float]:
-        """Values that are given at both ends."""
+        """Values of the given quantity at both ends."""
         first, last = (self.given.value(self.model, solution.state)
                        for solution in (self.start, self.end))
         return first, last
@@ -108,9 +109,9 @@ class Span:
         return difference(self.model, self.end.state, self.start.state)
 
     def foretold(self, value: float) -> State:
-        """State of the cubic at a value, or where it leads on beyond the end.
+        """Evaluate the cubic at a value; beyond the end, extrapolate it.
 
-        A span of no length leads along its slope.
+        A span of zero length is extrapolated along its slope.
         """
         low, high = self.ends
         if low == high:
@@ -128,10 +129,10 @@ class Span:
         return self.given.applied(moved(self.model, start, (film, plate), 1.0, loads), value)
 
     def at(self, value: float) -> Solution | None:
-        """The equilibrium at a value between the ends; None if not found.
+        """Solve for the equilibrium at a value between the ends; None if not found.
 
-        It is where the cubic is, but for a few corrections by both ends' tangents. A film slack
-        when mounted may go slack on the way, and is not looked for.
+        A few corrections with both ends' tangents lead from the cubic to the equilibrium. A film
+        slack when mounted may go slack on the way; it is not searched.
         """
         model, ends = self.model, self.ends
         if model.slack_when_mounted or not min(ends) < value < max(ends):
@@ -144,7 +145,7 @@ class Span:
                                      self.newton, self.end.tangent, second)
         if solution is None:
             return None
-        # Of films in tension on both sides none is further.
+        # If the films at both ends are in tension, this film is in tension, too.
         tense = min(end.thinning_margin(model) for end in (self.start, self.end)) == float("inf")
         if not tense and solution.thinning_margin(model) < 0:
             return None

@@ -1,4 +1,4 @@
-"""Motions of the film that a problem allows: all, or smooth ones that cannot wrinkle."""
+"""Spaces of allowed motions of the film: all motions, or smooth ones that cannot wrinkle."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tympan.base.arrays import Array
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.state import PlateMotion
 
-#: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell
-#: two motions apart.
+#: Eigenvalue of the columns' Gram matrix, relative to the largest, below which the mesh cannot
+#: distinguish two motions.
 _DEPENDENT = 1e-13
 
 #: Number of smooth motions whose products with a tangent take as long as the tangent itself: 120 to
@@ -25,27 +25,27 @@ _AS_LONG = 150
 
 @dataclass(frozen=True, eq=False)
 class Subspace:
-    """A linear map from unknowns to free nodal components and plate freedoms; its transpose.
+    """Linear map from unknowns to free nodal components and plate freedoms, and its transpose.
 
-    In this one every node moves by itself.
+    This class is the full space: every node moves independently.
     """
 
     def expand(self, motion: Parts) -> Parts:
-        """Free components and plate freedoms that belong to the unknowns."""
+        """Map the unknowns to free components and plate freedoms."""
         return motion
 
     def project(self, forces: Parts) -> Parts:
-        """Forces on the unknowns that belong to nodal forces and forces on the plate."""
+        """Map nodal forces and forces on the plate to forces on the unknowns."""
         return forces
 
     def reduced(self, part: Linearised) -> Linearised:
-        """The tangent for the unknowns."""
+        """Reduce a tangent to the unknowns."""
         return part
 
 
     @property
     def work(self) -> float:
-        """Work of a tangent for the unknowns, over that of the film's own."""
+        """Work of a tangent for the unknowns, relative to that of the film's own tangent."""
         return 1.0
 
 
@@ -54,13 +54,13 @@ FULL = Subspace()
 
 @dataclass(frozen=True, eq=False)
 class SmoothSubspace(Subspace):
-    """Polynomials from plate to frame times the first few waves around it.
+    """Polynomials from plate to frame times the first few waves around the plate.
 
-    A film that has lost tension has no equilibrium that does not depend on the mesh: ever shorter
-    wrinkles lower its energy. The smooth equilibrium, which a membrane theory without wrinkles and
-    the axisymmetric equations mean, still exists and stays a regular solution within motions too
-    long to wrinkle. ``film`` (free components, unknowns) has orthonormal columns; ``follow`` (free
-    components, plate freedoms) lets the film follow the plate.
+    A film that has lost tension has no equilibrium independent of the mesh: ever shorter wrinkles
+    lower its energy. A membrane theory without wrinkles, or the axisymmetric equations, describe a
+    smooth equilibrium. It still exists, and it is a regular solution within motions too long to
+    wrinkle. ``film`` (free components, unknowns) has orthonormal columns. ``follow`` (free
+    components, plate freedoms) makes the film follow the plate.
     """
 
     film: Array
@@ -68,9 +68,9 @@ class SmoothSubspace(Subspace):
 
     @classmethod
     def of(cls, model: Model, waves: int, degree: int = 14) -> SmoothSubspace:
-        """Polynomials in the potential between plate and frame, times waves around the plate.
+        """Build polynomials in the potential between plate and frame, times waves around it.
 
-        With no waves the motion is axisymmetric.
+        Without waves the motion is axisymmetric.
         """
         mesh, share = model.discretisation, _potential(model)
         arms = mesh.reference - model.centre
@@ -115,21 +115,21 @@ def _orthonormal(columns: Array) -> Array:
 
 
 def _waves(model: Model, axis: int, highest: int, angle: Array) -> list[Array]:
-    """Waves of the radial, circumferential or vertical motion that the mirror planes allow."""
+    """List the waves of radial, circumferential or vertical motion that mirror planes allow."""
     mirrored, planes = -1 if axis == 1 else 1, model.discretisation.planes
     waves: list[Array] = []
     for number in range(highest + 1):
-        turn = (-1) ** number  # of cos(number θ) where x changes sign; its sine turns the other way
+        turn = (-1) ** number  # sign of cos(number θ) as x changes sign; sin: opposite
         if all({"x": turn, "y": 1}[plane] == mirrored for plane in planes):
             waves.append(np.cos(number * angle))
         if number and all({"x": -turn, "y": -1}[plane] == mirrored for plane in planes):
             waves.append(np.sin(number * angle))
-    # Without waves nothing turns about the axis.
+    # Without waves there is no rotation about the axis.
     return waves if highest or axis != 1 else []
 
 
 def _potential(model: Model) -> Array:
-    """Harmonic function that is 0 on the plate and 1 on the frame."""
+    """Solve for the harmonic function that is 0 on the plate and 1 on the frame."""
     mesh = model.discretisation
     frame, plate = mesh.boundary_nodes("frame"), mesh.plate_nodes
     value = np.zeros(len(mesh.reference))

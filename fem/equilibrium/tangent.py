@@ -1,4 +1,4 @@
-"""The tangent of film and plate: the film's, factorised, bordered by freedoms and free loads."""
+"""Tangent of film and plate: the film's factors, bordered by plate freedoms and free loads."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.state import Load, State
 
-#: Unknowns from which on factors that a path has left behind are dropped; below, they take less
+#: Number of unknowns above which a path drops its earlier factors. For smaller films they take less
 #: than some 100 MB.
 _LARGE = 50_000
 
 
 class Tangent:
-    """Block elimination with the film factorised once.
+    """Tangent by block elimination; the film's matrix is factorised once.
 
-    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns
-    the same with the free loads last. The film's matrix and its pattern are the same whatever is
-    solved for.
+    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load. Columns
+    are the film's unknowns, the plate's freedoms and the free loads. The film's matrix and its
+    sparsity pattern do not depend on the free loads.
     """
 
     def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
@@ -48,9 +48,9 @@ class Tangent:
         self._schur = self._corner - self._rows @ self._influence
 
     def adapted(self, model: Model, equations: Sequence[Equation]) -> Tangent:
-        """The same for another step of the plate's motion, and other derivatives by free loads.
+        """Adapt to another step of the plate's motion, and to new derivatives by free loads.
 
-        The film's factors stay.
+        The film's factors are reused.
         """
         corner, plates = self._corner.copy(), self._plates
         freedoms = np.ix_(model.plate_freedoms, model.plate_freedoms)
@@ -66,13 +66,13 @@ class Tangent:
         return result
 
     def release(self) -> None:
-        """Drop the factors of a large film; they are made anew should something ask for them."""
+        """Drop the factors of a large film; they are computed again when needed."""
         if self.model.unknowns >= _LARGE and self.subspace is FULL:
             self._kept = None
 
     @property
     def at_hand(self) -> bool:
-        """Whether its factors are not dropped."""
+        """Whether the factors are in memory."""
         return self._kept is not None
 
     @property
@@ -84,17 +84,20 @@ class Tangent:
 
     @property
     def plate_stiffness(self) -> Array:
-        """Stiffness of this part's plate freedoms at given loads, the film following, (p, p)."""
+        """Stiffness of the modelled part's plate freedoms at given loads, shape (p, p).
+
+        The film follows the plate.
+        """
         schur = self._schur[: self._plates, : self._plates]
         return np.asarray((schur + schur.T) / 2)
 
     @property
     def stable(self) -> bool:
-        """Whether film and plate return when pushed.
+        """Whether film and plate return after a perturbation.
 
-        Of a film whose every node moves by itself only the plate is asked, as far as it can move:
-        without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
-        are asked altogether, and so is a film without plate.
+        If every node moves independently, only the plate is tested, in its freedoms: a film without
+        tension wrinkles, whatever the plate does. In motions that cannot wrinkle, film and plate
+        are tested together; so is a film without a plate.
         """
         if self.subspace is not FULL or self.model.specimen.plate is None:
             return self.negative == 0
@@ -111,9 +114,9 @@ class Tangent:
         return self.wrinkling + int((_eigenvalues(self.plate_stiffness) < 0).sum())
 
     def correct(self, residual: Parts, misses: Sequence[float]) -> tuple[Parts, dict[Load, float]]:
-        """Motion and changes of the free loads that undo a residual, and what the equations miss.
+        """Solve for the motion and load changes that cancel the residual and the equations' misses.
 
-        The tangent times them is minus that.
+        The tangent times the result is minus the residual and the misses.
         """
         inner, plate = self.subspace.project(residual)
         film, border = self._solved(-inner, -np.concatenate([plate, misses]))
@@ -121,7 +124,7 @@ class Tangent:
         return motion, dict(zip(self.free, border[self._plates :].tolist(), strict=True))
 
     def respond(self, forces: Parts) -> Parts:
-        """Motion of film and plate under forces, at given loads."""
+        """Solve for the motion of film and plate under forces, at given loads."""
         return self.subspace.expand(self._solved(*self.subspace.project(forces)))
 
     def _solved(self, inner: Array, border: Array) -> Parts:
@@ -132,19 +135,19 @@ class Tangent:
         return particular - self._influence[:, :count] @ solution, solution
 
     def along(self) -> tuple[Parts, dict[Load, float]]:
-        """Motion and changes of the free loads as the last equation's value grows by one."""
+        """Solve for the motion and load changes per unit of the last equation's value."""
         zero = np.zeros(self.model.discretisation.free_count), np.zeros(self._plates)
         return self.correct(zero, [*np.zeros(len(self.free) - 1), -1.0])
 
 
 def _inertia(model: Model) -> Array:
-    """Stiffness that a step of the plate's motion adds, shape (6, 6)."""
+    """Get the stiffness that a step of the plate's motion adds, shape (6, 6)."""
     swing = model.loading.swing
     return np.zeros((6, 6)) if swing is None else swing.stiffness
 
 
 def _eigenvalues(matrix: Array) -> Array:
-    """Eigenvalues of a symmetric matrix; of one beyond all numbers -inf, which is not stable."""
+    """Compute a symmetric matrix's eigenvalues; -inf (not stable) if it is not finite."""
     if not np.isfinite(matrix).all():
         return np.full(len(matrix), -np.inf)
     return np.asarray(np.linalg.eigvalsh(matrix), float)

@@ -1,4 +1,4 @@
-"""Equilibria at many voltages, most of them found between two others."""
+"""Equilibria at many voltages; most of them are found between two others."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.span import GivenLoad, Span
 from tympan.fem.membrane.model import Model
 
-#: Most voltages that one step leads over: the cubic through its ends must be near those between.
-#: Set by trial.
+#: Largest number of voltages in one step: the cubic through its ends must be accurate at all of
+#: them. Set by trial.
 _LONGEST = 3
-#: Iterations up to which a step was easy, so that the next one leads over more voltages.
+#: Largest number of iterations of an easy step; the next step then has more voltages.
 _EASY = 1
-#: Iterations above which a step was hard, so that the next one leads to one voltage.
+#: Number of iterations above which a step was hard; the next step then has one voltage.
 _HARD = 3
 
 
 def voltage_path(model: Model, force: float, voltages: Sequence[float], pressure: float = 0.0,
                  settings: PathSettings = PathSettings(),
                  start: Solution | None = None) -> Iterator[Outcome]:
-    """Equilibria at voltages [V] under a force [N], each started from one found before.
+    """Yield equilibria at voltages [V] under a force [N], each started from an earlier one.
 
-    The path is smooth: where it was easy to follow, one step leads over a few voltages, and those
-    on the way are found between its ends, as a :class:`Span` says. Voltages at or above one that
-    has no equilibrium have none either and are not searched. ``start`` is as for
-    :func:`equilibrium`.
+    The path is smooth. After an easy step, one step covers several voltages, and the equilibria on
+    the way are found between its ends (:class:`Span`). If a voltage has no equilibrium, higher ones
+    have none either and are not searched. ``start`` is as for :func:`equilibrium`.
     """
     outcome: Outcome | None = None
     last: Solution | None = None
@@ -59,9 +58,9 @@ def voltage_path(model: Model, force: float, voltages: Sequence[float], pressure
 
 def leapt(model: Model, start: Solution, voltages: Sequence[float],
           settings: PathSettings = PathSettings()) -> list[Outcome]:
-    """Equilibria at several voltages [V] by one natural step to the last of them.
+    """Solve for equilibria at several voltages [V] with one step to the last of them.
 
-    An empty list if there is no such step, or an equilibrium on the way is not found.
+    The list is empty if the step fails or an equilibrium on the way is not found.
     """
     *inner, last = voltages
     end = LoadRamp(model, "voltage", last**2, settings).natural(start) if inner else None

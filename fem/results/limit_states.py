@@ -1,7 +1,7 @@
-"""Limit states: what can happen to a film on the way to its end, each registered once.
+"""Limit states that a film can reach on its path, each registered once.
 
-A limit state has a margin along a branch, the place where it begins, its one label and its mark.
-Whatever lists limits asks :data:`LIMIT_STATES`.
+A limit state has a margin along a branch, the place where it begins, one label and one marker. All
+code that lists limit states uses :data:`LIMIT_STATES`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tympan.fem.results.fields import Fields
 
 
 class BranchPoint(Protocol):
-    """A film at a point of a branch, as limit states look at it."""
+    """Interface of a film at a point of a branch, for limit states."""
 
     @property
     def fields(self) -> Fields:
@@ -26,35 +26,35 @@ class BranchPoint(Protocol):
 
     @property
     def pressed(self) -> Fields:
-        """The same of a film that would not wrinkle."""
+        """Fields at the nodes of every element, of a film that cannot wrinkle."""
 
     @property
     def firmness(self) -> AnyArray:
-        """Least stiffness within the film's plane there [Pa]."""
+        """Least stiffness in the film's plane at each node [Pa]."""
 
     @property
     def rough_firmness(self) -> AnyArray:
-        """The same by each element's own strain."""
+        """Least stiffness in the film's plane [Pa], from each element's own strain."""
 
     @property
     def growth(self) -> float:
-        """Growth of the load along the branch, 0 at a limit point and negative beyond it."""
+        """Change of the load along the branch: 0 at a limit point, negative beyond it."""
 
     @property
     def given_way(self) -> float:
-        """-1 where the film moves by itself before the load's limit point, 0 beyond it, else 1."""
+        """-1 if the film loses stability before the load's limit point, 0 beyond it, else 1."""
 
     @property
     def thinning(self) -> AnyArray:
-        """Thickness a little further along the branch over that here, at the nodes."""
+        """Thickness a little further along the branch, relative to that here, at the nodes."""
 
 
 @dataclass(frozen=True)
 class Sign:
-    """A number that is positive before a limit state and negative after it.
+    """Number that is positive before a limit state and negative after it.
 
-    ``of_state``: no tangent is needed for it. ``local``: it is the least value of the limit
-    state's ``field``.
+    ``of_state``: the number needs no tangent. ``local``: it is the least value of the limit state's
+    ``field``.
     """
 
     value: Callable[[BranchPoint], float]
@@ -64,16 +64,20 @@ class Sign:
 
 @dataclass(frozen=True)
 class LimitState:
-    """One kind of limit.
+    """One type of limit.
 
-    ``kind`` is its key in JSON, CSV and Python, ``meaning`` what is said of that key. ``label`` is
-    the one name of it that people read, on the terminal, in pages, pictures and messages; it
-    contains the words of the key. ``field``: at the nodes of every element, least where it begins;
-    ``by_element`` the same by each element alone, whose jumps say how certain it is. ``signs``: it
-    happens where the first of them changes; a snap, which has none, is a limit point beyond which
-    the plate comes to rest again. ``marker`` is matplotlib's. ``falling``: it is met as the voltage
-    falls, once it was beyond another. ``strained``: its field is one of principal stretches and
-    stresses alone, so that reduced films have it too.
+    ``kind`` is its key in JSON, CSV and Python; ``meaning`` describes this key. ``label`` is its
+    only name for people: on the terminal, in pages, pictures and messages. It contains the words of
+    the key. ``marker`` is matplotlib's.
+
+    ``field``: margin at the nodes of every element; the limit begins where it is least.
+    ``by_element``: the same margin from each element alone; the jumps between elements show its
+    uncertainty. ``signs``: the limit is reached where the first of them changes. A snap has no
+    sign: it is a limit point beyond which the plate comes to a new equilibrium.
+
+    ``falling``: the limit is reached while the voltage falls, after it exceeded another limit.
+    ``strained``: the field depends only on principal stretches and stresses, so that reduced films
+    have it, too.
 
     Raises
     ------
@@ -97,7 +101,7 @@ class LimitState:
 
     @property
     def local(self) -> bool:
-        """Whether it begins at one place, by the least value of its field."""
+        """Whether the limit begins at one place, where its field is least."""
         return any(sign.local for sign in self.signs)
 
     @property
@@ -106,7 +110,7 @@ class LimitState:
         return self.kind.replace("_", "-")
 
     def at(self, where: str) -> str:
-        """Statement that it happens at a load, in words: "pull-in at 3 kV"."""
+        """State in words that the limit is reached at a load: "pull-in at 3 kV"."""
         return f"{self.label} at {where}"
 
 
@@ -117,17 +121,17 @@ P = TypeVar("P", bound=BranchPoint)
 
 
 def begun(point: BranchPoint) -> list[LimitState]:
-    """Local limit states that a film is beyond at a point."""
+    """List local limit states that a film has exceeded at a point."""
     return [state for state in LIMIT_STATES.values()
             if state.local and not state.field(point).min() > 0]
 
 
 def passed(before: P, after: P, where: Callable[[Sign], P | None]
            ) -> Iterator[tuple[LimitState, Sign, P]]:
-    """Limit states that a film passes between two points of a branch, each with the point there.
+    """Yield limit states that a film reaches between two points of a branch, with their points.
 
     ``where`` finds the point between them at which a sign changes, on the stepper's own segment;
-    None where it does not. The first sign of a limit state that is found stands for it.
+    None if it does not change. The first sign found represents the limit state.
     """
     for state in LIMIT_STATES.values():
         for sign in state.signs:
@@ -140,7 +144,7 @@ def passed(before: P, after: P, where: Callable[[Sign], P | None]
 
 
 def least(field: Callable[[BranchPoint], AnyArray]) -> Sign:
-    """Sign of the least value of a field at the nodes of every element."""
+    """Create the sign of a field's least value at the nodes of every element."""
     return Sign(lambda point: float(field(point).min()))
 
 

@@ -1,1 +1,1 @@
-"""Motion in time: a film that creeps, a plate that swings, a circuit that charges."""
+"""Motion in time: viscous creep of the film, oscillation of the plate, charging by a circuit."""

@@ -1,10 +1,10 @@
-"""Rules of collocation: steps of time that meet their equations at several stages at once.
+"""Collocation rules: time steps that satisfy their equations at several stages at once.
 
-y_i = y_0 + h Σ_j A_ij ẏ_j at times c_i h. Radau's rule ends at its last stage, is of order 2 s − 1
-with s stages, and forgets what decays much faster than a step (Radau IIA: Hairer and Wanner,
-*Solving Ordinary Differential Equations II*, §IV.5). Gauss's rule is of order 2 s and damps
-nothing that swings without loss; it ends beyond its last stage. Between, a step is the polynomial
-through its start and its stages.
+y_i = y_0 + h Σ_j A_ij ẏ_j at times c_i h. Radau's rule ends at its last stage and has order 2 s − 1
+with s stages. It damps components that decay much faster than a step (Radau IIA: Hairer and Wanner,
+*Solving Ordinary Differential Equations II*, §IV.5). Gauss's rule has order 2 s and does not damp
+oscillations without loss; it ends beyond its last stage. Within a step the solution is the
+polynomial through its start and its stages.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from tympan.base.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class CollocationRule:
-    """``nodes`` c, shape (stages,), the matrix A and its inverse, shape (stages, stages).
+    """Collocation rule with ``nodes`` c (stages,), matrix A and its inverse (stages, stages).
 
-    ``end``: how much each stage's change from the start counts in the step's end, shape (stages,).
-    By values at the start and the stages: ``powers``, coefficients of the polynomial through them,
-    shape (stages + 1, stages + 1), and ``tail``, its two highest in Legendre's polynomials.
+    ``end``: weight of each stage's change from the start in the step's end, shape (stages,).
+    ``powers``: coefficients of the polynomial through the values at start and stages, shape (stages
+    + 1, stages + 1). ``tail``: its two highest coefficients in Legendre's polynomials.
     """
 
     nodes: Array
@@ -36,18 +36,21 @@ class CollocationRule:
 
     @cached_property
     def from_start(self) -> Array:
-        """A where the start itself is the first stage, shape (stages + 1, stages + 1)."""
+        """Matrix A with the start as the first stage, shape (stages + 1, stages + 1)."""
         return np.pad(self.matrix, ((1, 0), (1, 0)))
 
     def beyond(self, share: float) -> Array:
-        """Values at the nodes of a next step, so many times as long, by values of this one."""
+        """Extrapolate to the nodes of the next step from the values of this one.
+
+        ``share``: length of the next step, relative to this one.
+        """
         times = 1 + share * self.nodes
         return np.asarray(times[:, None] ** np.arange(len(self.powers)) @ self.powers)
 
 
 @lru_cache
 def radau(stages: int) -> CollocationRule:
-    """Radau's rule, whose last stage is the step's end.
+    """Create Radau's rule; its last stage is the step's end.
 
     Examples
     --------
@@ -62,7 +65,7 @@ def radau(stages: int) -> CollocationRule:
 
 @lru_cache
 def gauss(stages: int) -> CollocationRule:
-    """Gauss's rule, whose stages are within the step.
+    """Create Gauss's rule; its stages are inside the step.
 
     Examples
     --------
@@ -75,12 +78,12 @@ def gauss(stages: int) -> CollocationRule:
 
 
 def _collocated(nodes: Array) -> CollocationRule:
-    """The rule of nodes in (0, 1]."""
+    """Create the rule with nodes in (0, 1]."""
     stages = len(nodes)
     values = _values(nodes, stages - 1)
 
     def integrals(ends: Array | float) -> Array:
-        """Integrals from 0 of Legendre's polynomials, shape (stages, *ends)."""
+        """Integrate Legendre's polynomials from 0, shape (stages, *ends)."""
         antiderivatives = [legendre.legint(unit) for unit in np.eye(stages)]
         return np.array([(legendre.legval(2 * ends - 1, each) - legendre.legval(-1.0, each)) / 2
                          for each in antiderivatives])
@@ -96,9 +99,9 @@ def _collocated(nodes: Array) -> CollocationRule:
 
 
 def newton_matrix(weights: Array, slopes: Array) -> Array:
-    """I − W ∂ẏ/∂y of all stages at once, shape (..., stages × size, stages × size).
+    """Compute I − W ∂ẏ/∂y of all stages at once, shape (..., stages × size, stages × size).
 
-    ``weights``: a rule's matrix times the step's duration, (..., stages, stages); ``slopes``:
+    ``weights``: the rule's matrix times the step's duration, (..., stages, stages). ``slopes``:
     ∂ẏ/∂y at the stages, (..., stages, size, size).
     """
     *_, stages, size = slopes.shape[:-1]
@@ -107,5 +110,5 @@ def newton_matrix(weights: Array, slopes: Array) -> Array:
 
 
 def _values(nodes: Array, degree: int) -> Array:
-    """Values of Legendre's polynomials on (0, 1), shape (nodes, degree + 1)."""
+    """Evaluate Legendre's polynomials on (0, 1), shape (nodes, degree + 1)."""
     return np.asarray(legendre.legvander(2 * nodes - 1, degree), float)

@@ -1,7 +1,7 @@
-"""Motion between its moments: a cubic spline that does without a knot at its ends.
+"""Interpolation between the moments of a motion: a cubic spline with not-a-knot ends.
 
-Through two, three or four moments that is their polynomial, so a motion under way and one that is
-over are looked at in the same way.
+For two, three or four moments the spline is their polynomial. A motion that is being computed and a
+finished one are therefore interpolated in the same way.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from tympan.base.arrays import AnyArray
 
 
 def spline(times: Sequence[float] | AnyArray, values: AnyArray) -> CubicSpline:
-    """Cubic spline of values along the first axis, at ascending times; constant for one time."""
+    """Create the cubic spline of values (first axis) at ascending times; constant for one time."""
     if len(times) == 1:
         return CubicSpline([times[0], times[0] + 1.0], np.repeat(values, 2, axis=0))
     return CubicSpline(times, values)
 
 
 def weights(times: Sequence[float], when: float) -> list[float]:
-    """Weights of values at up to four times, for the polynomial through them at another time.
+    """Compute weights of values at up to four times, for their polynomial at another time.
 
     Examples
     --------

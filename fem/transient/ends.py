@@ -1,4 +1,4 @@
-"""Ends of a motion before its signal's: each kind once, with its one message."""
+"""Events that end a motion before its signal does, with one message for each type."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
-#: Kind of end, as results name it.
+#: Type of end, as results name it.
 EndKind = Literal["drawn_in", "pull_in", "thinning"]
 
-#: Why a motion ended: its signal did, or what the film did before.
+#: Reason why a motion ended: its signal ended, or an earlier event.
 MotionStatus = Literal["done", EndKind]
 
-#: Message of each kind of end, for the time [s] it came after.
+#: Message of each type of end; {time} is the time [s] of the end.
 MESSAGES: dict[EndKind, str] = {
     "drawn_in": "the film is drawn in after {time:.4g} s: a step overshoots what a slow ramp may "
                 "reach; lower the voltage",
@@ -20,10 +20,10 @@ MESSAGES: dict[EndKind, str] = {
     "thinning": "the film thins without bound after {time:.4g} s; lower the voltage",
 }
 
-#: Message where a mechanism ends before the film does.
+#: Message if a mechanism ends before the film does.
 _MECHANISM = "{why}, after {time:.4g} s"
 
-#: Message of a film that loses its tension, which does not end its motion.
+#: Message of a film that loses its tension; this does not end its motion.
 SLACK = ("loss of tension from {time:.4g} s on: the film wrinkles, and its branches resist "
          "compression")
 
@@ -31,10 +31,11 @@ _Moment = TypeVar("_Moment")
 
 
 class Stopped(ArithmeticError):
-    """The motion goes no further than a ``time`` [s].
+    """Error: the motion cannot continue beyond a ``time`` [s].
 
-    It leaves a lumped model's reach (``drawn_in``), has no equilibrium any more (``pull_in``), or
-    the film thins without bound (``thinning``). ``why``: what else ends there, in words.
+    The film leaves a lumped model's range (``drawn_in``), has no equilibrium any more
+    (``pull_in``), or thins without bound (``thinning``). ``why``: message about a mechanism that
+    ends there.
     """
 
     def __init__(self, kind: EndKind, time: float, why: str = "") -> None:
@@ -43,13 +44,13 @@ class Stopped(ArithmeticError):
 
 
 def status_of(stopped: Stopped | None) -> MotionStatus:
-    """Why a motion ended: ``done`` where nothing stopped it before its signal's end."""
+    """Name the reason why a motion ended; ``done`` if it reached its signal's end."""
     return "done" if stopped is None else stopped.kind
 
 
 @dataclass(eq=False)
 class Followed(Generic[_Moment]):
-    """Moments of a motion, one after the other; then what ``stopped`` it, None for nothing."""
+    """Moments of a motion; after the last one, ``stopped`` is the event that ended it, or None."""
 
     moments: Iterable[_Moment]
     stopped: Stopped | None = None

@@ -1,4 +1,4 @@
-"""Energy of a film in time: a balance at the film's electrodes and its plate."""
+"""Energy of a film in time, with the balance at its electrodes and its plate."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tympan.fem.transient.dense_output import spline
 from tympan.fem.transient.film_memory import branch_heat
 from tympan.fem.transient.integrate import Moment, Transient
 
-#: Points of Gauss's rule between two moments.
+#: Number of Gauss points between two moments.
 _POINTS = 4
 
 
@@ -25,9 +25,10 @@ _POINTS = 4
 class Energy:
     """Energy of the whole film and its plate at a ``time`` [s].
 
-    ``stored``: elastic, that of branches and biases, and electrostatic [J]; ``kinetic`` [J];
-    ``loss``: what branches turn into heat [W]; ``charge`` [C] at a ``voltage`` [V]; ``work`` that
-    weights and gas do from the flat film on [J]; ``drag``: the damper's heat is its square [√W].
+    ``stored``: elastic energy, energy of branches and biases, and electrostatic energy [J].
+    ``kinetic``: kinetic energy [J]. ``loss``: heat of the branches [W]. ``charge`` [C] at a
+    ``voltage`` [V]. ``work``: work of weights and gas from the flat film on [J]. ``drag``: its
+    square is the damper's heat [√W].
     """
 
     time: float
@@ -41,12 +42,12 @@ class Energy:
 
     @classmethod
     def of(cls, transient: Transient, moment: Moment) -> Energy:
-        """Energy of a transient at a moment."""
+        """Compute the energy of a transient at a moment."""
         model, state = transient.remembering(moment), moment.state
         mesh, squared = model.discretisation, state.voltage_squared
         voltage = float(np.sqrt(squared))
         charge = float(model.capacitance(state)) * voltage
-        # The potential at constant voltage has the electrostatic energy less UQ.
+        # The potential at constant voltage contains the electrostatic energy minus UQ.
         potential = float(model.energy(state.positions, squared)) * mesh.mirrored
         speed, plate = moment.velocity, transient.plate
         kinetic = 0.0 if plate is None else speed @ plate.matrix(state.plate) @ speed / 2
@@ -61,10 +62,10 @@ class Energy:
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyBalance:
-    """Balance of the energy of a film over some time [J].
+    """Energy balance of a film over some time [J].
 
-    What is left unexplained is by errors of the steps or because a film without mass snaps where it
-    wrinkles.
+    The unexplained part comes from errors of the steps, or from a film without mass that snaps
+    where it wrinkles.
     """
 
     load_work_J: Annotated[float, Key("work of the load on the plate")]
@@ -77,7 +78,10 @@ class EnergyBalance:
 
     @classmethod
     def of(cls, every: Array, before: Energy) -> EnergyBalance:
-        """Balance from the state before the first moment on; a row of ``every`` is an energy."""
+        """Compute the balance from the state before the first moment on.
+
+        Each row of ``every`` is an energy.
+        """
         starts = np.flatnonzero(np.diff(every[:, 0]) == 0) + 1
         electrical = heat = smooth = 0.0
         for piece in np.split(every, starts):
@@ -101,7 +105,10 @@ class EnergyBalance:
 
 
 def load_work(model: Model, state: State) -> float:
-    """Work of loads that stay as they are on film and plate, less what biases store [J]."""
+    """Compute the work of constant loads on film and plate [J].
+
+    The energy that biases store is subtracted.
+    """
     mesh = model.discretisation
     on_film = (model.weight[:, 2] @ state.positions[:, 2]
                + state.pressure * film_volume(mesh, state.positions)[0])
@@ -110,7 +117,7 @@ def load_work(model: Model, state: State) -> float:
 
 
 def _integrals(piece: Array) -> tuple[float, float]:
-    """∫U dQ and ∫(loss + drag²) dt [J] between moments, rows of energies' fields."""
+    """Integrate ∫U dQ and ∫(loss + drag²) dt [J] between moments, rows of energies' fields."""
     time, loss, charge, voltage, drag = piece[:, [0, 3, 4, 5, 7]].T
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     half = np.diff(time)[:, None] / 2

@@ -1,4 +1,4 @@
-"""Memory of a whole film's viscous branches, and the heat that they make."""
+"""Memory of a whole film's viscous branches, and the heat that they dissipate."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from tympan.fem.membrane.state import State
 
 
 def virgin_strain(model: Model, state: State) -> Any:
-    """C of the virgin film at the quadrature points of a state, (C₁₁, C₂₂, C₁₂)."""
+    """Compute C of the virgin film at a state's quadrature points, (C₁₁, C₂₂, C₁₂)."""
     return from_virgin(model.cauchy_green(state.positions), model.specimen.membrane.prestretch)
 
 
 def relaxed_memory(model: Model, state: State) -> Memory:
-    """Memory of branches that have rested at a state for ever."""
+    """Create the memory of branches that are fully relaxed at a state."""
     return Memory.relaxed(model.specimen.membrane, virgin_strain(model, state))
 
 
 def first_memory(model: Model, state: State) -> Memory:
-    """Memory of branches at a first state, at which they have rested for ever.
+    """Create the memory of branches that are fully relaxed at a first state.
 
-    Those of a film that says when it was mounted have rested flat since then.
+    If the film has a mounting time, its branches have relaxed in the flat film since then.
     """
     film = model.specimen.membrane
     if film.mounted is None:
@@ -32,6 +32,6 @@ def first_memory(model: Model, state: State) -> Memory:
 
 
 def branch_heat(model: Model, state: State, memory: Memory) -> float:
-    """Power that the branches of the whole film turn into heat at a state [W]."""
+    """Compute the power that the whole film's branches dissipate at a state [W]."""
     power = memory.dissipation(virgin_strain(model, state)) * model.volumes
     return float(power.sum()) * model.discretisation.mirrored

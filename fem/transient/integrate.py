@@ -1,14 +1,15 @@
-"""Motion of film and plate in time, in steps as long as an error estimate allows.
+"""Motion of film and plate in time, in steps whose length an error estimate controls.
 
-A massless film is in equilibrium with the plate at every moment; its viscous branches flow
-(:mod:`tympan.fem.film.memory`), the plate moves by the trapezoidal rule
-(:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule
-(:mod:`tympan.fem.circuit`). All are of second order. Every step is made once whole and
-once in halves: how far these end apart is the error that the steps' length follows, and
-(4 halves − whole)/3 is where it goes on from (Hairer, Nørsett and Wanner, *Solving Ordinary
-Differential Equations I*, §II.4). By the trapezoidal rule what decays much faster than a step would
-grow by 5/3 in each: where damper or circuit do that the rule is damped
-(:mod:`tympan.fem.membrane.damped_rule`).
+A massless film is in equilibrium with the plate at every moment. Its viscous branches flow
+(:mod:`tympan.fem.film.memory`). The plate moves by the trapezoidal rule
+(:class:`~tympan.fem.membrane.rigid_plate.Swing`), and a circuit charges the film by the same rule
+(:mod:`tympan.fem.circuit`). All these rules are of second order.
+
+Every step is made once as a whole and once in two halves. The difference of their ends is the error
+that controls the steps' length. The motion continues from (4 halves − whole)/3 (Hairer, Nørsett and
+Wanner, *Solving Ordinary Differential Equations I*, §II.4). With the trapezoidal rule, components
+that decay much faster than a step would grow by 5/3 in each step. If damper or circuit cause such a
+decay, the rule is damped (:mod:`tympan.fem.membrane.damped_rule`).
 """
 
 from __future__ import annotations
@@ -51,34 +52,34 @@ from tympan.fem.transient.ends import Stopped
 from tympan.fem.transient.film_memory import virgin_strain
 from tympan.fem.transient.stepper import StepControl, moments
 
-#: How much the branches' relative change counts beside the plate's motion over the frame. A strain
-#: of a tenth is as bad as a motion of a hundredth of the frame. Set by trial.
+#: Weight of the branches' relative strain in the error, where the plate's motion over the frame has
+#: weight 1. A strain of a tenth counts like a motion of a hundredth of the frame. Set by trial.
 _STRAIN = 0.1
-#: How much the charge's change over the most it can be counts beside the same. Set by trial.
+#: Weight in the error of the charge's change over the largest possible charge. Set by trial.
 _CHARGE = 0.1
 
-#: How much the change of the force that holds a plate counts, over the force, beside the same.
+#: Weight in the error of the relative change of the force that holds a plate.
 _HOLDING = 0.1
 
-#: So near, relative to the frame, a mechanism that ends is named as what stops the motion. A step
-#: that fails is halved until it is far shorter.
+#: Distance from the end of a mechanism's range, relative to the frame, within which the mechanism
+#: is named as the reason why the motion stops. A failed step is halved until it is far shorter.
 _NEAR = 0.02
-#: A step's length over the longest that its error would allow, so that few are refused; a usual
-#: factor of safety.
+#: Ratio of a step's length to the longest that its error would allow, so that few steps are
+#: rejected; a usual safety factor.
 _SAFETY = 0.85
-#: Power of a step's length that its error grows with, by rules of second order.
+#: Power of a step's length with which its error grows, for rules of second order.
 _ORDER = 3
 
-#: How much closer than the error of a step Newton must come, so that what is left of it does not
-#: count as error.
+#: Tolerance of Newton's method relative to the error of a step, so that its own error is
+#: negligible.
 _CLOSER = 1e-3
-#: Iterations of Newton's method in a step. A step that takes more is too long.
+#: Largest number of Newton's iterations in a step; a step that needs more is too long.
 _ITERATIONS = 10
 
-#: A voltage that moves no film [V].
+#: Voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3
 
-#: What gives way where the film's charge is given, and where the plate's deflection is.
+#: Free load if the film's charge is given, and if the plate's deflection is given.
 _VOLTAGE: tuple[Load, ...] = ("voltage",)
 _FORCE: tuple[Load, ...] = ("force",)
 
@@ -88,12 +89,13 @@ _PART = 1e-4
 
 @dataclass(frozen=True)
 class StepSettings:
-    """Steps in time.
+    """Settings of the steps in time.
 
-    ``error``: of a step in halves, of the motion relative to the frame's half extent, of the
-    branches' strain and of the charge; what is gone on from is far better. ``first`` and
-    ``shortest``: steps as shares of the shortest time that matters; ``reach``: deflection, relative
-    to the frame's half extent, at which the film has pulled in.
+    ``error``: largest error of a step in halves: of the motion relative to the frame's half extent,
+    of the branches' strain and of the charge. The extrapolated state from which the motion
+    continues is far more accurate. ``first`` and ``shortest``: steps relative to the shortest
+    relevant time. ``reach``: deflection, relative to the frame's half extent, at which the film has
+    pulled in.
     """
 
     error: float = 1e-5
@@ -104,7 +106,10 @@ class StepSettings:
 
     @property
     def close(self) -> NewtonSettings:
-        """Newton's for such errors; a step that takes it long is too long."""
+        """Newton's settings for such errors.
+
+        If a step needs many iterations, it is too long.
+        """
         return replace(self.newton, iterations=min(self.newton.iterations, _ITERATIONS),
                        correction=min(self.newton.correction, _CLOSER * self.error),
                        residual=min(self.newton.residual, _CLOSER * self.error))
@@ -114,9 +119,10 @@ class StepSettings:
 class Moment:
     """Film and plate at a time [s].
 
-    ``velocity`` of the plate's six freedoms and the ``rate`` of their momentum; ``charge`` on
-    the electrodes [C] and the ``current`` into them [A], both 0 without a circuit; ``stiffness`` of
-    the film against the heave of a plate that swings or is damped [N/m].
+    ``velocity``: velocity of the plate's six freedoms. ``rate``: rate of change of their momentum.
+    ``charge`` on the electrodes [C] and ``current`` into them [A]; both are 0 without a circuit.
+    ``stiffness``: stiffness of the film against the deflection of a plate with inertia or damper
+    [N/m].
     """
 
     time: float
@@ -134,7 +140,7 @@ class Moment:
         return float(np.copysign(np.sqrt(self.state.voltage_squared), self.charge))
 
 
-#: Where a step ends, and a tangent of the film near there.
+#: End of a step, and a tangent of the film near it.
 ImplicitStep = tuple[Moment, Tangent | None]
 
 
@@ -142,9 +148,9 @@ ImplicitStep = tuple[Moment, Tangent | None]
 class Transient:
     """A film under a force [N], a gas ``pressure`` [Pa] and a source's signal.
 
-    ``plate``: its mass, None for one without inertia; ``damper`` on its heave [N s/m]. ``heave``:
-    deflections [m] of a plate that is held, with the breaks of the signal and without jumps; the
-    force is then what holds it, and neither inertia, damper nor circuit count.
+    ``plate``: mass of the plate, None without inertia. ``damper``: damper on its deflection [N
+    s/m]. ``heave``: prescribed deflections [m] of a held plate, with the breaks of the signal and
+    without jumps. The force then holds the plate; inertia, damper and circuit have no effect.
     """
 
     model: Model
@@ -158,12 +164,12 @@ class Transient:
     heave: SourceSignal | None = None
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
-        """Moments from the signal's beginning, at a state, to its end; a jump repeats its time.
+        """Yield moments from the signal's start, at a state, to its end; a jump repeats its time.
 
         Raises
         ------
         Stopped
-            Where the film has no equilibrium with the plate any more, or the plate is gone.
+            If film and plate have no equilibrium any more, or the plate has pulled in.
         """
         breaks = self.signal.breaks
         begin = Moment(float(breaks[0]), state, memory)
@@ -180,12 +186,12 @@ class Transient:
 
     @property
     def _at_once(self) -> bool:
-        """Whether a mechanism may make the plate jump at once, as nothing makes that take time."""
+        """Whether a mechanism may make the plate jump at once: nothing delays its motion."""
         timed = self.plate is not None or self.damper or self.circuit.resistance
         return not timed and self.heave is None and bool(self.model.loading.softening)
 
     def snapped(self, past: list[Moment]) -> Moment | None:
-        """The moment after a plate jumped that moved as these did; None where it does not."""
+        """Find the moment after a jump in the direction of the last motion; None without one."""
         if not self._at_once or len(past) < 2:
             return None
         before, last = (moment.state.plate.deflection for moment in past[-2:])
@@ -196,7 +202,7 @@ class Transient:
         return None if rest is None else replace(moment, state=rest.state)
 
     def times(self, moment: Moment) -> list[float]:
-        """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
+        """List relevant times [s]: of the branches, of the plate's motion, of charging."""
         times = [float(time) for time in moment.memory.times]
         if moment.stiffness > 0:
             times.append(self.damper / moment.stiffness if self.plate is None
@@ -213,9 +219,9 @@ class Transient:
         return Stopped("thinning" if thin else "pull_in", moment.time, next(filter(None, ends), ""))
 
     def after_jump(self, moment: Moment, source: float) -> Moment:
-        """The film at once after the source's voltage jumped.
+        """Compute the moment immediately after a jump of the source's voltage.
 
-        The plate is held by its inertia, and a damper holds its heave.
+        Inertia holds the plate, and a damper holds its deflection.
         """
         squared = moment.state.voltage_squared if self.circuit.resistance else source**2
         model = self.remembering(moment)
@@ -238,7 +244,7 @@ class Transient:
         return replace(moment, state=film, current=self.circuit.current(source, voltage))
 
     def _pushed(self, model: Model, film: State, velocity: Array) -> Array:
-        """The rate of the plate's momentum [N, N m], from what it is not in balance with."""
+        """Compute the rate of the plate's momentum [N, N m] from its unbalanced forces."""
         assert self.plate is not None
         _, outer = model.residual(model.nodal_forces(film), film)
         rate = -self._damping @ velocity
@@ -247,17 +253,18 @@ class Transient:
         return self._of_freedoms(rate)
 
     def _of_freedoms(self, values: Array) -> Array:
-        """Values of the six freedoms, 0 in those that guide or symmetry take away.
+        """Set values of the six freedoms to 0 where guide or symmetry remove the freedom.
 
-        Nothing is solved for there, and the extrapolation of a step makes its rounding grow.
+        These freedoms are not solved for, and the extrapolation of a step would amplify their
+        rounding errors.
         """
         return np.where(np.isin(np.arange(6), self.model.plate_freedoms), values, 0.0)
 
     def _jumped(self, model: Model, moment: Moment, squared: float, heave: float | None = None
                 ) -> State:
-        """The state under force, gas and another U² at once, in as many steps as it takes.
+        """Solve for the state after a jump of force, gas and U², in as many parts as needed.
 
-        With the plate at a ``heave`` [m] the force is what holds it there.
+        If the plate is held at a ``heave`` [m], the force is solved for.
         """
         targets: dict[Load, float] = {"force": self.force, "pressure": self.pressure,
                                       "voltage": squared}
@@ -283,9 +290,10 @@ class Transient:
 
     def step(self, past: list[Moment], piece: int, duration: float,
              tangent: Tangent | None = None) -> tuple[ImplicitStep | None, float]:
-        """The moment after a duration [s], from a whole step and two halves, and their error.
+        """Compute the moment after a duration [s] by a whole step and two halves, and the error.
 
-        None where the film cannot be followed. A tangent near where it begins may do.
+        The moment is None if the film cannot be followed. A given tangent near the start may
+        replace a new one.
         """
         steps = self._whole_and_halves(past, piece, duration, tangent)
         if steps is None:
@@ -320,9 +328,9 @@ class Transient:
     def _whole_and_halves(
             self, past: list[Moment], piece: int, duration: float, tangent: Tangent | None
             ) -> tuple[Moment, Moment, Moment, Tangent | None] | None:
-        """The end of a step made whole, and middle and end of it made in halves; a tangent there.
+        """Make a step as a whole and in halves: end, middle, end; return a tangent, too.
 
-        The halves begin where the whole one leads, and with its tangent.
+        The halves start from the whole step's prediction and tangent.
         """
         whole = self.implicit_step(past, piece, duration, tangent=tangent)
         if whole is None:
@@ -335,7 +343,10 @@ class Transient:
         return None if halves is None else (ahead, middle[0], *halves)
 
     def _between(self, past: list[Moment], middle: Moment, end: Moment) -> float:
-        """Distance of deflection, charge and force, in a step's middle, from the curve kept."""
+        """Compute the interpolation error of deflection, charge and force at a step's middle.
+
+        The interpolating curve passes through the stored moments and the step's end.
+        """
         shares = list(_shares([*past[-3:], end], middle.time))
         heave = sum(share * self.model.deflection(moment.state) for moment, share in shares)
         miss = abs(self.model.deflection(middle.state) - heave) / self.model.size
@@ -349,15 +360,15 @@ class Transient:
         return float(miss)
 
     def _most_charge(self, moment: Moment) -> float:
-        """Charge of the film as it is at a moment, under the highest voltage [C]."""
+        """Compute the film's charge [C] at a moment's shape under the highest voltage."""
         return self._highest * float(self.model.capacitance(moment.state))
 
     def implicit_step(self, past: list[Moment], piece: int, duration: float,
                       ahead: Sequence[Moment] = (), tangent: Tangent | None = None
                       ) -> ImplicitStep | None:
-        """The moment after a duration [s], None where the film cannot be followed.
+        """Make one implicit step of a duration [s]; None if the film cannot be followed.
 
-        Moments ``ahead`` make a better guess; a tangent near it may do without another.
+        Moments ``ahead`` improve the guess. A given tangent near the guess may replace a new one.
         """
         moment = past[-1]
         time = moment.time + duration
@@ -376,7 +387,7 @@ class Transient:
         if not solution.converged or not (solution.stable or free):
             return None
         state, swing = solution.state, model.loading.swing
-        if state.voltage_squared < 0:  # of a film that is all but discharged
+        if state.voltage_squared < 0:  # the film is almost discharged
             state = state.under(voltage=0.0)
         following = Moment(time, state, flow.after(virgin_strain(self.model, state)),
                            stiffness=moment.stiffness)
@@ -391,9 +402,10 @@ class Transient:
 
     def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
                     duration: float) -> tuple[float, tuple[Constraint, ...]]:
-        """A film's voltage [V], and what it must meet if the circuit's charge makes it.
+        """Predict a film's voltage [V]; build the charge constraint that a circuit adds.
 
-        The film knows the voltage's square alone: of a negative charge it must meet the magnitude.
+        The model contains only the voltage's square, so the constraint prescribes the magnitude of
+        a negative charge.
         """
         if not self.circuit.resistance:
             return source, ()
@@ -405,13 +417,13 @@ class Transient:
 
     def _solved(self, problem: tuple[Model, State, tuple[Load, ...], tuple[Constraint, ...]],
                 tangent: Tangent | None) -> Solution:
-        """Solve with the given tangent or that of the guess; with full Newton where that fails."""
+        """Solve with the given tangent or the guess's; if both fail, with full Newton."""
         close = self.settings.close
         near = None if tangent is None else simplified_newton(*problem, close, tangent)
         return near or simplified_newton(*problem, close) or newton(*problem, close)
 
     def _moving(self, model: Model, moment: Moment, guess: State, duration: float) -> Model:
-        """Model with the plate's part in a step."""
+        """Add the plate's inertia and damping in a step to the model."""
         if self.plate is None and not self.damper:
             return model
         before, after = ((np.zeros((6, 6)),) * 2 if self.plate is None else
@@ -421,7 +433,7 @@ class Transient:
         return replace(model, loading=replace(model.loading, swing=swing))
 
     def state_at(self, past: list[Moment], time: float) -> State:
-        """The state at a time by the polynomial through some moments."""
+        """Interpolate the state at a time by the polynomial through some moments."""
         last = past[-1]
         motion: Parts = (np.zeros(self.model.discretisation.free_count),
                          np.zeros(len(self.model.plate_freedoms)))
@@ -431,13 +443,13 @@ class Transient:
         return moved(self.model, last.state, motion)
 
     def moment_at(self, past: list[Moment], time: float) -> Moment:
-        """State and memory at a time by the polynomial through some moments."""
+        """Interpolate state and memory at a time by the polynomial through some moments."""
         viscous = np.asarray(sum(share * moment.memory.viscous
                                  for moment, share in _shares(past, time)))
         return Moment(time, self.state_at(past, time), replace(past[-1].memory, viscous=viscous))
 
     def remembering(self, moment: Moment) -> Model:
-        """The model whose film pulls as its branches stand at a moment."""
+        """Set the stress of the branches at a moment in the model."""
         if not len(moment.memory.times):
             return self.model
         strain = virgin_strain(self.model, moment.state)
@@ -445,7 +457,7 @@ class Transient:
 
     @cached_property
     def _highest(self) -> float:
-        """The source's highest voltage at the breaks of its signal [V]."""
+        """Highest voltage of the source at the breaks of its signal [V]."""
         breaks = self.signal.breaks
         pieces = np.arange(len(breaks) - 1)
         ends = [self.signal.within(pieces, times) for times in (breaks[:-1], breaks[1:])]
@@ -460,7 +472,7 @@ class Transient:
 
 @dataclass(eq=False)
 class _InMotion:
-    """A transient in motion: up to three last moments of a piece, a tangent near the last one."""
+    """A transient in motion: up to three last moments of a piece, a tangent near the last."""
 
     transient: Transient
     past: list[Moment]
@@ -494,7 +506,7 @@ class _InMotion:
         ahead, error = self.transient.step(self.past, self.piece, duration, self.tangent)
         if ahead is not None and end is not None:
             moment, tangent = ahead
-            # Halves may add up to a little less than the whole.
+            # The sum of two halves may be a little less than the whole.
             ahead = replace(moment, time=end), tangent
         self.attempted = ahead
         return error
@@ -516,7 +528,10 @@ class _InMotion:
 
 
 def _stiffness(tangent: Tangent) -> float:
-    """Stiffness of the whole film against deflection [N/m], less what a step of motion adds."""
+    """Compute the whole film's stiffness against deflection [N/m].
+
+    The stiffness that a time step of the plate's motion adds is subtracted.
+    """
     model = tangent.model
     heave = model.plate_freedoms.index(HEAVE)
     stiffness = float(tangent.plate_stiffness[heave, heave]) * model.discretisation.mirrored
@@ -525,5 +540,5 @@ def _stiffness(tangent: Tangent) -> float:
 
 
 def _shares(moments: Sequence[Moment], time: float) -> Iterator[tuple[Moment, float]]:
-    """Each moment with its weight in the curve through them at a time [s]."""
+    """Yield each moment with its weight in the interpolating polynomial at a time [s]."""
     return zip(moments, weights([moment.time for moment in moments], time), strict=True)

@@ -1,8 +1,8 @@
-"""Steps in time through the pieces of a signal, each as long as its error allows.
+"""Time steps through the pieces of a signal; an error estimate controls their length.
 
-A :class:`Mover` is what moves: a film by finite elements, a reduced film, many of these at once. It
-makes one step and says how large its error is. How long each step is, and what happens after a step
-that failed, is the same for all and stands here.
+A :class:`Mover` is the moving system: a finite-element film, a reduced film, or many of these at
+once. It makes one step and estimates its error. The control of the steps' length, and the handling
+of a failed step, are the same for all and are defined here.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ from typing import Protocol, TypeVar
 
 from tympan.fem.transient.ends import Stopped
 
-#: A step is at least this share of the one before, as an error estimate far from its aim says
-#: little.
+#: Least ratio of a step to the one before: an error estimate far from its target is unreliable.
 _SHRINK = 0.2
-#: A step is at most this many times as long as the one before, for the same reason.
+#: Largest ratio of a step to the one before, for the same reason.
 _GROWTH = 5.0
 
-#: An error that is none, so that nothing is divided by 0.
+#: Error that replaces zero, to avoid a division by 0.
 _NO_ERROR = 1e-300
 
 Moment_co = TypeVar("Moment_co", covariant=True)
@@ -28,12 +27,12 @@ Moment_co = TypeVar("Moment_co", covariant=True)
 
 @dataclass(frozen=True)
 class StepControl:
-    """Lengths of steps by their errors.
+    """Control of the steps' lengths by their errors.
 
-    ``error``: the largest that a step may have; ``order``: the power of a step's length that its
-    error grows with; ``safety``: a step's length over the longest that its error would allow, so
-    that few are refused; ``shortest``: length over that of the first step in a piece below which
-    the film is not followed any more.
+    ``error``: largest error of a step. ``order``: power of a step's length with which its error
+    grows. ``safety``: ratio of a step's length to the longest that its error would allow, so that
+    few steps are rejected. ``shortest``: length, relative to the first step in a piece, below which
+    the motion is not continued.
     """
 
     error: float
@@ -42,7 +41,7 @@ class StepControl:
     shortest: float
 
     def next(self, duration: float, error: float) -> float:
-        """Length of the step after one of a duration [s] with an error [s].
+        """Compute the length of the next step from a duration [s] and its error.
 
         Examples
         --------
@@ -56,55 +55,55 @@ class StepControl:
 
 
 class Mover(Protocol[Moment_co]):
-    """A film in motion, and where it is: what a stepper asks of it."""
+    """Interface of a moving film for the stepper."""
 
     @property
     def control(self) -> StepControl:
-        """Control of its steps' lengths."""
+        """Control of the steps' lengths."""
 
     @property
     def time(self) -> float:
-        """Time it has reached [s]."""
+        """Time reached [s]."""
 
     @property
     def gone(self) -> bool:
-        """Whether it has moved further than any film that holds its plate."""
+        """Whether the plate has moved further than any film that holds it."""
 
     def enter(self, piece: int, begin: float, end: float
               ) -> tuple[Sequence[Moment_co], float | None]:
-        """Enter a piece of the signal; answer its first moments, and a first step's length [s].
+        """Enter a piece of the signal; return its first moments and the first step's length [s].
 
-        Without a length the steps go on as in the piece before.
+        If the length is None, the steps continue as in the piece before.
         """
 
     def attempt(self, duration: float, end: float | None) -> float:
-        """Error of a step of a duration [s]; infinite where it finds no balance.
+        """Try a step of a duration [s] and return its error; infinite if it fails.
 
-        A step to the ``end`` of a piece ends there to the last digit.
+        A step to the ``end`` of a piece ends exactly there.
         """
 
     def accept(self) -> Sequence[Moment_co]:
-        """Go on from the step that was attempted last; answer its moments."""
+        """Accept the last attempted step; return its moments."""
 
     def recover(self, shortest: bool) -> Sequence[Moment_co]:
-        """Go on without the step that was attempted last; answer the moments of another way.
+        """Discard the last attempted step; return the moments of an alternative.
 
-        ``shortest``: no shorter step is tried.
+        ``shortest``: no shorter step will be tried.
 
         Raises
         ------
         Stopped
-            Where there is no other way.
+            If there is no alternative.
         """
 
 
 def moments(mover: Mover[Moment_co], breaks: Sequence[float]) -> Iterator[Moment_co]:
-    """Moments through a signal with breaks [s]; where a piece begins its time stands twice.
+    """Yield moments through a signal with breaks [s]; a piece's first time occurs twice.
 
     Raises
     ------
     Stopped
-        Where the film has no equilibrium any more, or the plate is gone.
+        If the film has no equilibrium any more, or the plate has pulled in.
     """
     control, step = mover.control, 0.0
     for piece, (begin, end) in enumerate(pairwise(breaks)):

@@ -1,11 +1,11 @@
-"""The air that swings with film and plate: an added mass for each pair of motions.
+"""Added mass of the air that moves with film and plate, for each pair of motions.
 
-Frame and stand are a baffle and the air is still, far below the frequency at which sound is as long
-as the film. With V(k) = ∫ v e^(−ik·x) dA of a velocity v along the load, film and plate together,
-the kinetic energy of the air on one side is ½ ρ/(4π²) ∫ |V|²/k d²k: Rayleigh's integral
-½ ρ/(2π) ∬ v(x) v(x')/|x − x'| dA dA' (Lamb, Proc. R. Soc. A 98, 1920, 205) without its singularity.
-What moves across the load, a plate that slides or twists, moves no air. Modes in vacuo are the
-basis in which film, plate and air swing together.
+Frame and stand are a baffle. The air is treated as incompressible: frequencies are far below those
+at which the wavelength of sound equals the film's size. Let V(k) = ∫ v e^(−ik·x) dA for a velocity
+v of film and plate along the load. The kinetic energy of the air on one side is ½ ρ/(4π²) ∫ |V|²/k
+d²k. This is Rayleigh's integral ½ ρ/(2π) ∬ v(x) v(x')/|x − x'| dA dA' (Lamb, Proc. R. Soc. A 98,
+1920, 205) without its singularity. Motions normal to the load, such as a plate that slides or
+twists, move no air. The modes in vacuo are the basis for the modes of film, plate and air.
 """
 
 from __future__ import annotations
@@ -28,44 +28,46 @@ from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
 
-#: Freedoms of the plate that move it along the load: up and down, and about both axes.
+#: Plate freedoms with motion along the load: up and down, and rotation about both axes.
 _ALONG = tuple(FREEDOMS.index(name) for name in ("z", "rx", "ry"))
 
-#: Degree of the rule on elements: waves of ten radians across an element still have three digits.
+#: Degree of the quadrature on elements: waves of ten radians across an element still have an
+#: accuracy of three digits.
 _DEGREE = 10
 
-#: Points of the rule around a plate's edge: several to each of the shortest waves that are summed.
+#: Quadrature points around a plate's edge: several for each of the shortest waves in the sum.
 _AROUND = 96
-#: Points of the rule from the edge to the centre, for the same.
+#: Quadrature points from the edge to the centre, for the same reason.
 _INWARDS = 10
 
-#: Largest wave number times the frame's smaller half extent. A film that is held in its frame has
-#: 1e-6 of its energy beyond; a piston that jumps there 1e-4.
+#: Largest wave number times the frame's smaller half extent. A film fixed to its frame has 1e-6 of
+#: its energy above it. A piston with a jump of velocity at the frame has 1e-4.
 _SHORTEST_WAVE = 60.0
-#: Largest wave number times the frame's larger half extent: a bound for long frames. Where the
-#: frame is four times as long as wide a film has 2e-5 of its energy beyond.
+#: Largest wave number times the frame's larger half extent: a bound for long frames. A film whose
+#: frame is four times as long as wide has 2e-5 of its energy above it.
 _MOST = 100.0
 
-#: Wave numbers per radian across the frame's larger half extent. Set by trial.
+#: Number of wave numbers per radian across the frame's larger half extent. Set by trial.
 _DENSITY = 0.7
-#: Wave numbers more than these, for a small frame. Set by trial.
+#: Number of additional wave numbers, for a small frame. Set by trial.
 _WAVES = 24
 
-#: Wave directions of half a turn per the same radian: as many as a pattern of so short waves can
-#: tell.
+#: Number of wave directions over half a turn per radian: enough to resolve a pattern of such short
+#: waves.
 _TURN = 0.8
-#: Wave directions more than these, for long waves. Set by trial.
+#: Number of additional wave directions, for long waves. Set by trial.
 _DIRECTIONS = 16
 
-#: Products of waves and places at once.
+#: Largest number of products of waves and points computed at once.
 _TOGETHER = 2_000_000
 
 
 def with_air(specimen: Specimen, mesh: Discretisation, modes: Modes, plate: RigidPlate,
              density: float, count: int) -> Modes:
-    """The lowest modes of film, plate and air [kg/m³] among combinations of those in vacuo.
+    """Compute the lowest modes of film, plate and air from those in vacuo.
 
-    ``mesh`` is that of the whole film. Shapes are normalised to film, plate and air together.
+    ``density``: density of the air [kg/m³]. ``mesh``: mesh of the whole film. Shapes are normalised
+    to the mass of film, plate and air together.
     """
     stiffness = (2 * np.pi * modes.frequencies_Hz) ** 2 - modes.growth**2
     volumes = air_volumes(specimen, mesh, modes.shapes[..., 2], modes.plate[:, _ALONG])
@@ -82,16 +84,16 @@ def with_air(specimen: Specimen, mesh: Discretisation, modes: Modes, plate: Rigi
 
 def air_volumes(specimen: Specimen, mesh: Discretisation, heights: Array,
                 plate: Array | None = None) -> Array:
-    """Added masses over the air's density of motions along the load (:meth:`MovedAir.of`)."""
+    """Compute added masses over the air's density, for motions along the load."""
     return MovedAir.of(specimen, mesh, heights, plate).volumes
 
 
 @dataclass(frozen=True, eq=False)
 class MovedAir:
-    """Motions along the load of film and plate, which the air follows on both sides.
+    """Motions of film and plate along the load; the air follows them on both sides.
 
-    ``places`` of a rule over them (n, 2), ``flow``: motions times weights there, (motions, n);
-    ``semi_axes`` of the frame, the smaller one first [m].
+    ``places``: quadrature points on film and plate, (n, 2). ``flow``: motions times weights there,
+    (motions, n). ``semi_axes`` of the frame [m], the smaller one first.
     """
 
     places: Array
@@ -101,10 +103,11 @@ class MovedAir:
     @classmethod
     def of(cls, specimen: Specimen, mesh: Discretisation, heights: Array,
            plate: Array | None = None) -> MovedAir:
-        """Motions by the ``heights`` of a mesh's nodes, (motions, nodes), and those of the plate.
+        """Create from the ``heights`` of a mesh's nodes, (motions, nodes), and the plate's motions.
 
-        Of a mesh that is mirrored they are even about its planes, or odd where the mesh is.
-        ``plate``: along the load and about x and y, (motions, 3); None without motion or plate.
+        On a mirrored mesh the motions are even about its planes, or odd about those planes about
+        which the mesh is odd. ``plate``: motions along the load and about x and y, (motions, 3);
+        None without motion or plate.
         """
         places, flow = _film(mesh, heights)
         for plane in mesh.planes:
@@ -124,7 +127,7 @@ class MovedAir:
     def volumes(self) -> Array:
         """Added masses over the air's density, both sides, shape (motions, motions).
 
-        They are in m³ where the motions have no unit.
+        The unit is m³ if the motions have no unit.
         """
         result = np.zeros((len(self.flow), len(self.flow)))
         small, large = self.semi_axes
@@ -134,12 +137,12 @@ class MovedAir:
                 phase = waves[part] @ self.places.T
                 for values in (np.cos(phase) @ self.flow.T, np.sin(phase) @ self.flow.T):
                     result += values.T @ (weights[part, None] * values)
-        # Both sides, and both halves of the turn.
+        # Factor 2 for both sides, and 2 for both halves of the turn.
         return 2 * 2 * result / (4 * np.pi**2)
 
 
 def _film(mesh: Discretisation, heights: Array) -> tuple[Array, Array]:
-    """Places of a rule on the elements, (n, 2), and motions times weights there, (motions, n)."""
+    """Compute quadrature points on the elements (n, 2) and motions times weights (motions, n)."""
     order = mesh.mesh.order
     points, weights = skfem.quadrature.get_quadrature(ELEMENTS[order].refdom, _DEGREE)
     corners = mesh.reference[mesh.connectivity, :2]
@@ -151,10 +154,10 @@ def _film(mesh: Discretisation, heights: Array) -> tuple[Array, Array]:
 
 
 def _within(outline: Outline) -> tuple[Array, Array]:
-    """Places within an outline from its centre, (n, 2), and areas there, (n,).
+    """Compute points within an outline from its centre, (n, 2), and their areas, (n,).
 
-    By rays from the centre to the edge: ∫ g dA = ∮ ∫ g(s x) s ds x × dx, which holds for edges that
-    turn back, too, where areas are negative.
+    Rays lead from the centre to the edge: ∫ g dA = ∮ ∫ g(s x) s ds x × dx. This also holds for
+    edges that turn back, where areas are negative.
     """
     s, along = (np.asarray(part) for part in np.polynomial.legendre.leggauss(_INWARDS))
     s, along = (1 + s) / 2, along / 2
@@ -162,7 +165,7 @@ def _within(outline: Outline) -> tuple[Array, Array]:
     lengths = outline.curve.lengths
     places, areas = [], []
     for piece, length in zip(pieces, lengths, strict=True):
-        # Waves turn about as often along a piece as it is long.
+        # The number of waves along a piece is proportional to its length.
         count = max(4, int(np.ceil(_AROUND * length / lengths.sum())))
         t, weights = np.polynomial.legendre.leggauss(count)
         edge, slope = piece.at((1 + t) / 2)[:2]
@@ -173,12 +176,12 @@ def _within(outline: Outline) -> tuple[Array, Array]:
 
 
 def _waves(highest: float, size: float) -> Iterator[tuple[Array, Array]]:
-    """Wave vectors [1/m] over half a turn, (n, 2), and weights of ∫∫ dk dθ over it, (n,)."""
+    """Yield wave vectors [1/m] over half a turn, (n, 2), and weights of ∫∫ dk dθ, (n,)."""
     reach = highest * size
     nodes, weights = np.polynomial.legendre.leggauss(_WAVES + int(_DENSITY * reach))
     numbers, weights = highest * (1 + nodes) / 2, highest * weights / 2
     for number, weight in zip(numbers, weights, strict=True):
-        # As many directions as a pattern of so short waves can tell.
+        # Enough directions to resolve a pattern of such short waves.
         count = _DIRECTIONS + int(_TURN * number * size)
         angles = np.pi * np.arange(count) / count
         yield (number * np.column_stack([np.cos(angles), np.sin(angles)]),

@@ -1,9 +1,9 @@
-"""A film and its plate about an equilibrium, under a voltage that swings a little about its mean.
+"""Small harmonic motion of film and plate about an equilibrium, driven by the voltage.
 
-At rest C_v = C, and since det C and det C_v stay 1 the branches' equation is there, for motions as
-e^(s t), (s τ + 1) δC_v = δC. What a branch pulls with depends on δC − δC_v alone, so it adds
-s τ/(1 + s τ) times its stiffness at once. The film charges through its circuit,
-δU_s = (1 + R/R_l) δU + s R δQ, and δQ has a part of the film's motion.
+At rest C_v = C, and det C and det C_v stay 1. For motions as e^(s t), the branches' equation is
+therefore (s τ + 1) δC_v = δC. The stress of a branch depends on δC − δC_v alone, so the branch adds
+s τ/(1 + s τ) times its instantaneous stiffness. The film charges through its circuit: δU_s = (1 +
+R/R_l) δU + s R δQ, and δQ includes a part from the film's motion.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from tympan.fem.membrane.state import State
 from tympan.fem.transient.film_memory import virgin_strain
 from tympan.fem.vibration.modes import System
 
-#: How close to the one before the last complex frequency comes, relative.
+#: Relative tolerance of the last complex frequency.
 _CLOSE = 1e-10
-#: Most iterations of that search. The method of secants takes a few from a good guess.
+#: Largest number of iterations of that search. The secant method needs a few from a good guess.
 _MOST = 60
 
-#: By how much the second guess of a complex frequency differs from the first.
+#: Relative difference of the second guess of a complex frequency from the first.
 _ASIDE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Harmonic:
-    """A film at rest in a ``state``, its ``plate``, a ``damper`` on its heave [N s/m], a circuit.
+    """A film at rest in a ``state``, with plate, ``damper`` on the deflection [N s/m] and circuit.
 
-    The whole film's plate and damper; motions are even about the planes the model is mirrored at.
-    Without a plate the film's centre heaves.
+    Plate and damper are those of the whole film. Motions are even about the model's mirror planes.
+    Without a plate the deflection is that of the film's centre.
     """
 
     model: Model
@@ -52,7 +52,10 @@ class Harmonic:
 
     def response(self, frequencies: AnyArray,
                  progress: Progress = lambda words: None) -> tuple[AnyArray, AnyArray]:
-        """Heave [m/V] and film voltage [V/V] over the source's, complex, of frequencies [Hz]."""
+        """Compute complex deflection [m/V] and film voltage [V/V] over the source's voltage.
+
+        They are evaluated at frequencies [Hz].
+        """
         numbers = np.empty((2, len(frequencies)), complex)
         for number, frequency in enumerate(frequencies.tolist()):
             progress(f"{frequency:.4g} Hz")
@@ -60,14 +63,14 @@ class Harmonic:
         return numbers[0], numbers[1]
 
     def natural(self, guess: complex) -> complex:
-        """The s [1/s] near a guess at which the heave swings by itself, as e^(s t).
+        """Find the s [1/s] near a guess at which the deflection oscillates freely as e^(s t).
 
-        A zero of the force that it takes to swing the plate.
+        It is a zero of the dynamic stiffness of the plate.
 
         Raises
         ------
         RuntimeError
-            When none is found.
+            If no zero is found.
         """
         root = newton(self._dynamic_stiffness, guess, x1=guess * (1 + _ASIDE), tol=_CLOSE,
                       rtol=_CLOSE, maxiter=_MOST)
@@ -86,7 +89,7 @@ class Harmonic:
         return complex(-2 * self._voltage * (self._lift @ motion) * voltage), complex(voltage)
 
     def _dynamic_stiffness(self, s: complex) -> complex:
-        """Force on plate or centre over its heave at constant voltage [N/m]."""
+        """Compute force over deflection of plate or centre, at constant voltage [N/m]."""
         moved = self._lift @ self._solved(s, self._lift)
         return complex(self.model.discretisation.mirrored / moved)
 
@@ -104,12 +107,12 @@ class Harmonic:
 
     @cached_property
     def _lift(self) -> AnyArray:
-        """Derivative of the heave by the unknowns."""
+        """Derivative of the deflection with respect to the unknowns."""
         return np.concatenate(self.model.lift)
 
     @cached_property
     def _electric(self) -> AnyArray:
-        """Derivative of the forces by U² [N/V²]."""
+        """Derivative of the forces with respect to U² [N/V²]."""
         return np.concatenate(self.model.by_load(self.state, "voltage"))
 
     @cached_property
@@ -118,7 +121,7 @@ class Harmonic:
 
     @cached_property
     def _matrices(self) -> tuple[csc_matrix, csc_matrix, csc_matrix]:
-        """Stiffness at rest, that of branches at once over their moduli, mass."""
+        """Stiffness at rest, instantaneous stiffness of branches over their moduli, and mass."""
         rest = System.of(self.model, self.state, self.plate)
         film = self.model.specimen.membrane
         if not film.branches:

@@ -1,9 +1,10 @@
-"""Mass that moves with a plate that heaves: film, electrodes and air, as a mass on the plate.
+"""Effective mass of a plate that moves up and down, with film, electrodes and air.
 
-Of a film that follows the plate as at rest, x = v h with the heave h, the kinetic energy is ½ m ḣ²
-with m = ∫ ρ |v|² dA (Rayleigh). Its own inertia makes it follow a little more: condensed on the
-heave its dynamic stiffness is k - ω² m - ω⁴ g/k - …, where g = k pᵀ K⁻¹ p with p = M v and the
-stiffness K of the film with its plate held (Leung, Int. J. Num. Meth. Eng. 12, 1978, 1705).
+A film that follows the plate as at rest has the motion x = v h with the deflection h. Its kinetic
+energy is ½ m ḣ² with m = ∫ ρ |v|² dA (Rayleigh). Its own inertia makes it move a little more.
+Condensed to the deflection, the dynamic stiffness is k - ω² m - ω⁴ g/k - …, where g = k pᵀ K⁻¹ p
+with p = M v, and K is the stiffness of the film with its plate held (Leung, Int. J. Num. Meth. Eng.
+12, 1978, 1705).
 """
 
 from __future__ import annotations
@@ -23,18 +24,19 @@ from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.vibration.air import MovedAir
 from tympan.fem.vibration.modes import System, mass_matrix
 
-#: Plate freedoms that tilt it.
+#: Plate freedoms of tilt.
 _TURNS = (FREEDOMS.index("rx"), FREEDOMS.index("ry"))
 
 
 @dataclass(frozen=True, eq=False)
 class FollowingFilm:
-    """Motion of a film that follows its plate; two-fold numbers are of film and electrodes.
+    """Motion of a film that follows its plate; pairs of numbers are for film and electrodes.
 
-    ``swinging``: ∫ |v|² dA over the mounted film, and over what is covered of it [m²]; ``lag``: the
-    g above for masses per area of 1 kg/m² [m⁴], shape (2, 2); ``lifted``: ∫ v_z dA over the covered
-    film, which its weight acts on; ``swept``: that of the whole film and the ``plate``, whose area
-    that is; ``moved``: what still air on both sides follows, frame and stand a baffle.
+    ``swinging``: ∫ |v|² dA over the mounted film, and over its covered part [m²]. ``lag``: g of the
+    module's text for masses per area of 1 kg/m² [m⁴], shape (2, 2). ``lifted``: ∫ v_z dA over the
+    covered film, which the weight of the electrodes acts on. ``swept``: ∫ v_z dA over the whole
+    film and the plate. ``plate``: area of the plate. ``moved``: the motion that still air follows
+    on both sides, with frame and stand as a baffle.
     """
 
     swinging: tuple[float, float]
@@ -46,14 +48,14 @@ class FollowingFilm:
 
     @cached_property
     def air(self) -> float:
-        """Added mass of the air over its density [m³]; found when first asked for."""
+        """Added mass of the air over its density [m³]; computed at first use."""
         return 0.0 if self.moved is None else self.moved.volumes.item()
 
     def mass(self, plate: Any, film: float, electrode: float, air: float = 0.0) -> Any:
-        """Mass [kg] that on a weightless film has the frequency of the whole.
+        """Compute the mass [kg] on a weightless film that has the same frequency as the whole.
 
-        Of a mass on the plate [kg], film and electrodes by theirs per mounted area [kg/m²], and
-        air by its density [kg/m³].
+        ``plate``: mass on the plate [kg]. ``film`` and ``electrode``: masses per mounted area
+        [kg/m²]. ``air``: density of the air [kg/m³].
 
         Examples
         --------
@@ -69,9 +71,9 @@ class FollowingFilm:
 
 
 def following(model: Model, state: State) -> FollowingFilm:
-    """Motion of the film with the plate about a state, at constant voltage.
+    """Compute the motion of the film with the plate about a state, at constant voltage.
 
-    The plate's other freedoms follow too. InputError where the plate is held.
+    The plate's other freedoms follow, too. InputError if the plate is held.
     """
     mesh, freedoms = model.discretisation, model.plate_freedoms
     if HEAVE not in freedoms:

@@ -2,12 +2,12 @@
 
 With x = (free node components, plate freedoms) the kinetic energy is ½ ẋᵀMẋ and the energy's second
 variation ½ xᵀKx, so K φ = ω² M φ. The voltage is held constant: charge flows as the film moves. At
-constant charge the same state would be stiffer, since then the voltage falls where the capacitance
-rises.
+constant charge the same state would be stiffer, since the voltage then decreases where the
+capacitance increases.
 
-Mirror symmetry of the state splits the modes into classes, even or odd about each plane. All are
-solved on the part that is meshed, with other conditions on the planes, so none is lost and no
-double frequency meets its twin.
+Mirror symmetry of the state divides the modes into classes, even or odd about each plane. All
+classes are solved on the meshed part, with different conditions on the planes. No mode is therefore
+lost, and the two modes of a double frequency are in different classes.
 """
 
 from __future__ import annotations
@@ -32,23 +32,27 @@ from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, State
 from tympan.geometry.mesh import unfold
 
-#: Below so many unknowns, or so few per mode, a dense solver takes no longer.
+#: Number of unknowns below which a dense solver takes no longer. The same holds for fewer than four
+#: unknowns per mode.
 _DENSE = 200
-#: Share of the largest inertia below which a motion of the plate has none.
+#: Inertia, relative to the largest, below which a motion of the plate counts as massless.
 _MASSLESS = 1e-13
 
-#: Plate freedoms that may mix, as numbers in FREEDOMS, and their names: together, and one of them
-#: alone.
+#: Plate freedoms that may mix, as numbers in FREEDOMS, and two names: for a mix and for one
+#: freedom.
 _MOTIONS = (((0, 1), "slide", "slide along {}"), ((2,), "heave", "heave"),
             ((3, 4), "tilt", "tilt about {}"), ((5,), "twist", "twist"))
-_MAINLY = 0.9  #: share from which a name says what a mode is
-_ORDERS = 12  #: angular orders looked for
-_DEGREE = 11  #: of the radial polynomial: resolves five nodal circles and more
-_LEAST = 0.02  #: share of the largest amplitude below which a swing is not counted as a sign
+_MAINLY = 0.9  #: least share of one motion for which a mode gets its name
+_ORDERS = 12  #: highest angular order that is searched
+_DEGREE = 11  #: degree of the radial polynomial: resolves at least five nodal circles
+_LEAST = 0.02  #: amplitude, relative to the largest, below which a sign is not counted
 
 
 def symmetry_classes(model: Model) -> Iterator[Model]:
-    """The model with motions even or odd about each plane: 1, 2 or 4, the even one first."""
+    """Yield the model with motions even or odd about each plane: 1, 2 or 4 classes.
+
+    The even class is the first.
+    """
     mesh = model.discretisation
     for odd in chain.from_iterable(combinations(sorted(mesh.planes), count)
                                    for count in range(len(mesh.planes) + 1)):
@@ -60,28 +64,27 @@ def symmetry_classes(model: Model) -> Iterator[Model]:
 class Modes:
     """Modes about a state: unstable ones first, then vibrations by rising frequency.
 
-    Arrays' first axis is the mode. Shapes are those of the whole film and mass-normalised:
-    φᵀMφ = 1, in m/√(kg m²). ``shares`` is the part of a mode's kinetic energy that
-    each plate freedom carries; the rest of 1 is the film's.
+    The first axis of all arrays is the mode. Shapes are those of the whole film and
+    mass-normalised: φᵀMφ = 1, in m/√(kg m²). ``shares`` is the part of a mode's kinetic energy that
+    each plate freedom carries; the rest of 1 belongs to the film.
     """
 
     frequencies_Hz: Array  #: 0 for an unstable mode, shape (modes,)
     growth: Array  #: e-folding rate of an unstable mode [1/s], 0 for a vibration
     shapes: Array  #: displacements of the nodes of the whole film, shape (modes, nodes, 3)
     plate: Array  #: the plate's motion, translations and rotations, shape (modes, 6)
-    shares: Array  #: of the plate's freedoms in the kinetic energy, shape (modes, 6)
-    unstable: int  #: directions of negative stiffness, also those of a weightless film or left out
+    shares: Array  #: shares of the plate's freedoms in the kinetic energy, shape (modes, 6)
+    unstable: int  #: number of directions of negative stiffness, with massless or omitted ones
 
 
 def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) -> Modes:
-    """Modes of film and plate about an equilibrium, at constant voltage and gas pressure.
+    """Compute modes of film and plate about an equilibrium, at constant voltage and pressure.
 
-    ``plate`` is the whole plate with its weight; a loading with the guide "fixed" gives modes of
-    the film alone. ``count``: the lowest so many frequencies, and of unstable modes at most so
-    many, those of slowest growth; where a film has lost tension the fast ones are as fine as the
-    mesh and mean no more than that it wrinkles. A weightless film (density 0) follows the plate at
-    once; it is condensed out and at most six modes are left. InputError when nothing that can move
-    has mass.
+    ``plate`` is the whole plate with its mass. A loading with the guide "fixed" gives modes of the
+    film alone. ``count``: number of lowest frequencies, and largest number of unstable modes, those
+    of slowest growth. After a loss of tension the fast unstable modes are as fine as the mesh and
+    mean only that the film wrinkles. A massless film (density 0) follows the plate at once. It is
+    condensed out, and at most six modes are left. InputError if nothing that can move has mass.
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
@@ -105,31 +108,35 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
 
 
 def film_mass(model: Model) -> csr_matrix:
-    """Consistent mass matrix of the meshed film for one component [kg], shape (nodes, nodes).
+    """Compute the meshed film's consistent mass matrix for one component, (nodes, nodes).
 
-    Its electrodes move with it.
+    The unit is kg. The electrodes move with the film.
     """
     return mass_matrix(model, model.mass_per_area)
 
 
 def mass_matrix(model: Model, per_area: Any) -> csr_matrix:
-    """The same of any mass per mounted area [kg/m²], broadcastable to (elements, points)."""
+    """Compute the consistent mass matrix for any mass per mounted area [kg/m²].
+
+    ``per_area`` is broadcastable to (elements, points). The result has the shape (nodes, nodes).
+    """
     mesh = model.discretisation
     weights, shapes = mesh.weights * per_area, mesh.shapes
     elements = np.einsum("pa,pb,ep->eab", shapes, shapes, weights, optimize=True)
     return mesh.nodal_matrix(elements)
 
 
-#: Lowest eigenvalues ω², their vectors as columns, vᵀMv = 1, and the number of all negative ones.
+#: Lowest eigenvalues ω², their vectors as columns with vᵀMv = 1, and the number of all negative
+#: eigenvalues.
 _Spectrum = tuple[Array, Array, int]
 
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Stiffness and mass of one symmetry class, for the part that is meshed.
+    """Stiffness and mass of one symmetry class, for the meshed part.
 
-    The unknowns are the free components, then the plate's freedoms, which have the mass matrix
-    ``plate``; ``coordinates`` makes all node components of them.
+    The unknowns are the free components, then the plate's freedoms, whose mass matrix is ``plate``.
+    ``coordinates`` maps them to all node components.
     """
 
     model: Model
@@ -154,14 +161,17 @@ class System:
 
     @property
     def stiffness(self) -> csc_matrix:
-        """Stiffness of free components, then of the plate's freedoms [N/m, N, N m]."""
+        """Stiffness matrix of film and plate [N/m, N, N m].
+
+        Free components come first, then the plate's freedoms.
+        """
         part = self.tangent
         return part.inner if not len(self.plate) else bmat(
             [[part.inner, part.border], [part.border.T, part.corner]], format="csc")
 
     @property
     def mass(self) -> csc_matrix:
-        """Mass of film and plate for the same unknowns [kg, kg m, kg m²]."""
+        """Mass matrix of film and plate for the same unknowns [kg, kg m, kg m²]."""
         size = self.coordinates.shape[1]
         film = kron(film_mass(self.model), identity(3))
         rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - len(self.plate)
@@ -170,7 +180,10 @@ class System:
 
     def unfolded(self, vector: Array, origin: Numbers,
                  signs: Array) -> tuple[Array, Array, Array]:
-        """Motions of film and plate normalised to the whole's mass; the plate's share of energy."""
+        """Unfold a vector to motions of the whole film and plate, and the plate's energy shares.
+
+        The motions are normalised to the mass of the whole.
+        """
         mesh, freedoms = self.model.discretisation, list(self.model.plate_freedoms)
         nodal = (self.coordinates @ vector).reshape(-1, 3)[origin]
         factors = np.column_stack([*signs, np.ones(signs.shape[1])])
@@ -183,13 +196,16 @@ class System:
         return nodal / whole * factors, motion / whole, share
 
     def _massless_film(self) -> _Spectrum:
-        """The film follows the plate; freedoms without inertia follow too."""
+        """Solve for the modes of a massless film, which follows the plate.
+
+        Plate freedoms without inertia follow, too.
+        """
         part, film = self.tangent, factorise(self.tangent.inner)
         influence = np.asarray(film.solve(part.border)) if len(self.plate) else part.border
         schur = part.corner - part.border.T @ influence
         schur = (schur + schur.T) / 2
         unstable = film.negative + int(np.count_nonzero(np.linalg.eigvalsh(schur) < 0))
-        # Rotations are compared with translations over the frame's half extent.
+        # Rotations are scaled by the frame's half extent to compare them with translations.
         turns = np.array(self.model.plate_freedoms, dtype=int) >= 3
         scale = np.where(turns, 1 / self.model.size, 1.0)
         weight, axes = np.linalg.eigh(scale[:, None] * self.plate * scale)
@@ -204,7 +220,7 @@ class System:
 
 
 def _coordinates(model: Model, gradient: Array) -> csr_matrix:
-    """Node components (node-major) by free components and plate freedoms, (3 nodes, n + p)."""
+    """Map free components and plate freedoms to node components, (3 nodes, n + p)."""
     mesh = model.discretisation
     node, component = mesh.free
     free, count, freedoms = 3 * node + component, mesh.free_count, gradient.shape[2]
@@ -216,12 +232,12 @@ def _coordinates(model: Model, gradient: Array) -> csr_matrix:
 
 
 def _nearest_zero(negative: int, count: int) -> slice:
-    """Slice of rising values: the ``count`` next to zero on either side."""
+    """Select ``count`` of ascending values on either side of zero, the nearest to it."""
     return slice(max(0, negative - count), negative + count)
 
 
 def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
-    """Up to ``count`` eigenvalues on either side of zero, nearest to it, by Lanczos on K⁻¹M."""
+    """Compute up to ``count`` eigenvalues on either side of zero, by Lanczos on K⁻¹M."""
     size = mass.shape[0]
     if size < max(_DENSE, 4 * count):
         values, vectors = scipy.linalg.eigh(stiffness.toarray(), mass.toarray())
@@ -231,7 +247,7 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
     factors = factorise(stiffness)
     negative = factors.negative
     inverse = LinearOperator((size, size), matvec=factors.solve, dtype=float)
-    # The same in every run, and in no mode's null space.
+    # The start is the same in every run, and not orthogonal to any mode.
     start = np.random.default_rng(0).standard_normal(size)
     parts = [eigsh(stiffness, wanted, mass, sigma=0.0, OPinv=inverse, which=end, v0=start)
              for end, wanted in (("SA", min(negative, count)), ("LA", min(size - negative, count)))
@@ -242,20 +258,20 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
 
 
 def mode_names(model: Model, modes: Modes) -> tuple[str, ...]:
-    """A name for each mode; the model is that of the whole film.
+    """Name each mode; the model is that of the whole film.
 
-    ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` when the plate carries more than
-    half of the kinetic energy, most of it in that freedom. Otherwise ``film``; with ``(m, n)`` for
-    m nodal diameters and n nodal circles between the edges when frame, plate and prestretch are
-    round and nine tenths of the displacement along the load follow such a pattern; and ``film, in
-    plane`` when the film moves across the load.
+    A mode is ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` if the plate carries more
+    than half of the kinetic energy, most of it in that freedom. Otherwise it is ``film``. It is
+    ``film (m, n)`` with m nodal diameters and n nodal circles between the edges if frame, plate and
+    prestretch are round and nine tenths of the displacement along the load follow such a pattern.
+    It is ``film, in plane`` if the film moves normal to the load.
     """
     return tuple(plate_motion(share) or _film_name(model, shape)
                  for share, shape in zip(modes.shares, modes.shapes, strict=True))
 
 
 def plate_motion(share: Array) -> str:
-    """Words for a mode that moves the plate, from the shares of its freedoms; "" of the film's."""
+    """Name a mode by the plate's motion from its freedoms' shares; "" if the film dominates."""
     if share.sum() <= 0.5:
         return ""
     totals = [share[list(numbers)].sum() for numbers, _, _ in _MOTIONS]
@@ -278,7 +294,7 @@ def _film_name(model: Model, shape: Array) -> str:
 
 
 def _pattern(points: Array, height: Array) -> tuple[int, int] | None:
-    """Nodal diameters and circles of w = P(r) cos mθ + Q(r) sin mθ, or None if that fits badly."""
+    """Count nodal diameters and circles of w = P(r) cos mθ + Q(r) sin mθ; None for a bad fit."""
     radius, angle = np.hypot(*points.T), np.arctan2(*points.T[::-1])
     s = 2 * (radius - radius.min()) / np.ptp(radius) - 1
     radial = chebyshev.chebvander(s, _DEGREE)

@@ -155,7 +155,7 @@ def _near(places: AnyArray, distance: float) -> AnyArray:
 
 
 def _clustered(ends: AnyArray, joint: float) -> AnyArray:
-    """Number the points at which ends meet, shape (2, pieces)."""
+    """Assign numbers to the points where ends meet, shape (2, pieces)."""
     places = ends.reshape(-1, 2)
     pairs = _near(places, joint)
     label, before = np.arange(len(places)), np.zeros(0, int)

@@ -113,7 +113,10 @@ def _turned(points: AnyArray, times: int) -> AnyArray:
 
 
 def _quadrant(angle: AnyArray, exponent: Any) -> tuple[AnyArray, ...]:
-    """The first quadrant for semi-axes 1, and its derivative by the angle, shape (n, 2) each."""
+    """Compute points of the first quadrant for semi-axes 1, and derivatives by the angle.
+
+    Both have the shape (n, 2).
+    """
     c, s = np.maximum(np.cos(angle), 0.0), np.maximum(np.sin(angle), 0.0)
     c = np.where(c < 1e-15, 0.0, c)
     total = _power(c, exponent) + _power(s, exponent)

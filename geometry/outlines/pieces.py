@@ -74,11 +74,14 @@ class Line:
         return np.asarray(np.clip((places - start) @ slope / (slope @ slope), 0, 1))
 
     def placed(self, angle: Any, shift: Point) -> Line:
-        """Turned about the origin, then shifted."""
+        """Rotate the piece about the origin, then shift it."""
         return Line(_placed(self.start, angle, shift), _placed(self.end, angle, shift))
 
     def beside(self, distance: Any) -> Line:
-        """The parallel piece on the right, outside a counterclockwise curve; may be a spline."""
+        """Create the parallel piece on the right; it may be a spline.
+
+        For a counterclockwise curve this is the outside.
+        """
         (x, y), (u, v) = self.start, self.end
         length = ((u - x) ** 2 + (v - y) ** 2) ** 0.5
         dx, dy = distance * (v - y) / length, distance * (x - u) / length
@@ -227,7 +230,7 @@ class Arc(Curved):
         return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
 
     def counterclockwise(self) -> Arc:
-        """The same arc run counterclockwise, its angles counted from the larger semi-axis."""
+        """Make the arc counterclockwise, with angles from the larger semi-axis."""
         if self.sweep < 0:
             return self.backwards().counterclockwise()
         (a, b), right = self.radii, np.pi / 2
@@ -278,7 +281,7 @@ class Spline(Curved):
         return np.array([part.T for part in parts]), np.diff(self.breaks)
 
     def _inner_slopes(self, step: AnyArray, rise: AnyArray) -> AnyArray:
-        """Derivatives at the inner knots that make the curvature continuous."""
+        """Solve for the derivatives at inner knots that give continuous curvature."""
         if len(step) == 1:
             return np.empty((0, 2))
         right = 3 * (rise[:-1] / step[:-1] ** 2 + rise[1:] / step[1:] ** 2)
@@ -415,6 +418,6 @@ def curvature(slope: AnyArray, bend: AnyArray) -> AnyArray:
 
 
 def normals(slope: AnyArray) -> AnyArray:
-    """Unit vectors to the right of the directions of travel, shape (n, 2)."""
+    """Compute unit vectors to the right of the directions of travel, shape (n, 2)."""
     length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
     return np.asarray(np.column_stack([slope[:, 1], -slope[:, 0]]) / length)

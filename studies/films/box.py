@@ -1,4 +1,4 @@
-"""The parameters in which films of a family differ, and between which values."""
+"""Parameters in which films of a family differ, and their ranges."""
 
 from __future__ import annotations
 
@@ -16,43 +16,45 @@ from tympan.base.paths import at, numbers, with_arrays
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 
-#: The factor on all stresses of the film's law, a parameter beside the numbers of the specimen.
+#: Parameter: factor on all stresses of the film's law. It is no number of the specimen.
 STIFFNESS = "stiffness"
-#: The spring between plate and ground [N/m], beside those of the rig: another such parameter.
+#: Parameter: stiffness of a spring between plate and ground [N/m], in addition to the rig's.
 SPRING = "rig.spring"
-#: The pressure of the gas below film and plate [Pa], in place of the rig's: another.
+#: Parameter: pressure of the gas below film and plate [Pa]; it replaces the rig's.
 PRESSURE = "rig.gas_pressure"
 #: Parameters that are no numbers of the specimen, and their dimensions.
 _BESIDE = {STIFFNESS: "", SPRING: "stiffness per length", PRESSURE: "stress"}
 
-#: The law's part of a specimen.
+#: Path of the law in a specimen.
 _LAW = "membrane.material"
 
-#: Parts of a specimen that have numbers a family's films may differ in.
+#: Parts of a specimen whose numbers may vary in a family.
 _PARTS = ("frame", "plate", "membrane", "electrode")
-#: Numbers of the plate's outline, on which its area depends.
+#: Path of the plate's outline, which determines its area.
 _PLATE = "plate.outline"
-#: Lengths, which move the mesh, are in these.
+#: Paths of lengths that move the mesh.
 _OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline")
-#: What must be the same for all films, as formulas for many films at once do not have it.
+#: Numbers that must be equal in all films: the formulas for many films do not support their
+#: variation.
 _SAME = ("membrane.thickness_gradient", "membrane.law_range", "electrode.stiffness",
          "electrode.patches")
 
-#: What limits are.
+#: Message about wrong limits.
 _BETWEEN = "must be two values, the smaller first"
 
-#: How far outside the box a parameter may be, in widths of the box: rounding.
+#: Largest distance of a parameter from the box, relative to its width, that counts as rounding.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A specimen and the ``names`` of its numbers that vary, from lowest to highest value [SI].
+    """A specimen and the ``names`` of its varying numbers, with their ranges [SI].
 
     A name is the path of a number in the specimen, such as "frame.semi_axes.0",
-    "plate.outline.radius" or "membrane.thickness". "stiffness" is a factor on all stresses of the
-    law, "rig.spring" a spring on the plate [N/m], "rig.gas_pressure" that of the gas. Of values
-    ``low`` and ``high`` the shape is (names,); rows of parameters have it last.
+    "plate.outline.radius" or "membrane.thickness". Three more names exist: "stiffness" is a factor
+    on all stresses of the law, "rig.spring" a spring on the plate [N/m], "rig.gas_pressure" the gas
+    pressure [Pa]. ``low`` and ``high`` are the lowest and highest values, shape (names,). Rows of
+    parameters have this as their last axis.
     """
 
     specimen: Specimen
@@ -62,12 +64,14 @@ class Box:
 
     @classmethod
     def around(cls, specimen: Specimen, limits: Mapping[str, Sequence[float | str]]) -> Box:
-        """Limits of numbers of a specimen by name; its own values need not be among them.
+        """Create a box from limits of a specimen's numbers by name.
+
+        The specimen's own values may be outside the limits.
 
         Raises
         ------
         InputError
-            When a number is not there or cannot vary, or limits are none.
+            If a number does not exist or cannot vary, or if limits are invalid.
         """
         known, edges = (*varying(specimen), *_BESIDE), []
         for name, given in limits.items():
@@ -86,7 +90,10 @@ class Box:
 
     @classmethod
     def of(cls, specimens: Sequence[Specimen]) -> Box:
-        """The smallest box with some specimens of one :func:`kind_of`; about the middle one."""
+        """Find the smallest box that contains some specimens of one :func:`kind_of`.
+
+        Its specimen is the one closest to the middle.
+        """
         names = varying(specimens[0])
         rows = np.array([[at(specimen, name.split(".")) for name in names]
                          for specimen in specimens], dtype=float)
@@ -98,23 +105,24 @@ class Box:
         return cls(specimens[int(away.argmin())], names, low, high)
 
     def row(self, specimen: Specimen, spring: float = 0.0, pressure: float = 0.0) -> Array:
-        """The parameters of a specimen of the family, whose law has factor 1, shape (names,).
+        """Collect the parameters of a specimen of the family, shape (names,).
 
-        And those of a ``spring`` on its plate [N/m] and a gas ``pressure`` [Pa].
+        The factor on its law is 1. ``spring``: stiffness of a spring on its plate [N/m].
+        ``pressure``: gas pressure [Pa].
         """
         beside = {STIFFNESS: 1.0, SPRING: spring, PRESSURE: pressure}
         return np.array([beside[name] if name in beside else at(specimen, name.split("."))
                          for name in self.names], dtype=float)
 
     def member(self, row: Array) -> Specimen:
-        """The specimen with these parameters; an :class:`InputError` if it cannot be built."""
+        """Build the specimen with given parameters; InputError if it cannot be built."""
         numbers = {path: column.item() for path, column in self.columns(row[None]).items()}
-        # Checked once, as a whole.
+        # The specimen is checked once, as a whole.
         made: Specimen = replace(with_arrays(self.specimen, numbers))
         return made
 
     def columns(self, rows: Array) -> dict[str, Array]:
-        """The numbers of the specimen, by path, in which films differ, (films,) each."""
+        """Compute the varying numbers of the specimen by their path, (films,) each."""
         columns = {name: rows[:, number] for number, name in enumerate(self.names)
                    if name not in (SPRING, PRESSURE)}
         factor = columns.pop(STIFFNESS, None)
@@ -124,19 +132,22 @@ class Box:
         return columns
 
     def springs(self, rows: Array) -> Array:
-        """Stiffness of the springs in which films differ [N/m], (films,)."""
+        """Select the stiffness of the films' springs [N/m], (films,)."""
         return self._beside(rows, SPRING, 0.0)
 
     def pressures(self, rows: Array, usual: float) -> Array:
-        """Pressures of the gas below the films [Pa], (films,): ``usual`` where they do not vary."""
+        """Select the gas pressures below the films [Pa], (films,).
+
+        They are ``usual`` if the pressure does not vary.
+        """
         return self._beside(rows, PRESSURE, usual)
 
     def plate_areas(self, rows: Array) -> Array:
-        """Areas of the plates [m²], (films,), 0 without plates."""
+        """Compute the areas of the plates [m²], (films,); 0 without plates."""
         return plate_areas(self.specimen, self.columns(rows), len(rows))
 
     def forces(self, rig: Rig, masses: tuple[float, float]) -> tuple[float, float]:
-        """Lowest and highest force [N] on plates of its films under masses of a range [kg]."""
+        """Find lowest and highest force [N] on its films' plates for a range of masses [kg]."""
         areas = self.plate_areas(np.array([self.low, self.high]))
         forces = [float(rig.force(mass, area)) for mass in masses for area in areas.tolist()]
         return min(forces), max(forces)
@@ -156,21 +167,21 @@ class Box:
 
     @property
     def lengths(self) -> tuple[str, ...]:
-        """Names of those that move the mesh."""
+        """Names of the parameters that move the mesh."""
         return tuple(name for name in self.names if name.startswith(_OUTLINED))
 
     def holds(self, rows: Array) -> Mask:
-        """Mask of the films that are within it, (films,)."""
+        """Compute the mask of films inside the box, (films,)."""
         off = _ROUNDING * (self.high - self.low)
         return np.asarray(((rows >= self.low - off) & (rows <= self.high + off)).all(-1))
 
     def scaled(self, rows: Array) -> Array:
-        """Parameters from -1 to 1 within the box."""
+        """Scale parameters to -1 to 1 within the box."""
         return np.asarray(2 * (rows - self.low) / (self.high - self.low) - 1)
 
 
 def plate_areas(specimen: Specimen, columns: Mapping[str, Array], count: int) -> Array:
-    """Areas [m²] of the plates of so many films, a specimen with columns of numbers, (films,)."""
+    """Compute the plates' areas [m²] of ``count`` films with columns of numbers, (films,)."""
     varied = {path: column for path, column in columns.items() if path.startswith(_PLATE)}
     if not varied:
         return np.full(count, float(specimen.plate_area))
@@ -180,7 +191,10 @@ def plate_areas(specimen: Specimen, columns: Mapping[str, Array], count: int) ->
 
 
 def between(values: Sequence[float | str], dimension: str, key: str) -> tuple[float, float]:
-    """Lowest and highest of a number [SI], given as they are or as texts with their unit."""
+    """Convert the limits of a number to SI: lowest and highest.
+
+    They may be texts with a unit.
+    """
     low, *high = quantities(values, dimension, key)
     if len(high) != 1 or not low <= high[0]:
         raise InputError(_BETWEEN, key=key, given=values)
@@ -188,15 +202,16 @@ def between(values: Sequence[float | str], dimension: str, key: str) -> tuple[fl
 
 
 def varying(specimen: Specimen) -> tuple[str, ...]:
-    """Paths of all numbers of a specimen in which films of a family may differ."""
+    """List the paths of all numbers of a specimen that may vary in a family."""
     return tuple(path for part in _PARTS if getattr(specimen, part) is not None
                  for path in numbers(getattr(specimen, part), part) if not path.startswith(_SAME))
 
 
 def kind_of(specimen: Specimen) -> object:
-    """All of a specimen but its name and the numbers of :func:`varying`, to be compared.
+    """Build a key that is equal for specimens of one family.
 
-    Bands that are there or not are no numbers: the mesh has an edge more with each.
+    It contains all of the specimen except its name and the numbers of :func:`varying`. It also
+    contains which bands without electrode exist: the mesh has one more edge for each.
     """
     arrays = dict.fromkeys(varying(specimen), 0.0) | {"name": ""}
     electrode = specimen.electrode

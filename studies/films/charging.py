@@ -1,4 +1,4 @@
-"""Charge of a reduced film in a collocated step of time, where a resistance charges it."""
+"""Charge of a reduced film in a collocated time step, with a series resistance."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tympan.base.arrays import Array
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
 
-#: Step of the voltage whose square finds the slope of a pull with U²: the voltage that counts as
-#: much as so much deflection over the gap.
+#: Step of the voltage for the derivative of the forces with respect to U². It is the voltage
+#: equivalent of this deflection over the gap.
 _MORE = 1e-2
 
 
@@ -21,10 +21,10 @@ _MORE = 1e-2
 class Charging:
     """A film that charges through its circuit in a step from a moment.
 
-    Its charge C U at a stage is the charge at the start and what has flown in since then.
-    ``source``: voltages of the source at the stages [V]; ``weights``: shares of the stages' rates
-    in each stage [s], shape (stages, stages). Unknowns x of a stage are q and the film's voltage as
-    a length.
+    Its charge C U at a stage is the charge at the start plus the charge that has flowed in since
+    then. ``source``: voltages of the source at the stages [V]. ``weights``: weights of the stages'
+    rates in each stage [s], shape (stages, stages). The unknowns x of a stage are q and the film's
+    voltage, scaled to a length.
     """
 
     motion: DrivenFilm
@@ -33,11 +33,14 @@ class Charging:
     weights: Array
 
     def voltage(self, x: Array) -> Array:
-        """Voltage across the film at the stages [V], shape (..., stages)."""
+        """Compute the voltage across the film at the stages [V], shape (..., stages)."""
         return np.asarray(x[..., -1] * self.motion.volts_per_length)
 
     def missing(self, x: Array) -> Array:
-        """Charge of the film less what has flown in, as a length [m], shape (..., stages)."""
+        """Compute the charge balance as a length [m], shape (..., stages).
+
+        It is the charge of the film minus the initial charge and the charge that has flowed in.
+        """
         voltage, before = self.voltage(x), np.asarray(self.moment.voltage)
         begun = self._capacity(self.moment.q, before) * before
         flown = self.motion.circuit.current(self.source, voltage) @ self.weights.T
@@ -45,14 +48,15 @@ class Charging:
         return np.asarray((charge - begun[..., None] - flown) / self._unit)
 
     def coupled(self, stiffness: Array, x: Array, pull: Array, flow: StagedFlow) -> Array:
-        """Tangent of film and circuit, shape (..., stages, unknowns, stages, unknowns).
+        """Compute the tangent of film and circuit.
 
-        ``stiffness``, ``pull`` and ``flow`` are those of the film alone at x.
+        Its shape is (..., stages, unknowns, stages, unknowns). ``stiffness``, ``pull`` and ``flow``
+        are those of the film alone at x.
         """
         voltage, motion = self.voltage(x), self.motion
         *runs, stages, count = pull.shape
         every = np.arange(stages)
-        # The pull is nearly a line in U²: its slope is −½ ∂C/∂q.
+        # The pull is almost linear in U²; its slope is −½ ∂C/∂q.
         more = (_MORE * motion.volts_per_length * motion.gap) ** 2
         stronger, _ = motion.tabulated.staged_forces(x[..., :-1], voltage**2 + more, flow)
         by_squared = (stronger - pull) / more
@@ -69,11 +73,11 @@ class Charging:
         return matrix
 
     def _capacity(self, q: Array, voltage: Array) -> Any:
-        """Capacitance of the film [F]."""
+        """Compute the capacitance of the film [F]."""
         return self.motion.film.capacitance(q, voltage**2)
 
     @cached_property
     def _unit(self) -> float:
-        """Charge that counts as much as a deflection of 1 m [C]."""
+        """Charge that is equivalent to a deflection of 1 m [C]."""
         motion = self.motion
         return float(motion.film.capacitance(motion.film.flat)) * motion.volts_per_length

@@ -1,11 +1,12 @@
-"""Error of a reduced film's state against finite elements: by what is out of balance.
+"""Error of a reduced film's state compared with finite elements, from its residual.
 
-The residual of the whole mesh at a reduced state has two parts. What of it acts on the shapes is
-the error of the points that stand for all; the shapes' own tangent says how it moves the plate. The
-rest acts on motions that the shapes leave out. To first order these do not move the plate, as far
-as the shapes hold its response to a force; to second order they do by twice their energy over the
-plate's force (as the error of a compliance: Machiels, Maday, Patera, Comput. Methods Appl. Mech.
-Eng. 190, 2001). Their energy is that of a film which is solved, scaled by the plate's stiffness.
+The residual of the whole mesh at a reduced state has two parts. The part that acts on the shapes is
+the error of the few points that represent all points. The shapes' own tangent gives the plate's
+motion due to it. The other part acts on motions that the shapes do not contain. To first order
+these do not move the plate, as far as the shapes include its response to a force. To second order
+they move it by twice their energy over the plate's force (as the error of a compliance: Machiels,
+Maday, Patera, Comput. Methods Appl. Mech. Eng. 190, 2001). Their energy is computed with the
+tangent of one solved film, scaled by the plate's stiffness.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
 from tympan.studies.films.many_films import Films, FilmsAt
 from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
 
-#: A force [N] that is none, so that nothing is divided by 0.
+#: Force [N] that replaces zero, to avoid a division by 0.
 _NOTHING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualCheck(FieldsAlone):
-    """A film of finite elements in equilibrium, and what of its tangent the shapes know."""
+    """A finite-element film in equilibrium, and the projection of its tangent to the shapes."""
 
     model: Model
     state: State
@@ -39,7 +40,7 @@ class ResidualCheck(FieldsAlone):
 
     @classmethod
     def of(cls, shot: Snapshot, reduction: Reduction) -> ResidualCheck:
-        """Check by the tangent of a film that was solved."""
+        """Create the check from the tangent of a solved film."""
         model = shot.model
         allowed = list(model.plate_freedoms)
         motions = np.array([np.concatenate([
@@ -55,25 +56,25 @@ class ResidualCheck(FieldsAlone):
 
     @cached_property
     def tangent(self) -> Tangent:
-        """The film's tangent."""
+        """Tangent of the film."""
         tangent, _ = tangent_at(self.model, self.state)
         assert tangent is not None
         return tangent
 
     @cached_property
     def plate_stiffness(self) -> float:
-        """Stiffness of the solved film against the plate's heave [N/m]."""
+        """Stiffness of the solved film against the plate's deflection [N/m]."""
         return float(1 / np.linalg.inv(self.stiffness)[0, 0])
 
     @cached_property
     def _rigid(self) -> AnyArray:
-        """Motion of the plate's nodes by its allowed freedoms, (plate nodes, 3, freedoms)."""
+        """Motion of the plate's nodes by its freedoms, (plate nodes, 3, freedoms)."""
         return PlateMotion.rest().gradient(self.model.arms)[:, :, self.model.plate_freedoms]
 
     def estimate(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray,
                  squared: AnyArray,
                  stiffness: AnyArray) -> AnyArray:
-        """Estimated error of the deflections of states [m], (states,); nan of none."""
+        """Estimate the errors of deflections [m], (states,); nan without a state."""
         result = np.full(len(q), np.nan)
         sound = np.flatnonzero(np.isfinite(q).all(1))
         at = films.at(films.whole)
@@ -126,7 +127,10 @@ class ResidualCheck(FieldsAlone):
 
     @staticmethod
     def _swept(films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
-        """Rates of the gas volume below films by the motion of their nodes, (states, nodes, 3)."""
+        """Compute derivatives of the gas volume below films by nodal positions.
+
+        Their shape is (states, nodes, 3).
+        """
         sites, shapes = films.whole.sites, films.whole.shapes
         x = films.nodes[number].copy()
         moved = np.tensordot(films.along(q), shapes, 1)
@@ -141,7 +145,10 @@ class ResidualCheck(FieldsAlone):
         return -np.stack([by_x, by_y, by_z], -1).swapaxes(0, 1)
 
     def _nodal(self, films: Films, forces: AnyArray) -> AnyArray:
-        """Forces on the nodes, (states, nodes, 3), of those against ∂x/∂ξ, (6, states, points)."""
+        """Sum forces against ∂x/∂ξ, (6, states, points), to forces on the nodes.
+
+        Their shape is (states, nodes, 3).
+        """
         sites = films.whole.sites
         by = forces.reshape(3, 2, *forces.shape[1:])
         summed = [sites.gather[a] @ by[i, a].T for i in range(3) for a in range(2)]

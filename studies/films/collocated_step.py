@@ -1,12 +1,12 @@
-"""A step of a reduced film in time, in balance at all of its stages at once.
+"""Time step of a reduced film that is in equilibrium at all of its stages.
 
 The stages are those of Radau's rule (:mod:`tympan.fem.transient.collocation`). Film, branches
 (:mod:`tympan.fem.film.staged_memory`), plate and circuit (:mod:`tympan.studies.films.charging`)
-meet their equations at all stages. Newton's method solves for all stages at once, with one tangent
-for as long as the corrections fall. So a step is long, and all its points share each call of NumPy,
-which is what so small a film costs. Where the loads jump, the state just after the jump is one more
-stage of the step that begins there. The highest coefficients of a step's polynomial estimate its
-error.
+satisfy their equations at all stages. Newton's method solves for all stages together, with one
+tangent as long as the corrections decrease. This allows long steps, and all stages share each call
+of NumPy, which is the main cost of so small a film. If the loads jump, the state immediately after
+the jump is one more stage of the step that starts there. The highest coefficients of a step's
+polynomial estimate its error.
 """
 
 from __future__ import annotations
@@ -27,24 +27,27 @@ from tympan.studies.films.driven_film import PHASES, DrivenFilm, ReducedMoment
 from tympan.studies.films.film import ITERATIONS, FilmLoads, NoBalance, require_stable
 from tympan.studies.films.sampling import by_voltages
 
-#: Weights of the last two coefficients of a step's polynomial in its error. Where a signal swings
-#: between stages the last coefficient may vanish, so the one before it counts a little.
+#: Weights of the last two coefficients of a step's polynomial in its error. If a signal oscillates
+#: between stages, the last coefficient may vanish; the one before it therefore has a small weight.
 _TAILS = np.diag([1.0, 0.2])
-#: Errors this many times too large after one correction are not corrected further: the step is
-#: refused in any case.
+#: Ratio of the error to the allowed one, after one correction, above which the corrections stop:
+#: the step is rejected in any case.
 _HOPELESS = 1.5
 
-#: Largest error that the last correction may leave, over that of the step: so little that the error
-#: of a step is that of its rule. A tenth of it made motions take 2 % longer.
+#: Largest error after the last correction, relative to the error of the step, so that the
+#: collocation rule dominates the error. With a tenth of it motions took 2 % longer.
 _LEFT = 0.03
 
-#: A tangent serves again where corrections fall at least so fast.
+#: Largest ratio of successive corrections for which a tangent is reused.
 _SLOW = 0.4
 
 
 @dataclass(frozen=True, eq=False)
 class CollocatedStep:
-    """A step of a motion from a moment through its stages, at ``times`` [s]; loads may ``jump``."""
+    """A step of a motion from a moment through its stages, at ``times`` [s].
+
+    ``jump``: loads after a jump at the start.
+    """
 
     motion: DrivenFilm
     moment: ReducedMoment
@@ -59,7 +62,7 @@ class CollocatedStep:
 
     @cached_property
     def stages(self) -> Array:
-        """Times [s] that are solved for: those of the stages, after a jump the start's too."""
+        """Times [s] that are solved for: the stages, and after a jump also the start."""
         return self.times if self.jump is None else np.concatenate(([self.moment.time], self.times))
 
     @cached_property
@@ -68,7 +71,10 @@ class CollocatedStep:
         return np.asarray(self.motion.signal.within(self.piece, self.stages))
 
     def squared(self, x: Array) -> Array:
-        """U² across the film at the stages [V²]: the source's, or where it charges that of x."""
+        """Compute U² across the film at the stages [V²].
+
+        It is the source's U², or that of x if the film charges through a resistance.
+        """
         return self.source_squared if self.charging is None else self.charging.voltage(x) ** 2
 
     @cached_property
@@ -78,14 +84,14 @@ class CollocatedStep:
 
     @cached_property
     def charging(self) -> Charging | None:
-        """Charging of the film in the step, None without a resistance."""
+        """Charging of the film in the step; None without a resistance."""
         if not self.motion.charges:
             return None
         return Charging(self.motion, self.moment, self.source, self.weights)
 
     @cached_property
     def weights(self) -> Array:
-        """Shares of the stages' rates in each stage [s], shape (stages, stages)."""
+        """Weights of the stages' rates in each stage [s], shape (stages, stages)."""
         rule = self.motion.rule
         return self.duration * (rule.matrix if self.jump is None else rule.from_start)
 
@@ -95,15 +101,15 @@ class CollocatedStep:
         return self.motion.unknowns(self.moment)
 
     def solved(self, guess: Array) -> StepSolution:
-        """Solve for the unknowns at the stages from a guess, shape (..., stages, unknowns).
+        """Solve for the unknowns at the stages, shape (..., stages, unknowns), from a guess.
 
-        The unknowns are those of :meth:`DrivenFilm.unknowns`. A step whose error is far too large
-        is not solved to the last digit.
+        The unknowns are those of :meth:`DrivenFilm.unknowns`. If the error of the step is far too
+        large, the solution stops early.
 
         Raises
         ------
         NoBalance
-            Where there is none that is stable.
+            If there is no stable equilibrium.
         """
         motion, x, size, tangent = self.motion, guess, np.inf, None
         film, flow, (constant, slope) = motion.tabulated, self.flow, self._drive
@@ -147,17 +153,18 @@ class CollocatedStep:
                              rule.matrix if self.jump is None else rule.from_start)
 
     def _settled(self, size: float, before: float, fresh: bool) -> bool:
-        """Whether a correction relative to the gap, after one ``before`` it, leaves little.
+        """Check whether a correction, relative to the gap, leaves a small error.
 
-        A correction by a fresh tangent leaves its square. Another one leaves as large a share of
-        itself as it is of the one before.
+        The error after a correction with a new tangent is the square of the correction. With an old
+        tangent it is the correction times its ratio to the one ``before``.
         """
         little = _LEFT * self.motion.closeness
         square = fresh and not self.moment.memory.flows and not self.motion.charges
         return (square and size < self.motion.last) or size**2 < little * before < np.inf
 
     def _require_stable(self, stiffness: Array) -> None:
-        # What inertia or a damper lead need not be stable by itself, nor a film at its charge.
+        # Motions that inertia or a damper control need not be stable, nor does a film at given
+        # charge.
         if self.motion.charges:
             return
         led = int(self.motion.leads)
@@ -166,7 +173,7 @@ class CollocatedStep:
 
     @cached_property
     def _drive(self) -> tuple[Array, Array]:
-        """c and K of the force K y - c [N] that damper and inertia put against the heaves.
+        """c and K of the force K y - c [N] of damper and inertia against the deflections.
 
         Shapes (..., stages) and (stages, stages).
         """
@@ -182,13 +189,13 @@ class CollocatedStep:
         return flown + force, moving
 
     def states(self, x: Array) -> Array:
-        """Unknowns at the start and at the stages."""
+        """Collect the unknowns at the start and at the stages."""
         if self.jump is not None:
             return x
         return np.concatenate([self.begin[..., None, :], x], -2)
 
     def _error(self, x: Array) -> float:
-        """Error of unknowns at the stages, relative to the gap."""
+        """Estimate the error of unknowns at the stages, relative to the gap."""
         motion = self.motion
         tail = np.abs(_TAILS @ (motion.rule.tail @ self.states(x)))
         closer = 1.0 if motion.mass is None else PHASES
@@ -197,7 +204,7 @@ class CollocatedStep:
 
 @dataclass(frozen=True, eq=False)
 class StepSolution:
-    """A step that is made: unknowns ``x`` at its stages, the branches' flow."""
+    """A solved step: unknowns ``x`` at its stages, and the branches' flow."""
 
     step: CollocatedStep
     x: Array
@@ -206,7 +213,7 @@ class StepSolution:
 
     @property
     def q(self) -> Array:
-        """q at the stages."""
+        """Amplitudes q at the stages."""
         return self.x[..., :self.step.motion.film.count]
 
     @cached_property
@@ -216,7 +223,7 @@ class StepSolution:
 
     @property
     def start(self) -> ReducedMoment:
-        """State where it begins, after the loads jumped if they do."""
+        """State at the start, after a jump of the loads if there is one."""
         step = self.step
         if step.jump is None:
             return step.moment
@@ -247,14 +254,14 @@ class StepSolution:
         return self.flow.after(self.step.motion.tabulated.strain(self.q))
 
     def beyond(self, times: Array) -> Array:
-        """Unknowns at the stages of the step that follows, by this step's polynomial."""
+        """Extrapolate the unknowns to the next step's stages by this step's polynomial."""
         share = (times[-1] - self.step.times[-1]) / self.step.duration
         return np.asarray(self.step.motion.rule.beyond(float(share)) @ self.step.states(self.x))
 
     def at_voltages(self, step: CollocatedStep) -> Array:
-        """q at the stages of the step that follows, by how it went with U², U⁴ and time here.
+        """Extrapolate q to the next step's stages as a function of U², U⁴ and time.
 
-        Where the voltage swings, that leads further than a polynomial of time alone.
+        For an oscillating voltage this is more accurate than a polynomial of time alone.
         """
         here, squared = self.step, self.squared
         if here.jump is None:
@@ -266,17 +273,17 @@ class StepSolution:
 
 
 def factorised(stiffness: Array) -> Callable[[Array], Array]:
-    """Solver of right sides, (..., stages, shapes), by a matrix over stages and shapes.
+    """Factorise a matrix over stages and shapes; return a solver of (..., stages, shapes).
 
     Raises
     ------
     NoBalance
-        Where it is singular.
+        If the matrix is singular.
     """
     *runs, stages, count = stiffness.shape[:-2]
     size = stages * count
     matrix = stiffness.reshape(*runs, size, size)
-    # By LAPACK itself: NumPy has no factors to solve by again, and costs a small system more.
+    # LAPACK is called directly: NumPy cannot reuse factors, and is slower for small systems.
     factors = [dgetrf(each.T) for each in matrix.reshape(-1, size, size)]
     if any(singular for *_, singular in factors):
         raise NoBalance

@@ -1,4 +1,4 @@
-"""A reduced film with what drives it: a force, a signal, and all else on its plate."""
+"""A reduced film with its loads: force, voltage signal, and everything else on its plate."""
 
 from __future__ import annotations
 
@@ -18,36 +18,35 @@ from tympan.fem.transient.collocation import CollocationRule, radau
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import JointSignal, Signal, Supplied
 
-#: Stages of a step of one run. Calls are what it costs, so many stages are cheap.
+#: Stages of a step of one run. The number of calls determines its cost, so many stages are cheap.
 _STAGES = 5
-#: Stages of a step of several runs, whose arithmetic counts, or of a plate that inertia or a damper
-#: holds.
+#: Stages of a step of several runs, whose cost is arithmetic, or of a plate with inertia or damper.
 _FEWER = 4
 
-#: How many times more closely a swing is followed: over many swings errors of phase add up.
+#: Factor on the accuracy of an oscillation: over many periods errors of phase add up.
 PHASES = 2.0
 
-#: The last correction of a state over the root of a step's error, as a correction leaves its
+#: Last correction of a state over the root of a step's error: the error after a correction is its
 #: square.
 _CLOSER = 0.2
-#: The largest that this correction may be, relative to the gap. Set by trial.
+#: Largest value of this correction, relative to the gap. Set by trial.
 _NEAR = 2e-3
 
 #: Error of a step, relative to the gap between plate and frame.
 ERROR = 1e-4
-#: How much the change of a film's voltage counts over the highest, beside that of its deflection
-#: over the gap, where a resistance charges it. As by finite elements.
+#: Weight in the error of a voltage's change over the highest voltage, if a resistance charges the
+#: film; the deflection over the gap has weight 1. It is the same as for finite elements.
 _CHARGE = 0.1
-#: A voltage that moves no film [V].
+#: Voltage that moves no film [V].
 _NO_VOLTAGE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedMoment:
-    """A reduced film at a time [s]: q, its loads and memory, the velocity of a plate with mass.
+    """A reduced film at a time [s]: q, loads, memory, velocity of a plate with mass.
 
-    ``voltage``: across a film that charges through a resistance [V], with its sign. One run, or
-    arrays of several.
+    ``voltage``: signed voltage across a film that charges through a resistance [V]. Values belong
+    to one run, or are arrays of several runs.
     """
 
     time: float
@@ -59,26 +58,27 @@ class ReducedMoment:
 
     @property
     def memory(self) -> Memory:
-        """Memory of the branches, computed on demand."""
+        """Memory of the branches, computed at first use."""
         return self.recall()
 
     @property
     def heave(self) -> Any:
-        """The plate's deflection [m]."""
+        """Deflection of the plate [m]."""
         return self.q[..., 0]
 
 
 @dataclass(frozen=True, eq=False)
 class DrivenFilm:
-    """A reduced film under a force [N] and a source's signal of voltages, or several runs.
+    """A reduced film under a force [N] and a source's voltage signal, or several runs.
 
-    These have forces of shape (runs,), or signals
-    :class:`~tympan.studies.signals.JointSignal`; they share their steps.
+    Several runs have forces of shape (runs,), or signals
+    :class:`~tympan.studies.signals.JointSignal`; all runs have the same steps.
 
-    ``biases``: mechanisms on the plate; its ``mass`` [kg], None for one that follows the film at
-    once; ``damper`` on it [N s/m]; ``error``: of a step, relative to the gap between plate and
-    frame; ``budget``: work left to the motion, without one there is no limit. ``circuit`` between
-    source and film: without a resistance in it the source's voltage is the film's at once.
+    ``biases``: mechanisms on the plate. ``mass``: mass of the plate [kg]; None if the plate has no
+    inertia. ``damper``: damper on the plate [N s/m]. ``error``: error of a step, relative to the
+    gap between plate and frame. ``budget``: work left to the motion; None sets no limit.
+    ``circuit``: circuit between source and film; without a resistance the film has the source's
+    voltage.
     """
 
     film: ReducedFilm
@@ -93,12 +93,12 @@ class DrivenFilm:
 
     @property
     def begin(self) -> ReducedMoment:
-        """Relaxed equilibrium under force and first voltage; ``flat`` where the film has an age.
+        """Relaxed equilibrium under force and first voltage; ``flat`` if the film has an age.
 
         Raises
         ------
         NoBalance
-            Where there is no rest.
+            If there is no equilibrium.
         """
         film, time = self.tabulated, float(self.signal.breaks[0])
         if film.specimen.membrane.mounted is not None:
@@ -111,7 +111,7 @@ class DrivenFilm:
 
     @property
     def flat(self) -> ReducedMoment:
-        """The flat film, as old as it says, before the loads are put on."""
+        """Flat film with the age that it states, before the loads are applied."""
         film, time = self.film, float(self.signal.breaks[0])
         runs = np.broadcast_shapes(np.shape(self.force), np.shape(self.signal.first))
         memory = Memory.mounted(film.specimen.membrane, (*runs, len(film.volumes)))
@@ -135,9 +135,10 @@ class DrivenFilm:
         return self.circuit.resistance > 0
 
     def unknowns(self, moment: ReducedMoment) -> Array:
-        """Unknowns of a step at a moment: q and, where the film charges, its voltage as a length.
+        """Collect the unknowns of a step at a moment.
 
-        So the voltage's errors count beside those of q.
+        They are q and, if the film charges through a resistance, its voltage scaled to a length.
+        The scale makes errors of the voltage comparable with errors of q.
         """
         if not self.charges:
             return moment.q
@@ -146,12 +147,12 @@ class DrivenFilm:
 
     @cached_property
     def volts_per_length(self) -> float:
-        """Voltage [V] that counts in a step as much as so much deflection [m]."""
+        """Voltage [V] that is equivalent to a unit of deflection [m] in a step."""
         return self._highest / (_CHARGE * self.gap)
 
     @cached_property
     def _highest(self) -> float:
-        """The source's highest voltage at the breaks of its signal [V]."""
+        """Highest voltage of the source at the breaks of its signal [V]."""
         signal, breaks = self.signal, self.signal.breaks
         pieces = np.arange(len(breaks) - 1)
         ends = [signal.within(piece, breaks[piece + end]) for piece in pieces for end in (0, 1)]
@@ -159,7 +160,7 @@ class DrivenFilm:
 
     @cached_property
     def leads(self) -> bool:
-        """Whether inertia or a damper hold the plate at once."""
+        """Whether inertia or a damper control the plate's motion."""
         return self.mass is not None or self.damper > 0
 
     @cached_property
@@ -169,10 +170,10 @@ class DrivenFilm:
 
     @cached_property
     def last(self) -> float:
-        """A correction of a state, relative to the gap, after which no other is looked for."""
+        """Correction of a state, relative to the gap, after which the iteration ends."""
         return min(_NEAR, _CLOSER * float(np.sqrt(self.closeness)))
 
     @cached_property
     def closeness(self) -> float:
-        """The error of a step, relative to the gap; closer of what swings."""
+        """Error of a step, relative to the gap; smaller for a plate with mass."""
         return self.error / (1.0 if self.mass is None else PHASES)

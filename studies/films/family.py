@@ -1,14 +1,14 @@
-"""A family of films that differ in numbers alone, from a few of finite elements; its error.
+"""Family of films that differ only in numbers, made from a few finite-element films; its error.
 
     box = {"frame.semi_axes.0": (0.05, 0.08), "membrane.thickness": (0.95e-3, 1.05e-3)}
     family = FilmFamily.around(specimen, box, force=(0.1, 0.3), voltage=(0.0, 6e3))
     states = family.states(parameters, forces, voltages)
 
-Films of finite elements are solved at few places of the box, on one mesh that moves with the
-outlines: at random ones, then where the family's own estimate of its error is largest. What they
-say of the film's shapes and of its forces makes the others
-(:class:`tympan.studies.films.reduction.Reduction`). At last some random films are solved, which
-the family was not made from: the estimate is scaled so that it covers the errors of all of these.
+Finite-element films are solved at a few places of the box, on one mesh that moves with the
+outlines. The first places are random; the next ones are where the family's own error estimate is
+largest. All other films follow from the shapes and forces of these films
+(:class:`tympan.studies.films.reduction.Reduction`). Finally some random films are solved that the
+family was not made from. The estimate is scaled so that it covers the errors of all of these.
 """
 
 from __future__ import annotations
@@ -62,14 +62,14 @@ from tympan.studies.films.states import FilmEnds, FilmStates
 
 @dataclass(frozen=True)
 class FamilySettings:
-    """Settings of how a family is made.
+    """Settings for making a family.
 
-    ``error``: share of the deflection, or of 0.3 of the largest one, by which films may be off, as
-    far as the estimate says, and what decides how many shapes they have; ``first``: random films
-    that it begins with, and ``more`` for each parameter; ``batch``: films that are added at once
-    where the estimate is largest, ``rounds`` times at most; ``candidates``: random films
-    among which these are sought; ``checks``: random films by which the estimate is scaled. All are
-    drawn with ``seed``.
+    ``error``: allowed error as a share of the deflection, or of 0.3 of the largest one, according
+    to the estimate; it determines the number of shapes. ``first``: number of random films at the
+    start, and ``more`` for each parameter. ``batch``: number of films added together where the
+    estimate is largest, at most ``rounds`` times. ``candidates``: number of random films among
+    which these are searched. ``checks``: number of random films that scale the estimate. ``seed``:
+    seed of all random films.
     """
 
     error: float = 2e-5
@@ -82,58 +82,60 @@ class FamilySettings:
     seed: int = 1
 
 
-#: What the shapes leave out of a deformation, over the largest one: some 1e-5 of the deflection,
-#: which is stationary in the shapes. With a larger error it grows as the root of that.
+#: Part of a deformation that the shapes do not contain, over the largest one. It changes the
+#: deflection by some 1e-5, because the deflection is stationary in the shapes. With a larger
+#: allowed error it grows with the root of the error.
 _MOTION = 1e-4
-#: What the points leave out of forces, to which the deflection is in proportion. If it grew with
-#: the error, plates that hardly move would be off by 1e-7 m.
+#: Part of the forces that the points do not reproduce; the deflection's error is proportional to
+#: it. If it grew with the allowed error, plates that hardly move would be off by 1e-7 m.
 _WORK = 2e-5
-#: How much the resistance that is left of films that soften counts beside forces: points reproduce
-#: it to 1e-3. Without it films of an Ogden law with α = 1.6 pull in at 7 % less voltage than by
-#: finite elements, with it at 0.3 % less, and films of VHB have 58 points in place of 49.
+#: Weight of the remaining resistance of softening films relative to forces: points reproduce it to
+#: 1e-3. Without it films of an Ogden law with α = 1.6 pull in at 7 % less voltage than with finite
+#: elements, with it at 0.3 % less. Films of VHB then have 58 points instead of 49.
 _SOFTENING = 0.02
-#: Most shapes: the cost of a tangent grows with their square.
+#: Largest number of shapes: the cost of a tangent grows with its square.
 _MOST = 24
 
-#: Part of the range of a load by which the rate of a state's motion is scaled as a motion.
+#: Part of a load's range that scales the rate of a state's motion to a motion.
 _RATE = 0.3
 
-#: Steps in which loads rise where no guess is near.
+#: Number of load steps if there is no good guess.
 _STEPS = 4
 
 
-#: Films that are computed together: their quadrature points take some 100 MB.
+#: Number of films that are computed together: their quadrature points take some 100 MB.
 BLOCK = 500
 
-#: How near to the largest value of a film, over its range in the film, a node's is that is looked
-#: at: with other numbers it may be the largest. With 0.1 all of 30,000 states of a wide sweep have
-#: the same values, with 0.01 stresses are off by 6e-5.
+#: Largest distance of a node's value from a film's largest value, relative to the range in the
+#: film, for which the node is evaluated: with other parameters it may have the largest value. With
+#: 0.1 all of 30,000 states of a wide sweep have the same values; with 0.01 stresses are off by
+#: 6e-5.
 _NEARLY = 0.03
 
-#: By how much the estimate is larger than what covers the errors of random films: one film of as
-#: many more would exceed that.
+#: Safety factor of the error estimate, in addition to covering the errors of the test films.
+#: Without it one of the same number of further films would exceed the estimate.
 _MARGIN = 1.5
-#: The same of the largest stress: with half of it 88 of 30,000 films were off by more, by 1.8 times
-#: at most.
+#: Factor for the error of the largest stress: with half of it 88 of 30,000 films had larger errors,
+#: at most 1.8 times as large.
 _STRESS_MARGIN = 2 * _MARGIN
 
-#: Share of a deflection from which on its error is not that of the film's largest one: sweeps leave
-#: such states to finite elements.
+#: Error relative to the deflection above which a state gets its own estimate instead of its film's
+#: largest one; sweeps use finite elements for such states.
 _LARGE = 1e-4
 
-#: What a deflection counts as at least, over the largest of the family: plates that gas lifts or
+#: Least deflection for relative errors, over the largest of the family: plates that gas lifts or
 #: mechanisms hold may be flat.
 _LEVEL = 0.3
 
-#: Random films that are solved on meshes of their own.
+#: Number of random films that are solved on meshes of their own.
 _REMESHED = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The finite elements of a family: the mesh of one of its films, which moves to the others.
+    """Finite elements of a family: the mesh of one of its films, which moves to the others.
 
-    ``pressure`` of the gas below films that do not differ in it [Pa].
+    ``pressure``: gas pressure below films that do not differ in it [Pa].
     """
 
     box: Box
@@ -148,7 +150,7 @@ class Ground:
 
     @classmethod
     def of(cls, box: Box, rig: Rig, settings: Settings) -> Ground:
-        """Mesh of the box's specimen, with the mirror planes that all films of the box share."""
+        """Mesh the box's specimen, with the mirror planes that all films of the box share."""
         middle = box.member((box.low + 1.0001 * box.high) / 2.0001) if box.names else box.specimen
         planes = (mirror_planes(box.specimen, rig.loading)
                   & mirror_planes(middle, rig.loading))
@@ -158,7 +160,7 @@ class Ground:
                    settings, rig.gas_pressure)
 
     def film(self, row: AnyArray) -> Model:
-        """The film with these parameters."""
+        """Build the film with given parameters on the moved mesh."""
         specimen, mesh = self.box.member(row), self.model.discretisation
         if self.box.lengths:
             mesh = mesh.moved(self._motion(specimen))
@@ -166,24 +168,24 @@ class Ground:
                        loading=self._loading(row))
 
     def fresh(self, row: AnyArray) -> Model:
-        """The film with these parameters on a mesh of its own."""
+        """Build the film with given parameters on a mesh of its own."""
         own = meshed(self.box.member(row), self.settings, self.model.discretisation.planes)
         return replace(own, loading=self._loading(row))
 
     def _loading(self, row: AnyArray) -> Loading:
-        """The rig's loading, with the spring of a film."""
+        """Add the spring of a film to the rig's loading."""
         loading, spring = self.model.loading, float(self.box.springs(row[None])[0])
         return replace(loading, biases=(*loading.biases, Spring(spring))) if spring else loading
 
     def gas(self, row: AnyArray) -> float:
-        """Pressure of the gas below a film [Pa]."""
+        """Compute the gas pressure below a film [Pa]."""
         return float(self.box.pressures(row[None], self.pressure)[0])
 
     def _motion(self, specimen: Specimen) -> AnyArray:
         return motion_between(self.model.discretisation, self.box.specimen, specimen)
 
     def nodes(self, rows: AnyArray) -> AnyArray:
-        """Nodes of the films' meshes [m], (films, nodes, 2)."""
+        """Compute the nodes of the films' meshes [m], (films, nodes, 2)."""
         flat = self.model.discretisation.reference[:, :2]
         if not self.box.lengths:
             return np.broadcast_to(flat, (len(rows), *flat.shape))
@@ -195,9 +197,9 @@ class Ground:
 
     @cached_property
     def _straight(self) -> AnyArray | None:
-        """Motions of the nodes by lengths, (lengths, nodes, 2), None where they are not straight.
+        """Motions of the nodes by lengths, (lengths, nodes, 2); None if they are not linear.
 
-        Edges of most outlines move in proportion to their lengths; a band's do not.
+        Edges of most outlines move in proportion to their lengths; those of a band do not.
         """
         mesh, box = self.model.discretisation, self.box
         by_length = np.array([velocity(mesh, box.specimen, tuple(name.split(".")))
@@ -214,14 +216,14 @@ class Ground:
 
     @property
     def size(self) -> float:
-        """The frame's larger half extent [m]."""
+        """Larger half extent of the frame [m]."""
         return self.model.size
 
     def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None
                ) -> tuple[Model, Solution] | None:
-        """A film of finite elements, taut and stable; None where there is none.
+        """Solve a finite-element film; None unless it is taut and stable.
 
-        From the flat film on, or from a guess of its nodes' displacements, (nodes, 3).
+        The start is the flat film, or a guess of its nodes' displacements, (nodes, 3).
         """
         try:
             model = self.film(row)
@@ -246,12 +248,12 @@ class Ground:
                      PlateMotion.rest().moved(freedoms), squared, force, self.gas(row))
 
 
-#: How far motions of nodes may be from straight ones, over the frame's half extent.
+#: Largest nonlinearity of the nodes' motions, over the frame's half extent.
 _STRAIGHT = 1e-9
 
 
 def require_reducible(specimen: Specimen, rig: Rig) -> None:
-    """Refuse a plate that is held, whose films all deflect alike: not at all."""
+    """Raise InputError for a held plate: its films have no deflection."""
     if specimen.plate is not None and rig.loading.guide == "fixed":
         raise InputError("must let the plate move: held, it has no deflection in which films could "
                          "differ", key="rig.guide", given=rig.guide)
@@ -261,13 +263,13 @@ def require_reducible(specimen: Specimen, rig: Rig) -> None:
 class FilmFamily:
     """Films of a box of parameters, under forces and voltages of a range.
 
-    ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. ``factor`` by which
-    the ``check``'s estimate and the ``usual`` one, a share of the deflection, cover the errors of
-    random films on the family's mesh: an estimate has a sign and happens to be nothing at times.
-    ``remeshed``: the largest share by which films' deflections on meshes of their own differ, and
-    ``restressed`` the same of their largest stresses.
-    ``places``: nodes at which some film is nearly strained or charged most.
-    ``snapshots``: how many states of finite elements it was made from.
+    ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. ``factor``: scales
+    the error estimate so that it covers the errors of random films on the family's mesh. The
+    estimate is the ``check``'s plus ``usual``, a share of the deflection, since the check's
+    estimate has a sign and may be zero by chance. ``remeshed``: largest relative difference of
+    deflections on meshes of their own. ``restressed``: the same for their largest stresses.
+    ``places``: nodes at which some film has nearly its largest strain or field. ``snapshots``:
+    number of finite-element states that the family was made from.
     """
 
     ground: Ground
@@ -288,18 +290,18 @@ class FilmFamily:
                force: Sequence[float | str], voltage: Sequence[float | str], rig: Rig = Rig(),
                settings: Settings = Settings(), family: FamilySettings = FamilySettings()
                ) -> FilmFamily:
-        """The films of a specimen with these limits of its numbers, by name, and of the loads.
+        """Make the family of a specimen with limits of its numbers, by name, and of the loads.
 
         A name is the path of a number in the specimen, such as "frame.semi_axes.0" or
-        "membrane.thickness". "stiffness" is a factor on all stresses of the law, "rig.spring" a
-        spring on the plate beside those of the rig, "rig.gas_pressure" that of the gas below film
-        and plate in place of the rig's. ``force`` acts on the plate, ``voltage`` across
-        the film. All are lowest and highest, in SI or with a unit.
+        "membrane.thickness". "stiffness" is a factor on all stresses of the law. "rig.spring" is a
+        spring on the plate in addition to those of the rig. "rig.gas_pressure" is the gas pressure
+        below film and plate instead of the rig's. ``force`` acts on the plate, ``voltage`` across
+        the film. All limits are lowest and highest, in SI or with a unit.
 
         Raises
         ------
         InputError
-            When the specimen or the rig has no reduced film, or no film of the box an equilibrium.
+            If specimen or rig have no reduced film, or no film of the box has an equilibrium.
         """
         return cls.over(Box.around(specimen, box), between(force, "force", "force"),
                         between(voltage, "voltage", "voltage"), rig, settings, family)
@@ -308,14 +310,14 @@ class FilmFamily:
     def over(cls, box: Box, force: tuple[float, float], voltage: tuple[float, float],
              rig: Rig = Rig(), settings: Settings = Settings(),
              family: FamilySettings = FamilySettings()) -> FilmFamily:
-        """The films of a box under such loads."""
+        """Make the family of a box under loads of a range."""
         ground = Ground.of(box, rig, settings)
         making = _Making(ground, force, voltage, family)
         return making.made()
 
     @property
     def box(self) -> Box:
-        """Its parameters and their limits."""
+        """Parameters of the family and their limits."""
         return self.ground.box
 
     def drawn(self, count: int, seed: int = 1) -> AnyArray:
@@ -324,15 +326,16 @@ class FilmFamily:
         return self.box.low + shares * (self.box.high - self.box.low)
 
     def films(self, rows: AnyArray) -> Films:
-        """The films with these parameters, rows of (films, names)."""
+        """Build the films with given parameters, rows of (films, names)."""
         return replace(self._one, rows=rows, columns=self.box.columns(rows),
                        nodes=self.ground.nodes(rows), spring=self.box.springs(rows),
                        pressure=self.box.pressures(rows, self.ground.pressure))
 
     def blocks(self, parameters: Any) -> Iterator[tuple[slice, Films]]:
-        """Films that are computed together, and which of all they are; :meth:`films` are a block.
+        """Yield films that are computed together, and their slice of all films.
 
-        What of films does not depend on their state is computed once for as long as they are kept.
+        The result of :meth:`films` is one block. Quantities of films that do not depend on their
+        state are computed once as long as these films are stored.
         """
         if isinstance(parameters, Films):
             yield slice(None), parameters
@@ -344,24 +347,23 @@ class FilmFamily:
 
     @cached_property
     def _one(self) -> Films:
-        """One of its films; shapes at points are the same in all."""
+        """One of its films; the shapes at points are equal in all films."""
         return films_of(self.ground, self.reduction, self.box.low[None])
 
     @cached_property
     def looked_at(self) -> ShapesAt:
-        """Its shapes at its places."""
+        """Shapes at the family's places."""
         return ShapesAt(self.places, self.reduction.every)
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
                masses: Any = None, loose: bool = False) -> FilmStates:
-        """Equilibria of films under forces on their plates [N] and voltages across them [V].
+        """Solve for equilibria under forces on the plates [N] and voltages across the films [V].
 
-        ``parameters``: (films, names), in the order of ``family.box.names``, or what :meth:`films`
-        made of them; forces, voltages and ``masses`` that swing with the plates [kg] are broadcast
-        to (films, states). Without
-        ``check`` no film has an estimate of its own: the error is nan. With ``loose`` films that
-        have lost tension are there, too, as if they bore compression: a search then knows by how
-        much they have lost it.
+        ``parameters``: (films, names), in the order of ``family.box.names``, or the result of
+        :meth:`films`. Forces, voltages and ``masses`` that move with the plates [kg] are broadcast
+        to (films, states). Without ``check`` the error is not estimated and is nan. With ``loose``
+        films that have lost tension are included, as if they bore compression: a search then knows
+        how much tension is missing.
         """
         loads = np.broadcast_arrays(*(np.asarray(np.nan if value is None else value, float)
                                       for value in (forces, voltages, masses)))
@@ -373,10 +375,10 @@ class FilmFamily:
         return FilmStates.joined(blocks)
 
     def rests(self, parameters: Any, forces: AnyArray, voltages: AnyArray) -> AnyArray:
-        """Amplitudes q of equilibria, (films, shapes), whether or not films are in tension.
+        """Solve for amplitudes q of equilibria, (films, shapes), taut or not.
 
-        ``parameters`` as :meth:`states`. Forces [N] and voltages [V] have the shape (films,); nan
-        where there is no equilibrium.
+        ``parameters`` are as for :meth:`states`. Forces [N] and voltages [V] have the shape
+        (films,). Amplitudes are nan if there is no equilibrium.
         """
         found = []
         for part, films in self.blocks(parameters):
@@ -385,10 +387,10 @@ class FilmFamily:
         return np.concatenate(found)
 
     def held_forces(self, parameters: Any, q: AnyArray, voltages: AnyArray) -> AnyArray:
-        """Forces [N] that hold films' plates where states q have them, under voltages [V].
+        """Compute the forces [N] that hold plates at states q, under voltages [V].
 
-        ``parameters`` as :meth:`states`; ``q``: (films, shapes), of one state each; nan where there
-        is no equilibrium.
+        ``parameters`` are as for :meth:`states`. ``q``: (films, shapes), one state per film. Forces
+        are nan if there is no equilibrium.
         """
         result = np.full(len(q), np.nan)
         for part, films in self.blocks(parameters):
@@ -438,35 +440,40 @@ class FilmFamily:
 
     def frequencies(self, parameters: Any, q: AnyArray, voltages: AnyArray, masses: AnyArray
                     ) -> AnyArray:
-        """Lowest frequencies [Hz] of plates with masses [kg] in states q, of one state each.
+        """Compute the lowest frequencies [Hz] of plates with masses [kg] at states q.
 
-        ``parameters`` as :meth:`states`; the voltage is held constant, and there is no air.
+        There is one state per film. ``parameters`` are as for :meth:`states`. The voltage is
+        constant, and there is no air.
         """
         found = [_frequency(films, np.arange(len(films)), q[part], voltages[part] ** 2,
                             masses[part]) for part, films in self.blocks(parameters)]
         return np.concatenate(found)
 
     def frequency(self, parameters: Any, forces: Any, voltages: Any, masses: Any) -> AnyArray:
-        """Lowest frequency [Hz] at which plates swing along the load, (films, states).
+        """Compute the lowest frequency [Hz] of motion along the load, (films, states).
 
-        ``masses`` of the plates [kg], broadcast as forces and voltages; the voltage is held
-        constant, and there is no air. nan where the family holds no state.
+        ``masses`` of the plates [kg] are broadcast as forces and voltages. The voltage is constant,
+        and there is no air. The frequency is nan where the family holds no state.
         """
         return self.states(parameters, forces, voltages, check=False, masses=masses).frequency
 
     def limits(self, parameters: Any, forces: Any) -> tuple[AnyArray, AnyArray]:
-        """Voltages [V] at which films break down, and up to which they are taut and stable.
+        """Find the voltages [V] of breakdown, and up to which films are taut and stable.
 
-        Forces [N] are broadcast to (films, forces), the shape of both. The second is that of the
-        first loss of tension or of pull-in, whichever comes first: :meth:`ends` says which.
-        Infinite where it is not met within the family's voltages, nan where there is no state at
-        the lowest of these, or where a film stops being taut before it breaks down.
+        Forces [N] are broadcast to (films, forces), the shape of both results. The second is the
+        voltage of the first loss of tension or pull-in; :meth:`ends` distinguishes these. A voltage
+        is infinite if the limit is not reached within the family's voltages. It is nan if there is
+        no state at the lowest of these, or if a film loses tension or stability before it breaks
+        down.
         """
         ends = self.ends(parameters, forces)
         return ends.breakdown, ends.taut
 
     def ends(self, parameters: Any, forces: Any) -> FilmEnds:
-        """Voltages at which films break down, lose tension or pull in; forces as :meth:`limits`."""
+        """Find the voltages at which films break down, lose tension or pull in.
+
+        Forces are as for :meth:`limits`.
+        """
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
                                                             if np.ndim(forces) else 1))
@@ -484,10 +491,11 @@ class FilmFamily:
 
     def first_limits(self, parameters: Any, forces: AnyArray, strengths: Any = 1.0, *,
                      wanted: Collection[str] = ()) -> FirstLimits:
-        """First limits of films, (films, names), as the voltage rises under forces [N], (films,).
+        """Find first limits of films, (films, names), as the voltage rises.
 
-        ``strengths``: factors on the films' electric strength, (films,) or one; ``wanted``: kinds
-        that are looked for, all :func:`~tympan.studies.films.first_limits.kinds` if none is given.
+        The forces [N] have the shape (films,). ``strengths``: factors on the films' electric
+        strength, (films,) or one. ``wanted``: kinds to be searched; the default is all
+        :func:`~tympan.studies.films.first_limits.kinds`.
         """
         strength = np.broadcast_to(np.asarray(strengths, float), forces.shape)
         found = [first_limits(partial(self.margins, films, films.at(self.looked_at), forces[part],
@@ -505,14 +513,14 @@ class FilmFamily:
     def margins(self, films: Films, at: FilmsAt, forces: AnyArray, strengths: AnyArray,
                 wanted: Collection[str], number: AnyArray, squared: AnyArray,
                 near: AnyArray | None) -> FilmMargins:
-        """Margins of ``wanted`` kinds of some of the films, by their numbers, at a U² of each."""
+        """Compute margins of ``wanted`` kinds of some films, by their numbers, at U² of each."""
         force, strength = forces[number], strengths[number]
         if near is None:
             balance = self._rests(films, number, force, squared)
         else:
             balance = films.balanced(number, force, squared, near)
             some = np.flatnonzero(~balance.sound)
-            if films.loading.softening and len(some):  # a plate that snaps comes to rest elsewhere
+            if films.loading.softening and len(some):  # a plate that snaps has another equilibrium
                 balance.put(some, self._rests(films, number[some], force[some], squared[some]))
         holds = balance.sound & self._loads_within(force, squared**0.5)
         holds &= self.box.holds(films.rows[number])
@@ -528,7 +536,7 @@ class FilmFamily:
         return FilmMargins(by_kind, extremes.sound | unasked, extremes.lawful, q)
 
     def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
-        """States of films in equilibrium, by their numbers, under loads of each."""
+        """Solve for equilibria of films, by their numbers, under loads of each."""
         if films.loading.softening:
             return films.first_rests(number, force, squared)
         near: Balance = self.guess.balanced(films, self.box.scaled(films.rows), number, force,
@@ -536,7 +544,7 @@ class FilmFamily:
         return near
 
     def _tilt(self, q: AnyArray) -> AnyArray:
-        """Tilts of the plates [rad]."""
+        """Compute the tilts of the plates [rad]."""
         if self.ground.model.discretisation.planes == {"x", "y"}:
             return np.zeros(len(q))
         return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ self._one.turns.T).T), 1.0)))
@@ -548,7 +556,7 @@ class FilmFamily:
 
     def error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray,
               stiffness: AnyArray) -> AnyArray:
-        """Errors of the deflections of states q of films [m], (states,)."""
+        """Estimate the errors of the deflections of states q of films [m], (states,)."""
         deflection = np.abs(q[:, 0])
         off = self.check.estimate(films, number, q, force, squared, stiffness)
         return self.factor * (off + self.usual * deflection) + self.remeshed * deflection
@@ -556,9 +564,9 @@ class FilmFamily:
     def _error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray,
                squared: AnyArray,
                stiffness: AnyArray, shape: tuple[int, ...]) -> AnyArray:
-        """Errors of deflections [m], (states,): of each film that at its largest deflection.
+        """Estimate errors of deflections [m], (states,), at each film's largest deflection.
 
-        States of which that is a large share have estimates of their own.
+        States for which this error is a large share of the deflection get their own estimate.
         """
         there = np.abs(q[:, 0])
         deflection = np.where(np.isfinite(there), there, -1.0)
@@ -576,16 +584,16 @@ class FilmFamily:
 
 def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, mass: AnyArray
                ) -> AnyArray:
-    """Lowest frequencies [Hz] of plates with a mass in states q, nan without."""
+    """Compute the lowest frequencies [Hz] of plates with a mass in states q; nan without."""
     result = np.full(len(q), np.nan)
     some = np.flatnonzero(np.isfinite(q).all(1) & np.isfinite(mass))
     if len(some):
         _, stiffness = films.pull(number[some], q[some], squared[some])
-        firm = positive_definite(stiffness)  # next to a pull-in one may be none
+        firm = positive_definite(stiffness)  # near a pull-in some may not be
         some, stiffness = some[firm], stiffness[firm]
         inertia = films.inertia[number[some]]
         inertia[:, 0, 0] += mass[some]
-        # Of K v = w² M v the largest 1/w², as the eigenvalue of a symmetric matrix.
+        # The largest 1/w² of K v = w² M v, as the eigenvalue of a symmetric matrix.
         root = np.linalg.inv(np.linalg.cholesky(stiffness))
         slow = np.linalg.eigvalsh(root @ inertia @ root.swapaxes(-1, -2))[:, -1]
         result[some] = 1 / (2 * np.pi * np.sqrt(slow))
@@ -593,7 +601,7 @@ def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, m
 
 
 def films_of(ground: Ground, reduction: Reduction, rows: AnyArray) -> Films:
-    """The films with these parameters."""
+    """Build the films with given parameters."""
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.every
     turns = [plate_freedoms(ground.model, shape)[TURNS] for shape in reduction.shapes]
     few = whole.some(reduction.points, reduction.shares)
@@ -607,9 +615,9 @@ def films_of(ground: Ground, reduction: Reduction, rows: AnyArray) -> Films:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Amplitudes as a quadratic function of parameters and loads, from states that are solved.
+    """Amplitudes as a quadratic function of parameters and loads, fitted to solved states.
 
-    ``weights`` (terms, shapes); ``spread``: by how much it misses these states at most, (shapes,).
+    ``weights`` (terms, shapes). ``spread``: largest error at these states, (shapes,).
     """
 
     force: tuple[float, float]
@@ -639,7 +647,7 @@ class Guess:
     def balanced(self, films: Films, scaled: AnyArray, number: AnyArray, force: AnyArray,
                  squared: AnyArray
                  ) -> Any:
-        """States from the guess; where that leads nowhere, or far away, with loads that rise."""
+        """Solve from the guess; if that fails or leads far away, increase the loads in steps."""
         guess = self._terms(scaled[number], force, squared) @ self.weights
         balance = films.balanced(number, force, squared, guess)
         far = np.abs(balance.q - guess).max(1) > _FAR * np.maximum(
@@ -652,15 +660,16 @@ class Guess:
         return balance
 
 
-#: Of the mean square of terms, what is added to the squares of least squares.
+#: Regularisation of the least squares, relative to the mean square of the terms.
 _RIDGE = 1e-9
-#: How far a state may be from its guess, over the guess, before its loads are raised step by step.
+#: Largest distance of a state from its guess, over the guess; beyond it the loads are increased in
+#: steps.
 _FAR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class _Making:
-    """A family as it is made."""
+    """A family while it is made."""
 
     ground: Ground
     force: tuple[float, float]
@@ -673,7 +682,10 @@ class _Making:
         return self.voltage[0] ** 2, self.voltage[1] ** 2
 
     def drawn(self, count: int, seed: int) -> tuple[AnyArray, AnyArray, AnyArray]:
-        """Parameters (count, names), forces and U² of random films, even over the box."""
+        """Draw parameters (count, names), forces and U² of random films.
+
+        They are uniformly distributed over the box.
+        """
         box = self.ground.box
         shares = drawn_points(len(box.names) + 2, count, seed)
         low, high = (np.array([*edge, self.force[end], self.squared[end]])
@@ -682,7 +694,7 @@ class _Making:
         return points[:, :-2], points[:, -2], points[:, -1]
 
     def made(self) -> FilmFamily:
-        """The family."""
+        """Make the family."""
         settings = self.settings
         count = settings.first + settings.more * len(self.ground.box.names)
         shots = self._first(*self.drawn(count, settings.seed))
@@ -753,7 +765,7 @@ class _Making:
                           snapshots=len(shots))
 
     def _places(self, films: Films, number: AnyArray, q: AnyArray, squared: AnyArray) -> Sites:
-        """Nodes of elements at which some of the films is nearly strained or charged most."""
+        """Find element nodes at which some film has nearly its largest strain or field."""
         sites = Sites.at_nodes(self.ground.model.discretisation)
         at = films.at(ShapesAt(sites, films.whole.shapes))
         near = np.zeros(len(sites.cells), dtype=bool)
@@ -767,14 +779,14 @@ class _Making:
 
     def _worst(self, family: FilmFamily, rows: AnyArray, forces: AnyArray, squares: AnyArray
                ) -> tuple[AnyArray, AnyArray]:
-        """Numbers of films of the largest estimates, and these over the deflection."""
+        """Find the films with the largest estimates, and these over the deflection."""
         states = family.states(rows, forces[:, None], squares[:, None] ** 0.5)
         share = np.nan_to_num(_relative(states))
         order = np.argsort(share)[::-1][: self.settings.batch]
         return order, share[order]
 
     def _scaled(self, family: FilmFamily) -> FilmFamily:
-        """The family with its estimate scaled so that it covers the errors of random films."""
+        """Scale the family's estimate so that it covers the errors of random films."""
         rows, forces, squares = self.drawn(self.settings.checks, self.settings.seed + 2)
         voltages = squares[:, None] ** 0.5
         usual = float(np.nanmean(_relative(family.states(rows, forces[:, None], voltages))))
@@ -800,20 +812,20 @@ class _Making:
 
     def _found(self, family: FilmFamily, q: AnyArray, row: AnyArray, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
-        """The film of finite elements that a state of the family is near to."""
+        """Solve the finite-element film near a state of the family."""
         motion = np.tensordot(family.films(row[None]).along(q[None])[0], family.reduction.every, 1)
         return self.ground.solved(row, force, squared, motion)
 
     def _outermost(self, rows: AnyArray, solved: list[tuple[int, float]]) -> list[tuple[int,
                    float]]:
-        """Those of some films whose lengths are farthest from the box's middle."""
+        """Select those of some films whose lengths are farthest from the box's middle."""
         box = self.ground.box
         lengths = [box.names.index(name) for name in box.lengths]
         far = np.linalg.norm(box.scaled(rows)[:, lengths], axis=1)
         return sorted(solved, key=lambda pair: -far[pair[0]])[: _REMESHED if lengths else 0]
 
     def _remeshed(self, row: AnyArray, force: float, squared: float) -> tuple[float, float]:
-        """Deflection [m] and largest stress [Pa] of a film on a mesh of its own."""
+        """Compute deflection [m] and largest stress [Pa] of a film on its own mesh."""
         ground = self.ground
         fresh = ground.fresh(row)
         return _moved(fresh, equilibrium(fresh, force, squared**0.5, ground.gas(row),
@@ -821,7 +833,10 @@ class _Making:
 
 
 def _relative(states: FilmStates) -> AnyArray:
-    """Errors of one state of each film over its deflection, or a part of the largest, (films,)."""
+    """Divide errors of one state of each film by its deflection, (films,).
+
+    The deflection counts as at least a part of the largest one.
+    """
     deflection = np.abs(states.deflection[:, 0])
     largest = float(np.nanmax(deflection, initial=0.0))
     with np.errstate(invalid="ignore"):
@@ -829,6 +844,6 @@ def _relative(states: FilmStates) -> AnyArray:
 
 
 def _moved(model: Model, solved: Solution | Outcome) -> tuple[float, float]:
-    """Deflection [m] and largest stress [Pa] of a film of finite elements."""
+    """Compute deflection [m] and largest stress [Pa] of a finite-element film."""
     there, = node_fields(model, [solved.state])
     return model.deflection(solved.state), float(there.stress_1.max())

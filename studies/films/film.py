@@ -1,10 +1,11 @@
-"""A film reduced to its plate's heave, a few shapes, and a few points that stand for the rest.
+"""A film reduced to its plate's deflection, a few shapes, and a few representative points.
 
-The film moves as x = X + Σ q_k φ_k(X): q_1 is the heave, the other shapes leave the plate where it
-is. So C is a quadratic function of q at every point, and what the film stores is Σ V_p ψ(C_p(q)),
-over a few points of virgin volumes V_p that stand for all (a reduced basis with empirical cubature:
-Hernández, Caicedo and Ferrer, Comput. Methods Appl. Mech. Eng. 313, 2017). Law, voltage and viscous
-branches are the film's own at these points (:mod:`tympan.fem.film`): nothing of them is fitted.
+The film moves as x = X + Σ q_k φ_k(X). The amplitude q_1 is the deflection; the other shapes do not
+move the plate. C is therefore a quadratic function of q at every point. The stored energy is Σ V_p
+ψ(C_p(q)) over a few points, whose virgin volumes V_p represent all points (a reduced basis with
+empirical cubature: Hernández, Caicedo and Ferrer, Comput. Methods Appl. Mech. Eng. 313, 2017). Law,
+voltage and viscous branches are the film's own at these points (:mod:`tympan.fem.film`); nothing of
+them is fitted.
 """
 
 from __future__ import annotations
@@ -36,16 +37,16 @@ from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import Bias, acting
 from tympan.geometry.specimen import Specimen
 
-#: Most corrections of a state. Newton's method takes a few from a good guess.
+#: Largest number of corrections of a state. Newton's method needs a few from a good guess.
 ITERATIONS = 12
-#: The last correction over the gap. Of the next one its square is left, 1e-8.
+#: Last correction over the gap. The error after it is its square, 1e-8.
 _LAST = 1e-4
 
-#: How far the table of a film's law goes, over the gap between plate and frame. Beyond it the law
-#: itself is asked.
+#: Largest deflection of the table of a film's law, over the gap between plate and frame. Beyond it
+#: the law itself is evaluated.
 _TABULATED = 0.25
-#: How far the table goes beyond the strains there, by their range: other shapes strain the film a
-#: little more.
+#: Margin of the table beyond the strains at these deflections, relative to their range: other
+#: shapes strain the film a little more.
 _MARGIN = 0.2
 
 #: Shortest part of a change of loads that is tried.
@@ -53,14 +54,14 @@ _PART = 1e-3
 
 
 class NoBalance(ArithmeticError):
-    """The film has no stable equilibrium where it was looked for."""
+    """Error: no stable equilibrium of the film was found."""
 
 
 @dataclass(frozen=True, eq=False)
 class FilmLoads:
-    """The force on the plate [N], U² across the film [V²], mechanisms on the plate.
+    """Force on the plate [N], U² across the film [V²], and mechanisms on the plate.
 
-    Numbers, or arrays of several runs.
+    Values are numbers, or arrays of several runs.
     """
 
     force: Any
@@ -68,12 +69,15 @@ class FilmLoads:
     biases: tuple[Bias, ...] = ()
 
     def differ(self, other: FilmLoads) -> bool:
-        """Whether a force or a voltage is another one."""
+        """Check whether a force or a voltage is different."""
         return bool(np.any(self.force != other.force)
                     or np.any(self.voltage_squared != other.voltage_squared))
 
     def towards(self, other: FilmLoads, share: float) -> FilmLoads:
-        """Loads a share of the way from these to others, with the others' mechanisms."""
+        """Interpolate the loads to others by a share.
+
+        The mechanisms are those of the others.
+        """
         return FilmLoads(self.force + share * (other.force - self.force),
                      self.voltage_squared + share * (other.voltage_squared - self.voltage_squared),
                      other.biases)
@@ -81,13 +85,14 @@ class FilmLoads:
 
 @dataclass(frozen=True, eq=False)
 class ReducedFilm:
-    """A specimen's film at points; states q have the shape (..., shapes), of several runs at once.
+    """A specimen's film at points; states q have the shape (..., shapes), also of several runs.
 
-    ``volumes`` [m³] and ``covered``, 1 under the electrode, shape (points,); ``gradients``: ∂φ/∂X
-    of the heave's shape and the others [1/m], shape (shapes, points, 3, 2). ``errors``: the largest
-    of its deflection over the range of the field model's, by runs it was not made from. ``table``:
-    of this specimen's law and charge, if there is one; where it ends the law itself is asked.
-    ``gas_area`` [m²]: that on which a gas below film and plate lifts the plate, where it is known.
+    ``volumes`` [m³] and ``covered`` (1 under the electrode) have the shape (points,).
+    ``gradients``: ∂φ/∂X of the deflection's shape and the others [1/m], shape (shapes, points, 3,
+    2). ``errors``: largest error of the deflection over its range in the field model, by the names
+    of test runs. ``table``: table of this specimen's law and charge, or None; outside it the law
+    itself is evaluated. ``gas_area`` [m²]: area on which gas below film and plate lifts the plate,
+    if known.
     """
 
     specimen: Specimen
@@ -105,14 +110,15 @@ class ReducedFilm:
 
     @cached_property
     def flat(self) -> Array:
-        """q of the mounted film."""
+        """Amplitudes q of the mounted film."""
         return np.zeros(self.count)
 
     @cached_property
     def _slope(self) -> Array:
         """∂E/∂q of the flat film, shape (shapes, 3 × points).
 
-        In Voigt form and of the virgin film, as all strains and stresses here.
+        Strains and stresses are in Voigt form and refer to the virgin film, as everywhere in this
+        class.
         """
         g = self.gradients
         parts = np.stack([g[:, :, 0, 0], g[:, :, 1, 1], g[:, :, 0, 1] + g[:, :, 1, 0]], -2)
@@ -136,7 +142,7 @@ class ReducedFilm:
 
     @cached_property
     def _pairs(self) -> tuple[Numbers, Numbers, Array]:
-        """Numbers of pairs of (1, q), each once, and C of the virgin film by their products.
+        """Numbers of pairs of (1, q), each once, and their factors in C of the virgin film.
 
         Shapes (pairs,) twice and (3, pairs, points).
         """
@@ -159,7 +165,7 @@ class ReducedFilm:
         return np.ascontiguousarray((by_point * both).T)
 
     def strain(self, q: Array) -> Array:
-        """C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
+        """Compute C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
         first, second, by_pair = self._pairs
         along = np.ones((q.size // self.count, self.count + 1))
         along[:, 1:] = q.reshape(-1, self.count)
@@ -167,15 +173,15 @@ class ReducedFilm:
         return np.asarray((pairs @ by_pair).reshape(3, *q.shape[:-1], -1))
 
     def _slopes(self, q: Array) -> Array:
-        """∂E/∂q, shape (..., shapes, 3 × points)."""
+        """Compute ∂E/∂q, shape (..., shapes, 3 × points)."""
         bent = q.reshape(-1, self.count) @ self._bend.reshape(self.count, -1)
         return self._slope + bent.reshape(*q.shape, -1)
 
     def pull(self, q: Array, voltage_squared: Any, flow: Flow | None = None
              ) -> tuple[Array, Array]:
-        """The film's generalised forces against q [N] and their derivatives [N/m].
+        """Compute the film's generalised forces against q [N] and their derivatives [N/m].
 
-        ``flow``: a step of its branches' memory; without, they are relaxed.
+        ``flow``: a step of its branches' memory; without it they are relaxed.
         """
         c, slope = self.strain(q), self._slopes(q)
         if flow is None or flow.at_once is None:
@@ -192,10 +198,11 @@ class ReducedFilm:
 
     def staged_pull(self, q: Array, voltage_squared: Any, flow: StagedFlow
                     ) -> tuple[Array, Array, StagedFlow]:
-        """Pull as :meth:`pull` of states (..., stages, shapes) in a step that is collocated.
+        """Compute the pull of states (..., stages, shapes) in a collocated step.
 
-        The derivatives at a stage by q at another, those as if C were the same at both, have the
-        shape (..., stages, shapes, stages, shapes). Last comes the flow as it is at this q.
+        It is as :meth:`pull`. The derivatives of a stage's forces with respect to another stage's q
+        use one C for both stages. Their shape is (..., stages, shapes, stages, shapes). The last
+        result is the flow at this q.
         """
         c, slope = self.strain(q), self._slopes(q)
         plane, thick, slopes, flow = flow.stress(c)
@@ -214,14 +221,14 @@ class ReducedFilm:
 
     def staged_forces(self, q: Array, voltage_squared: Any, flow: StagedFlow
                       ) -> tuple[Array, StagedFlow]:
-        """Forces and flow as :meth:`staged_pull` gives them, without derivatives."""
+        """Compute forces and flow as :meth:`staged_pull` does, without derivatives."""
         c = self.strain(q)
         plane, thick, _, flow = flow.stress(c, slopes=False)
         stress, _ = self._law(c, voltage_squared, thick, tangent=False)
         return self._forces(q, stress + plane)[0], flow
 
     def _forces(self, q: Array, stress: Array) -> tuple[Array, Array]:
-        """Generalised forces [N] of S at the points; what S itself adds to their derivatives."""
+        """Compute generalised forces [N] from S, and the geometric part of their derivatives."""
         work = stress.transpose(*range(1, q.ndim), 0, -1).reshape(-1, 3 * len(self.volumes))
         both = work @ self._works
         geometric = both[:, self.count:].reshape(*q.shape, self.count)
@@ -229,16 +236,16 @@ class ReducedFilm:
         return flat + (geometric @ q[..., None])[..., 0], geometric
 
     def _bent(self, slope: Array, tangent: Array) -> Array:
-        """The points' forces [N m] by q for ∂S/∂E, shape (..., shapes, 3 × points)."""
+        """Compute the points' derivatives of forces for ∂S/∂E, (..., shapes, 3 × points)."""
         by_point = slope.reshape(*slope.shape[:-1], 3, -1)
         bent = np.einsum("ij...p,...njp->...nip", tangent * self.volumes, by_point)
         return np.asarray(bent.reshape(slope.shape))
 
     def _law(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True
              ) -> tuple[Array, Any]:
-        """S [Pa], shape (3, ..., points), and ∂S/∂E, (3, 3, ..., points), of law and voltage.
+        """Compute S [Pa], (3, ..., points), and ∂S/∂E, (3, 3, ..., points).
 
-        With ½ ``thick`` [Pa] over det C stored besides.
+        They include law and voltage. With ``thick`` [Pa] the energy ½ ``thick`` / det C is added.
         """
         squared = _each(voltage_squared)
         if self.table is not None:
@@ -262,9 +269,9 @@ class ReducedFilm:
 
     @cached_property
     def tabulated(self) -> ReducedFilm:
-        """The film with its law in a table, where one is precise: for the many states of a motion.
+        """The film with its law in a table, if a table is accurate: faster for motions.
 
-        It holds up to a good deal of the gap.
+        The table covers a good part of the gap.
         """
         heaves = np.multiply.outer(np.linspace(0.0, _TABULATED * self.specimen.gap, 9),
                                    np.eye(self.count)[0])
@@ -276,7 +283,7 @@ class ReducedFilm:
         return replace(self, table=table)
 
     def capacitance(self, q: Array, voltage_squared: Any = 0.0) -> Any:
-        """Capacitance of the film [F], wrinkles included."""
+        """Compute the capacitance of the film [F], wrinkles included."""
         density = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
         seen = principal_stretches(tuple(self.strain(q)), (1.0, 1.0))
         charged = maxwell(self.specimen, 1.0, self.covered)
@@ -284,7 +291,7 @@ class ReducedFilm:
         return -2 * (energy * self.volumes).sum(-1)
 
     def relaxed(self, q: Array) -> Memory:
-        """The memory of branches that have rested at q for ever."""
+        """Create the memory of branches that are fully relaxed at q."""
         full = incompressible(self.strain(q))[:, None]
         memory = self._flat_memory
         return replace(memory, viscous=np.repeat(full, len(memory.times), 1))
@@ -295,14 +302,14 @@ class ReducedFilm:
 
     def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None, *,
                  clamped: bool = False, last: float = _LAST) -> Array:
-        """q in equilibrium near a guess, with a ``clamped`` plate at its heave.
+        """Solve for q in equilibrium near a guess; a ``clamped`` plate keeps its deflection.
 
-        ``last``: the largest correction, over the gap, after which no other follows.
+        ``last``: largest last correction, over the gap.
 
         Raises
         ------
         NoBalance
-            Where there is none that is stable.
+            If there is no stable equilibrium.
         """
         scale = self.specimen.gap
         for _ in range(ITERATIONS):
@@ -325,7 +332,7 @@ class ReducedFilm:
 
     def carried(self, q: Array, before: FilmLoads, after: FilmLoads, flow: Flow | None = None, *,
                 clamped: bool = False, last: float = _LAST) -> Array:
-        """q after the loads changed at once, in as many steps as it takes."""
+        """Solve for q after a jump of the loads, in as many parts as needed."""
         share, step = 0.0, 1.0
         while share < 1:
             ahead = min(1.0, share + step)
@@ -340,7 +347,7 @@ class ReducedFilm:
         return q
 
     def at_rest(self, loads: FilmLoads, last: float = _LAST) -> Array:
-        """q at rest for ever under loads: weighed first, then charged."""
+        """Solve for the relaxed q under loads: first the weight, then the voltage."""
         runs, nothing = np.shape(loads.force), FilmLoads(0.0, 0.0)
         weight = replace(loads, voltage_squared=0.0)
         flat = np.broadcast_to(self.flat, (*runs, self.count))
@@ -351,7 +358,7 @@ class ReducedFilm:
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:
-    """The solution, shape (..., n), of symmetric positive definite systems (..., n, n)."""
+    """Solve symmetric positive definite systems (..., n, n) for (..., n)."""
     if pull.ndim == 1:
         _, step, unstable = dposv(stiffness, pull)
         if unstable:
@@ -374,5 +381,5 @@ def require_stable(stiffness: Array) -> None:
 
 
 def _each(values: Any) -> Any:
-    """Values of every run, broadcast over all of its points."""
+    """Broadcast values of every run over its points."""
     return values[..., None] if np.ndim(values) else values

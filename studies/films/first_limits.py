@@ -1,11 +1,12 @@
-"""The voltages at which many films of a family first meet a limit, and which.
+"""First limits of many films of a family: their voltages and their kinds.
 
-As U² rises, the least tension, the square of the film's least stiffness and what the largest field
-leaves of the strength fall smoothly, to 0 at a loss of tension, at pull-in, at breakdown. So each
-limit is foreseen from the last three states, and the next state is taken most of the way to it.
+As U² rises, three margins decrease smoothly. The least tension is 0 at loss of tension. The square
+of the film's least stiffness is 0 at pull-in. The margin of the largest field below the strength is
+0 at breakdown. Each limit is therefore predicted from the last three states, and the next state is
+taken most of the way to it.
 
-At a pull-in U² has its maximum. Near it a film moves with the root of what U² lacks of that, and so
-do the other margins: they fall ever faster, but need not reach 0.
+At a pull-in U² has its maximum. Near it a film moves with the root of the difference of U² to the
+maximum, and so do the other margins. They decrease ever faster, but need not reach 0.
 """
 
 from __future__ import annotations
@@ -26,39 +27,38 @@ from tympan.fem.results.limit_states import (
     LimitState,
 )
 
-#: What is met beside limit states: the film leaves the range of stretches that its law is made for.
+#: Further kind: the film leaves the range of stretches for which its law is made.
 LAW_RANGE = "law_range"
-#: Kinds that end the way of a film; it goes on beyond others.
+#: Kinds that end the path of a film; it continues beyond other kinds.
 ENDS = (TENSION.kind, PULL_IN.kind)
-#: Kinds that films meet in themselves. They have no margin: a film is firm and within its law's
-#: range, or not.
+#: Kinds without margin: a film is stable in its plane and within its law's range, or it is not.
 WITHIN = (INSTABILITY.kind, LAW_RANGE)
 
 
 def kinds() -> tuple[str, ...]:
-    """Kinds that films of a family may meet first: limit states, and the end of the law's range."""
+    """List the kinds that films of a family may reach first: limit states, and the law's range."""
     return (*ENDS, BREAKDOWN.kind, *(state.kind for state in strained()), *WITHIN)
 
 
 def strained() -> list[LimitState]:
-    """Further limit states whose margins follow from the films' stretches and stresses."""
+    """List further limit states whose margins follow from stretches and stresses alone."""
     return [state for state in LIMIT_STATES.values()
             if state.strained and state.kind not in ENDS]
 
 
-#: Part of the range of U² of the first state above the lowest.
+#: First state above the lowest, as a share of the range of U².
 _FIRST = 0.25
-#: Part of the way to a foreseen pull-in at which the next state is: beyond it there is none. States
-#: of other kinds are at the limit that is foreseen.
+#: Share of the way to a predicted pull-in at which the next state is taken: beyond the pull-in
+#: there is none. For other kinds the next state is at the predicted limit.
 _ON = 0.93
-#: How near to a state a limit is foreseen at last, relative in U².
+#: Relative distance in U² from a state to its predicted limit at which the search ends.
 _NEAR = 1e-2
-#: Most states of a film.
+#: Largest number of states of a film.
 _MOST = 14
 
 
 def label_of(kind: str) -> str:
-    """Name of one of :func:`kinds` for people."""
+    """Name one of :func:`kinds` for people."""
     return "the end of the law's range" if kind == LAW_RANGE else str(LIMIT_STATES[kind].label)
 
 
@@ -66,9 +66,9 @@ def label_of(kind: str) -> str:
 class FirstLimits:
     """Voltages [V] of films' first limits, and their :func:`kinds`, (films,).
 
-    Voltages are infinite where none is met within the family's voltages, nan where there is no
-    state at the lowest of these; the kind is then what is wrong with that state, a pull-in where
-    there is none.
+    A voltage is infinite if no limit is reached within the family's voltages, and nan if there is
+    no valid state at the lowest of these. The kind is then the limit that this state exceeds; it is
+    pull-in if there is no state.
     """
 
     voltage: AnyArray
@@ -77,9 +77,10 @@ class FirstLimits:
 
 @dataclass(frozen=True, eq=False)
 class FilmMargins:
-    """States q of films at some U²: margins by their kinds, (films,), nan without a state.
+    """States q of films at a U² of each; margins by their kinds, (films,), nan without a state.
 
-    ``firm``: whether the film is firm there and its law holds; ``lawful``: whether its law does.
+    ``firm``: whether the film is stable in its plane and within its law's range. ``lawful``:
+    whether it is within its law's range.
     """
 
     by_kind: Mapping[str, AnyArray]
@@ -89,7 +90,7 @@ class FilmMargins:
 
     @cached_property
     def values(self) -> AnyArray:
-        """Margins in columns, (films, margins)."""
+        """Margins as columns, (films, margins)."""
         return np.stack([*self.by_kind.values()], 1)
 
     @property
@@ -98,12 +99,13 @@ class FilmMargins:
         return np.array([*self.by_kind], dtype=object)
 
 
-#: States of some films, by their numbers, at a U² of each, near states q where these are given.
+#: Function that finds states of some films, by their numbers, at a U² of each, near given states q
+#: if any.
 Find = Callable[[AnyArray, AnyArray, AnyArray | None], FilmMargins]
 
 
 def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits:
-    """First limits of so many films between U² of ``low`` and ``high``."""
+    """Find the first limits of ``count`` films between U² of ``low`` and ``high``."""
     start = find(np.arange(count), np.full(count, low), None)
     names = start.names
     pulls_in = names == PULL_IN.kind
@@ -112,7 +114,7 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
     voltage = np.full(count, np.nan)
     below, beyond = np.full(count, low), np.full(count, np.inf)
     met = np.full(count, PULL_IN.kind, dtype=object)
-    # U², margins and states of the last three that there are, the last one first.
+    # U², margins and q of the last three states, the last one first.
     x = np.full((3, count), low)
     margins, q = np.array([start.values] * 3), np.array([start.q] * 3)
     tried = np.full(count, low + _FIRST * (high - low))
@@ -126,7 +128,7 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
         met[some[~sound]] = reason[~sound]
         ahead = _ahead(x[:, some], margins[:, some], pulls_in)
         foreseen = x[0, some] + ahead.min(1)
-        # What is met before it was foreseen is between two states.
+        # A limit that is reached before its prediction is between two states.
         inside = (foreseen > below[some]) & (foreseen < beyond[some])
         middle = np.where(np.isfinite(beyond[some]), (below[some] + beyond[some]) / 2, high)
         kind[some] = np.where(inside, names[ahead.argmin(1)], met[some])
@@ -144,7 +146,7 @@ def first_limits(find: Find, count: int, low: float, high: float) -> FirstLimits
 
 
 def _reasons(found: FilmMargins) -> tuple[Mask, AnyArray]:
-    """Mask of states before all limits, and the kind that the others are beyond."""
+    """Compute the mask of states before all limits, and the kind that each other one exceeds."""
     there, positive = np.isfinite(found.values).all(1), (found.values > 0).all(1)
     infirm = np.where(found.lawful, *WITHIN).astype(object)
     met = np.where(there, found.names[found.values.argmin(1)], PULL_IN.kind)
@@ -152,7 +154,7 @@ def _reasons(found: FilmMargins) -> tuple[Mask, AnyArray]:
 
 
 def _carried(x: AnyArray, q: AnyArray, tried: AnyArray, some: AnyArray) -> AnyArray:
-    """States q of some films carried on along the last two to another U²."""
+    """Extrapolate states q of some films linearly along the last two to another U²."""
     with np.errstate(all="ignore"):
         rate = (q[0, some] - q[1, some]) / (x[0, some] - x[1, some])[:, None]
     step = (tried[some] - x[0, some])[:, None]
@@ -160,9 +162,9 @@ def _carried(x: AnyArray, q: AnyArray, tried: AnyArray, some: AnyArray) -> AnyAr
 
 
 def _ahead(x: AnyArray, margins: AnyArray, pulls_in: Mask) -> AnyArray:
-    """Distance in U² to where margins are 0, (films, margins): infinite beyond a pull-in.
+    """Predict the distance in U² to where margins are 0, (films, margins).
 
-    ``pulls_in``: a mask of the margin of pull-in.
+    It is infinite beyond a pull-in. ``pulls_in``: mask of the pull-in's margin.
     """
     most = _root(x, margins[..., pulls_in])[:, 0]
     with np.errstate(all="ignore"):
@@ -175,7 +177,7 @@ def _ahead(x: AnyArray, margins: AnyArray, pulls_in: Mask) -> AnyArray:
 
 
 def _root(x: AnyArray, margins: AnyArray) -> AnyArray:
-    """Distance in x to where margins are 0, (films, margins), by the parabola of the last three."""
+    """Predict the distance in x to zero margins, (films, margins), by the last three's parabola."""
     last, before, first = margins
     with np.errstate(all="ignore"):
         slope = (last - before) / (x[0] - x[1])[:, None]

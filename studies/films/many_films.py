@@ -1,10 +1,11 @@
-"""Many films of one reduction under many loads at once.
+"""Many films of one reduction under many loads, computed together.
 
 All films of a family move along the same shapes, on one mesh that moves with their outlines. With
-reference coordinates ξ of the elements a film's ∂x/∂ξ is that of its flat mesh plus Σ q_k ∂φ_k/∂ξ,
-and the second term is the same for all. So what couples the shapes, the residual and the tangent,
-are three products of matrices for all films and states together; the rest is film by point. The
-equations are those of :class:`tympan.studies.films.film.ReducedFilm` with relaxed branches.
+reference coordinates ξ of the elements, a film's ∂x/∂ξ is that of its flat mesh plus Σ q_k ∂φ_k/∂ξ.
+The second term is the same for all films. The residual and the tangent, which couple the shapes,
+are therefore three products of matrices for all films and states together. Everything else is
+computed for each film and point. The equations are those of
+:class:`tympan.studies.films.film.ReducedFilm` with relaxed branches.
 """
 
 from __future__ import annotations
@@ -29,24 +30,25 @@ from tympan.studies.films.film import ITERATIONS
 from tympan.studies.films.reduction import squares_of
 from tympan.studies.films.sites import Sites
 
-#: States times points that are computed together: some 60 arrays of them stay in a core's cache.
-#: With 8192 films of a tolerance take 7 % more time, those of a sweep as much.
+#: Number of states times points that are computed together: some 60 arrays of this size stay in a
+#: core's cache. With 8192, films of a tolerance take 7 % more time, those of a sweep the same.
 _TOGETHER = 12288
 
-#: Root of what may be left of a state over the gap: 1e-8 of it.
+#: Root of the allowed error of a state, over the gap: the error is 1e-8 of it.
 _LAST = 1e-4
-#: Most corrections by the tangent of a state before.
+#: Largest number of corrections by the tangent of an earlier state.
 _CHORDS = 4
-#: A tangent serves again where corrections fall at least so fast.
+#: Largest ratio of successive corrections for which a tangent is reused.
 _SLOW = 0.2
 
-#: Steps over the gap of a plate that mechanisms may make snap, at least: a snap takes several.
+#: Least number of steps over the gap of a plate that mechanisms may make snap: a snap takes
+#: several.
 _MARCHED = 30
-#: Most such steps. A bound of the cost.
+#: Largest number of such steps; it limits the cost.
 _MOST_MARCHED = 400
-#: Part of an interval of negative stiffness that a step leads over.
+#: Length of a step relative to an interval of negative stiffness.
 _PART = 0.125
-#: Halvings of the last step: Newton's method then finds the rest in it, and no other.
+#: Number of halvings of the last step: Newton's method then finds the only equilibrium in it.
 _HALVED = 4
 
 #: Pairs of the components (ia) of ∂x/∂ξ, 0 ≤ p ≤ q < 6, of a symmetric 6 × 6 matrix.
@@ -55,14 +57,17 @@ _PAIRS = tuple(combinations_with_replacement(range(6), 2))
 
 @dataclass(frozen=True, eq=False)
 class ShapesAt:
-    """Shapes of the nodes, (shapes, nodes, 3), at points; the same for all films."""
+    """Shapes of the nodes, (shapes, nodes, 3), at points.
+
+    They are the same for all films.
+    """
 
     sites: Sites
     shapes: AnyArray
 
     @cached_property
     def values(self) -> AnyArray:
-        """The shapes, (shapes, points, 3)."""
+        """Values of the shapes, (shapes, points, 3)."""
         return self.sites.at(self.shapes)
 
     @cached_property
@@ -72,12 +77,15 @@ class ShapesAt:
 
     @cached_property
     def _halves(self) -> tuple[AnyArray, AnyArray]:
-        """Both shapes of each pair, once."""
+        """Numbers of both shapes of each pair; each pair occurs once."""
         return np.triu_indices(len(self.shapes))
 
     @cached_property
     def products(self) -> AnyArray:
-        """∂φ/∂ξ times ∂φ/∂ξ, pairs of components and points by pairs of shapes, both once."""
+        """Products ∂φ/∂ξ times ∂φ/∂ξ.
+
+        Rows are pairs of components and points, columns are pairs of shapes; each pair occurs once.
+        """
         slopes = self.slopes.reshape(len(self.shapes), 6, -1)
         first, second = (slopes[half] for half in self._halves)
         result = np.empty((len(_PAIRS), slopes.shape[2], len(first)))
@@ -92,8 +100,9 @@ class ShapesAt:
     def swept(self) -> tuple[AnyArray, AnyArray]:
         """Volume above the frame's plane [m³], of degree two and three in the amplitudes.
 
-        The first by the nodes of a film's mesh, (2 × nodes, shapes × shapes) [m²]; the second,
-        (shapes, shapes, shapes), is the same for all films. Both are symmetric in the shapes.
+        The first part is multiplied by the nodes of a film's mesh, (2 × nodes, shapes × shapes)
+        [m²]. The second, (shapes, shapes, shapes), is the same for all films. Both are symmetric in
+        the shapes.
         """
         sites, count = self.sites, len(self.shapes)
         x, y = self.slopes.reshape(count, 6, -1)[:, :4].reshape(count, 2, 2, -1).swapaxes(0, 1)
@@ -110,7 +119,7 @@ class ShapesAt:
         return by_nodes.reshape(-1, count * count), cubic
 
     def coupled(self, moduli: AnyArray) -> AnyArray:
-        """Tangents, (states, shapes, shapes), of moduli by pairs, (states, 21, points)."""
+        """Sum tangents, (states, shapes, shapes), from moduli by pairs, (states, 21, points)."""
         first, second = self._halves
         half = moduli.reshape(len(moduli), -1) @ self.products
         result = np.empty((len(moduli), *2 * (len(self.shapes),)))
@@ -121,13 +130,13 @@ class ShapesAt:
 
 @dataclass(frozen=True, eq=False)
 class FilmsAt:
-    """Films at points: what of them is there whatever their state.
+    """Films at points: their quantities that do not depend on the state.
 
-    ``flat``: ∂X/∂ξ, (films, 4, points); ``frame``: ∂ξ/∂X times the prestretch, (films, 4, points),
-    so that ∂x/∂ξ times it is F of the virgin film; ``volumes`` of virgin film [m³], (films,
-    points). Films turned inside out have no volumes: nan. ``covered``: the share under the
-    electrode, ``thickness`` that of the virgin film over the stated one: of each film at the points
-    where it is uneven, (films, points), else alike in all.
+    ``flat``: ∂X/∂ξ, (films, 4, points). ``frame``: ∂ξ/∂X times the prestretch, (films, 4, points);
+    ∂x/∂ξ times it is F of the virgin film. ``volumes`` of virgin film [m³], (films, points); nan
+    for films turned inside out. ``covered``: share under the electrode. ``thickness``: thickness of
+    the virgin film over the stated one. The last two have the shape (films, points) if they are
+    uneven; otherwise they are the same for all films.
     """
 
     shapes: ShapesAt
@@ -138,7 +147,7 @@ class FilmsAt:
     thickness: AnyArray
 
     def uneven(self, films: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Share under the electrode and relative thickness of states of films."""
+        """Select share under the electrode and relative thickness for states of films."""
         every = self.covered, self.thickness
         covered, thickness = (each[films] if each.ndim == 2 else each for each in every)
         return covered, thickness
@@ -146,14 +155,14 @@ class FilmsAt:
 
 @dataclass(frozen=True, eq=False)
 class Films:
-    """Many films: a ``specimen`` with ``columns`` in place of some of its numbers, (films,) each.
+    """Many films: a ``specimen`` with ``columns`` that replace some numbers, (films,) each.
 
-    ``rows``: their family's parameters, (films, names); ``nodes`` of their meshes [m], (films,
-    nodes, 2); their shapes at the ``points`` that stand for all and at the ``whole`` of them;
-    ``loading``: what acts on all of them; ``spring`` on their plates beside it [N/m], and the
-    ``pressure`` of the gas below them [Pa], (films,) each.
-    ``turns`` of the plates about x and y by the shapes [rad/m], (2, shapes): by squares of these
-    films move along the last shapes of ``points`` and ``whole``, their bends.
+    ``rows``: parameters of their family, (films, names). ``nodes`` of their meshes [m], (films,
+    nodes, 2). ``points`` and ``whole``: shapes at the representative points and at all points.
+    ``loading``: actions on all films. ``spring``: additional spring on each plate [N/m], (films,).
+    ``pressure``: gas pressure below each film [Pa], (films,). ``turns``: tilts of the plates about
+    x and y by the shapes [rad/m], (2, shapes). The films move along the last shapes of ``points``
+    and ``whole``, their bends, by squares of these tilts.
     """
 
     specimen: Specimen
@@ -173,7 +182,7 @@ class Films:
 
     @property
     def count(self) -> int:
-        """Number of shapes, the deflection's included, without bends."""
+        """Number of shapes, with the deflection's, without bends."""
         return int(self.turns.shape[1])
 
     @property
@@ -183,12 +192,12 @@ class Films:
 
     @cached_property
     def gas(self) -> bool:
-        """Whether there is gas below some of them."""
+        """Whether there is gas below some of the films."""
         return bool(self.pressure.any())
 
     @cached_property
     def lift(self) -> AnyArray:
-        """Rates by q of how far the place moves at which the force is applied, (shapes,)."""
+        """Derivative by q of the deflection of the point where the force acts, (shapes,)."""
         x, y = self.loading.arm
         lift: AnyArray = y * self.turns[0] - x * self.turns[1]
         lift[0] += float(self.specimen.plate is not None)
@@ -196,36 +205,36 @@ class Films:
 
     @cached_property
     def leverage(self) -> AnyArray:
-        """The same over that of the heave, (shapes,)."""
+        """The lift over that of the plate's deflection, (shapes,)."""
         return self.lift / self.lever
 
     @property
     def lever(self) -> float:
-        """Rate of that place by the heave; 1 without a plate, which nothing holds."""
+        """Derivative of that point's deflection by the plate's; 1 without a plate."""
         return float(self.lift[0]) or 1.0
 
     def along(self, q: AnyArray) -> AnyArray:
-        """Amplitudes of all shapes in states q, their bends included."""
+        """Add the bends' amplitudes to states q."""
         return np.hstack([q, squares_of(q @ self.turns.T)]) if self.bends else q
 
     def _by_turn(self, q: AnyArray) -> AnyArray:
-        """Rates of the bends' amplitudes by q, (states, 3, shapes)."""
+        """Compute derivatives of the bends' amplitudes by q, (states, 3, shapes)."""
         along, across = self.turns
         x, y = (q @ self.turns.T).T[..., None]
         return np.stack([2 * x * along, 2 * y * across, x * across + y * along], 1)
 
     def _condensed(self, q: AnyArray, forces: AnyArray) -> AnyArray:
-        """Forces against q of those against all shapes."""
+        """Convert forces against all shapes to forces against q."""
         return np.asarray(forces[:, :self.count] + self.by_bends(q, forces[:, self.count:]))
 
     def by_bends(self, q: AnyArray, forces: AnyArray) -> AnyArray:
-        """Forces against q of those against the bends, (states, bends)."""
+        """Convert forces against the bends, (states, bends), to forces against q."""
         if not self.bends:
             return np.zeros(q.shape)
         return np.asarray(np.einsum("sm,smk->sk", forces, self._by_turn(q)))
 
     def _stiffened(self, q: AnyArray, forces: AnyArray, stiffness: AnyArray) -> AnyArray:
-        """Derivatives by q of the forces against it, of those by all shapes."""
+        """Convert derivatives of forces by all shapes to derivatives by q."""
         if not self.bends:
             return stiffness
         count, by = self.count, self._by_turn(q)
@@ -239,12 +248,15 @@ class Films:
                           + np.tensordot(forces[:, count:], second, 1))
 
     def some(self, films: Any) -> Specimen:
-        """The specimen with the columns of some films, (films, 1) each; (1, 1) of an only film."""
+        """Build the specimen with the columns of some films, (films, 1) each.
+
+        A single film has columns of shape (1, 1).
+        """
         return self._alone if len(self) == 1 else self._with(films)
 
     @cached_property
     def _alone(self) -> Specimen:
-        """The specimen of an only film."""
+        """Specimen of a single film."""
         return self._with(slice(None))
 
     def _with(self, films: Any) -> Specimen:
@@ -254,11 +266,11 @@ class Films:
 
     @cached_property
     def few(self) -> FilmsAt:
-        """The films at the points that stand for all."""
+        """The films at the representative points."""
         return self.at(self.points)
 
     def at(self, shapes: ShapesAt) -> FilmsAt:
-        """The films at points."""
+        """Compute the films' quantities at points."""
         sites = shapes.sites
         flat = sites.tangents(self.nodes)
         a, b, c, d = flat.transpose(1, 0, 2)
@@ -274,7 +286,7 @@ class Films:
         return FilmsAt(shapes, flat, frame, volumes, covered, thickness)
 
     def _uneven(self, sites: Sites) -> tuple[AnyArray, AnyArray]:
-        """Share under the electrode and relative thickness at points, as :class:`FilmsAt` has."""
+        """Compute share under the electrode and relative thickness at points."""
         even = self.specimen.membrane.thickness_gradient == (0.0, 0.0)
         if even and not self.specimen.electrode.patches:
             return sites.covered, np.ones(())
@@ -291,7 +303,7 @@ class Films:
 
     @cached_property
     def nodal_weight(self) -> AnyArray:
-        """The same on the nodes of the whole mesh, (films, nodes, 3)."""
+        """Weight of film and electrodes on the nodes of the whole mesh, (films, nodes, 3)."""
         result = np.zeros((*self.nodes.shape[:2], 3))
         if self.loading.gravity:
             result[..., 2] = self.loading.gravity * (self.whole.sites.spread @ self._masses.T).T
@@ -310,7 +322,7 @@ class Films:
 
     @cached_property
     def inertia(self) -> AnyArray:
-        """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without the plates."""
+        """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without plates."""
         there = self.whole.values[:self.count]
         products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
         return np.asarray((self._masses @ products).reshape(-1, self.count, self.count))
@@ -332,12 +344,12 @@ class Films:
         return Volume(linear, square, cubic, plates, turns)
 
     def parts(self, films: AnyArray, points: int) -> Iterator[slice]:
-        """Slices of states that are computed together."""
+        """Yield slices of states that are computed together."""
         step = max(1, _TOGETHER // points)
         return (slice(start, start + step) for start in range(0, len(films), step))
 
     def strain(self, at: FilmsAt, films: AnyArray, q: AnyArray) -> Strained:
-        """States q of films, (states, shapes), at points."""
+        """Compute the deformation of states q of films, (states, shapes), at points."""
         x = (self.along(q) @ at.shapes.slopes).reshape(len(q), 6, -1)
         x[:, :4] += at.flat[films]
         frame = at.frame[films].transpose(1, 0, 2)
@@ -349,9 +361,9 @@ class Films:
 
     def pull(self, films: AnyArray, q: AnyArray, squared: AnyArray, share: float = 1.0
              ) -> tuple[AnyArray, AnyArray]:
-        """Generalised forces of films [N], weight included, and derivatives, by states q.
+        """Compute generalised forces of films [N], weight included, and derivatives by q.
 
-        Under a ``share`` of the gas pressure.
+        ``share``: share of the gas pressure that acts.
         """
         strained, stress, bend = self._stressed(films, q, squared, tangent=True)
         every = self._forces(strained, stress)
@@ -369,13 +381,16 @@ class Films:
         return forces, stiffness
 
     def acting(self, films: AnyArray, deflection: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Force of springs and mechanisms on plates [N], and their stiffness [N/m], (states,)."""
+        """Compute springs' and mechanisms' force on plates [N] and stiffness [N/m], (states,)."""
         _, push, bend = acting(self.loading.biases, deflection)
         spring = self.spring[films]
         return spring * deflection + push, spring + bend
 
     def carried_force(self, films: AnyArray, q: AnyArray, force: AnyArray) -> AnyArray:
-        """Forces that films carry [N] of those on their plates, mechanisms and gas included."""
+        """Compute the forces that films carry [N].
+
+        They are the forces on the plates, mechanisms and gas included.
+        """
         carried = force - self.acting(films, q[:, 0])[0]
         if self.gas:
             by_heave, _ = self.volume.of_plates(films, q[:, 0], q @ self.turns.T)
@@ -384,7 +399,7 @@ class Films:
 
     def forces(self, films: AnyArray, q: AnyArray, squared: AnyArray, share: float = 1.0
                ) -> AnyArray:
-        """The forces of :meth:`pull` alone."""
+        """Compute only the forces of :meth:`pull`."""
         strained, stress, _ = self._stressed(films, q, squared, tangent=False)
         every = self._forces(strained, stress)
         if self.gas:
@@ -396,7 +411,10 @@ class Films:
 
     def _stressed(self, films: AnyArray, q: AnyArray, squared: AnyArray, *, tangent: bool
                   ) -> tuple[Strained, AnyArray, Any]:
-        """Films at points, S and, if asked, ∂S/∂E, times volumes; both of the virgin film."""
+        """Compute films at points, S and, if requested, ∂S/∂E, times volumes.
+
+        Stress and strain refer to the virgin film.
+        """
         at = self.few
         strained = self.strain(at, films, q)
         stored = self.density(at, films, squared).of_virgin(strained.c, tangent=tangent)
@@ -405,18 +423,21 @@ class Films:
         return strained, stored.stress.transpose(2, 0, 1) * volumes, bend
 
     def _forces(self, strained: Strained, stress: AnyArray) -> AnyArray:
-        """Forces of the film against all shapes, (states, shapes and bends)."""
+        """Compute forces of the film against all shapes, (states, shapes and bends)."""
         by = strained.forces(stress).transpose(1, 0, 2)
         return np.asarray(by.reshape(len(by), -1) @ self.few.shapes.slopes.T)
 
     def density(self, at: FilmsAt, films: AnyArray, squared: AnyArray) -> FilmDensity:
-        """Energy density of films that bear any compression at points, at U², (states,) [V²]."""
+        """Create the energy density of films without wrinkles at points.
+
+        ``squared``: U² [V²], (states,).
+        """
         covered, thickness = at.uneven(films)
         return FilmDensity(self.some(films), squared[:, None], covered, wrinkles=False,
                            thickness=thickness)
 
     def stored(self, films: AnyArray, q: AnyArray, squared: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Capacitance [F] and energy of films [J], (states,) each."""
+        """Compute capacitance [F] and energy of films [J], (states,) each."""
         capacitance, energy = np.empty(len(q)), np.empty(len(q))
         at = self.few
         for part in self.parts(films, len(at.shapes.sites.cells)):
@@ -430,7 +451,7 @@ class Films:
         return capacitance, energy
 
     def extremes(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> Extremes:
-        """Largest or smallest values of states at points; nan of states that are none."""
+        """Find largest or smallest values of states at points; nan without a state."""
         found, sites = Extremes.none(len(q)), at.shapes.sites
         there = np.flatnonzero(np.isfinite(q).all(1))
         for part in self.parts(there, len(sites.cells)):
@@ -440,7 +461,7 @@ class Films:
 
     def least(self, field: Callable[[Any], AnyArray], at: FilmsAt, films: AnyArray, q: AnyArray,
               squared: AnyArray) -> AnyArray:
-        """Least value of a limit state's field at points, (states,); nan without a state."""
+        """Find the least value of a limit state's field, (states,); nan without a state."""
         result = np.full(len(q), np.nan)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
         for part in self.parts(sound, len(sites.cells)):
@@ -450,7 +471,7 @@ class Films:
         return result
 
     def local(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> LocalState:
-        """Stretches, stresses and fields of states at points."""
+        """Compute stretches, stresses and fields of states at points."""
         strained, film = self.strain(at, films, q), self.some(films).membrane
         first, second = strained.stretches
         law = film.material.derivatives(first, second)
@@ -475,11 +496,12 @@ class Films:
 
     def balanced(self, films: AnyArray, force: AnyArray, squared: AnyArray, guess: AnyArray,
                  held: bool = False, share: float = 1.0) -> Balance:
-        """States in equilibrium near a guess, with a ``held`` plate at its deflection.
+        """Solve for equilibria near a guess; a ``held`` plate keeps its deflection.
 
-        Under a ``share`` of the gas pressure. What holds a plate acts where its weight does.
+        ``share``: share of the gas pressure that acts. The force that holds a plate acts where its
+        weight does.
 
-        One tangent serves as long as corrections by it fall fast.
+        One tangent is reused as long as its corrections decrease fast.
         """
         count = len(guess)
         balance = Balance(q=guess.copy(), sound=np.zeros(count, dtype=bool),
@@ -497,7 +519,7 @@ class Films:
 
     def _approached(self, balance: Balance, some: AnyArray, films: AnyArray, force: AnyArray,
                     squared: AnyArray, gap: AnyArray, held: bool, share: float) -> AnyArray:
-        """Correct some states by their tangents; those that need others."""
+        """Correct some states by their tangents; return those that need new ones."""
         with np.errstate(all="ignore"):
             pull, stiffness = self.pull(films[some], balance.q[some], squared[some], share)
             pull -= (pull[:, :1] * self.leverage if held else force[some, None] * self.lift)
@@ -517,7 +539,8 @@ class Films:
                 size = np.abs(step).max(-1) / gap[some]
                 fine = size < 1
                 balance.q[some[fine]] -= step[fine]
-                # Of a fresh tangent's correction the square is left, of others what falls.
+                # After a correction with a new tangent its square remains; after others their ratio
+                # decides.
                 left = size * (size if not correction else size / before)
                 ready = fine & (left < _LAST**2)
                 balance.sound[some[ready]] = firm[ready]
@@ -534,14 +557,15 @@ class Films:
     def charged(self, films: AnyArray, force: AnyArray, q: AnyArray, squared: AnyArray,
                 chords: int = 0
                 ) -> Charged:
-        """States near equilibria, corrected by U² [V²] with the plate where it is.
+        """Correct states near equilibria by U² [V²], each plate at its deflection.
 
-        Once, and so many times more by the same tangents; rates are those of the state that was
-        given. Such corrections fall by what the first one was over the state.
+        There is one correction, and ``chords`` more with the same tangents. Rates are those of the
+        given state. The ratio of successive corrections is about the first correction over the
+        state.
         """
         pull, stiffness = self.pull(films, q, squared)
         scale = float(np.abs(squared).max())
-        # Forces are straight in U².
+        # Forces are linear in U².
         by_voltage = (self.forces(films, q, squared + scale) - pull) / scale
         firm = positive_definite(stiffness)
         inverse = np.linalg.inv(np.concatenate([by_voltage[..., None], stiffness[..., 1:]], -1))
@@ -558,10 +582,10 @@ class Films:
         return Charged(q, np.maximum(squared, 0.0), rates, slope, inverse[:, 0, 0], firm)
 
     def first_rests(self, films: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
-        """States to which plates come that are loaded slowly, then charged slowly, from flat films.
+        """Find the first equilibria of plates loaded slowly, then charged slowly, from flat films.
 
-        Where mechanisms soften there may be several. A plate goes on as long as what is missing to
-        its balance drives it on, and stays where that changes its sign.
+        There may be several where mechanisms soften. A plate moves as long as the unbalanced force
+        drives it on, and stops where this force changes its sign.
         """
         every = np.arange(len(films))
         drive, near = self._driving(films, np.zeros((len(films), self.count)), force, 0 * squared)
@@ -591,9 +615,9 @@ class Films:
 
     def _driving(self, films: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray
                  ) -> tuple[AnyArray, AnyArray]:
-        """Force that is missing to the balance of plates held where q have them [N]; these states.
+        """Compute the unbalanced force of plates held at states q [N], and these states.
 
-        nan where a film has no stable shape.
+        The force is nan if a film has no stable shape.
         """
         held = self.balanced(films, force, squared, q, held=True)
         missing = force - self.forces(films, held.q, squared)[:, 0]
@@ -601,14 +625,17 @@ class Films:
 
     @cached_property
     def _stride(self) -> float:
-        """Longest step of a plate that jumps over no interval in which a mechanism softens [m]."""
+        """Longest step of a plate that skips no interval where a mechanism softens [m]."""
         return float(min([*(_PART * (high - low) for low, high in self.loading.softening),
                           float(np.max(self.gap)) / _MARCHED]))
 
     def carried(self, films: AnyArray, force: AnyArray, squared: AnyArray, start: AnyArray,
                 steps: int
                 ) -> Balance:
-        """States after loads rose from none, force and gas first, in so many steps each."""
+        """Solve for states while loads rise from zero in ``steps`` steps each.
+
+        Force and gas rise first, then the voltage.
+        """
         q, sound = start, np.ones(len(start), dtype=bool)
         stiffness, least = np.full((2, len(start)), np.nan)
         for load in range(2):
@@ -627,11 +654,13 @@ class Films:
 class Volume:
     """Volume of the gas below films, a cubic polynomial in the amplitudes a of all their shapes.
 
-    As :func:`tympan.fem.membrane.loading.film_volume` and ``plate_volume`` count it: minus
-    ``linear``, (films, shapes), times a, less ``square``, (films, shapes, shapes), times a twice,
-    less ``cubic``, (shapes, shapes, shapes), three times; of films on one mesh the first two are
-    there once. And minus the ``plates``' areas [m²], (films,), times the heave, which is the first
-    amplitude, and the normal's z, 1 less half the square of the ``turns``, (2, shapes).
+    It is defined as in :func:`tympan.fem.membrane.loading.film_volume` and ``plate_volume``. Four
+    terms are subtracted: ``linear``, (films, shapes), times a; ``square``, (films, shapes, shapes),
+    times a twice; ``cubic``, (shapes, shapes, shapes), times a three times; and the part of the
+    plates. For films on one mesh the first two arrays have only one film. The part of the plates is
+    the ``plates``' area [m²], (films,), times the deflection, which is the first amplitude, times
+    the normal's z: 1 minus half the square of the tilts. ``turns``: tilts by the shapes, (2,
+    shapes).
     """
 
     linear: AnyArray
@@ -646,20 +675,23 @@ class Volume:
         return self.linear[films], self.square[films]
 
     def value(self, films: AnyArray, a: AnyArray) -> AnyArray:
-        """Volumes [m³], (states,)."""
+        """Compute volumes [m³], (states,)."""
         linear, square = self._of(films)
         by = linear + ((square + np.tensordot(a, self.cubic, 1)) @ a[..., None])[..., 0]
         level, _ = self.of_plates(films, a[:, 0], a @ self.turns.T)
         return np.asarray(level * a[:, 0] - (by * a).sum(1))
 
     def first(self, films: AnyArray, a: AnyArray) -> AnyArray:
-        """Derivatives by the amplitudes [m²], (states, shapes)."""
+        """Compute first derivatives by the amplitudes [m²], (states, shapes)."""
         linear, square = self._of(films)
         twice = 2 * square + 3 * np.tensordot(a, self.cubic, 1)
         return self._by(linear, twice, films, a)
 
     def derivatives(self, films: AnyArray, a: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """First and second derivatives by the amplitudes, (states, shapes) and one more [m]."""
+        """Compute first and second derivatives by the amplitudes.
+
+        Shapes (states, shapes) [m²] and (states, shapes, shapes) [m].
+        """
         linear, square = self._of(films)
         cubes = 3 * np.tensordot(a, self.cubic, 1)
         twice, turn = 2 * square, a @ self.turns.T
@@ -672,7 +704,10 @@ class Volume:
 
     def of_plates(self, films: AnyArray, heave: AnyArray, turns: AnyArray) -> tuple[AnyArray,
                   AnyArray]:
-        """Rates of the volume below plates by their heave, (states,), and turns, (states, 2)."""
+        """Compute derivatives of the volume below plates by deflection and tilts.
+
+        Shapes (states,) and (states, 2).
+        """
         plates = self.plates[films]
         return -plates * (1 - (turns**2).sum(1) / 2), (plates * heave)[:, None] * turns
 
@@ -687,8 +722,8 @@ class Volume:
 class LocalState:
     """Principal stretches, true stresses [Pa], field and the film's strength [V/m] at points.
 
-    And whether the film is firm there and its law holds, and whether its law does; all of shape
-    (states, points).
+    ``lawful``: whether the film is within its law's range. ``sound``: whether it is also stable in
+    its plane. All arrays have the shape (states, points).
     """
 
     stretch_1: AnyArray
@@ -702,25 +737,25 @@ class LocalState:
 
     @property
     def share(self) -> AnyArray:
-        """Field over strength."""
+        """Ratio of field to strength."""
         return self.electric / self.strength
 
 
 @dataclass(frozen=True, eq=False)
 class LocalPoint:
-    """Films as limit states of stretches and stresses look at them."""
+    """Interface of films for limit states that depend on stretches and stresses."""
 
     fields: LocalState
 
     @property
     def pressed(self) -> LocalState:
-        """The fields: films of a family are taut."""
+        """Fields without wrinkles: films of a family are taut."""
         return self.fields
 
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """Largest and smallest local values of films, (states,) each; nan of states that are none."""
+    """Largest and smallest local values of films, (states,) each; nan without a state."""
 
     #: Largest principal stretch.
     stretch: AnyArray
@@ -738,14 +773,14 @@ class Extremes:
     weakest_strength: AnyArray
     #: Number of that point.
     weakest: AnyArray
-    #: Mask of states that are firm at all points, their law within its range.
+    #: Mask of states that are stable in the film's plane and within the law's range at all points.
     sound: Mask
     #: Mask of states whose law is within its range at all points.
     lawful: Mask
 
     @classmethod
     def of(cls, here: LocalState) -> Self:
-        """Extremes of states at points."""
+        """Find the extremes of states at points."""
         weakest = here.share.argmax(1)
         at = np.arange(len(weakest)), weakest
         return cls(stretch=here.stretch_1.max(1), stress=here.stress_1.max(1),
@@ -756,13 +791,13 @@ class Extremes:
 
     @classmethod
     def none(cls, count: int) -> Self:
-        """Values of so many states that are none."""
+        """Create placeholder values of ``count`` missing states."""
         kinds = {"weakest": 0, "sound": False, "lawful": False}
         return cls(**{item.name: np.full(count, kinds.get(item.name, np.nan))
                       for item in fields(cls)})
 
     def put(self, some: AnyArray, other: Extremes) -> None:
-        """Take others in the places of some."""
+        """Replace the values of some states by others."""
         for item in fields(self):
             getattr(self, item.name)[some] = getattr(other, item.name)
 
@@ -771,8 +806,8 @@ class Extremes:
 class Balance:
     """States q, whether each is a stable equilibrium, and the plate's stiffness there [N/m].
 
-    ``least``: about the least stiffness against any motion along the shapes [N/m]. It is 0 where a
-    film pulls in; the plate's may jump there, if other parts of the film move.
+    ``least``: approximately the least stiffness against any motion along the shapes [N/m]. It is 0
+    where a film pulls in. The plate's stiffness may jump there if other parts of the film move.
     """
 
     q: AnyArray
@@ -781,17 +816,18 @@ class Balance:
     least: AnyArray
 
     def put(self, some: AnyArray, other: Balance) -> None:
-        """Take others in the places of some."""
+        """Replace the values of some states by others."""
         for item in fields(self):
             getattr(self, item.name)[some] = getattr(other, item.name)
 
 
 @dataclass(frozen=True, eq=False)
 class Charged:
-    """States q, (states, shapes), with plates where they are under U² [V²], (states,).
+    """States q, (states, shapes), with plates at their deflections under U² [V²], (states,).
 
-    ``rates`` of both by the plate's deflection, that of U² ``slope``; ``by_force``: rate of U² by
-    the force on a plate that stays [V²/N]; ``firm``: whether the film resists any motion.
+    ``rates``: derivatives of q by the plate's deflection. ``slope``: derivative of U² by the
+    deflection. ``by_force``: derivative of U² by the force on a plate at constant deflection
+    [V²/N]. ``firm``: whether the film resists any motion.
     """
 
     q: AnyArray
@@ -803,22 +839,22 @@ class Charged:
 
     @property
     def stiffness(self) -> AnyArray:
-        """The plates' stiffness at these voltages [N/m]."""
+        """Stiffness of the plates at these voltages [N/m]."""
         return -self.slope / self.by_force
 
     def some(self, chosen: Any) -> Charged:
-        """Some of the states, in this order."""
+        """Select some of the states, in the given order."""
         return Charged(*(getattr(self, item.name)[chosen] for item in fields(self)))
 
     def joined(self, other: Charged) -> Charged:
-        """These states and others."""
+        """Join these states and others."""
         return Charged(*(np.concatenate([getattr(self, item.name), getattr(other, item.name)])
                          for item in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
 class Strained:
-    """Films at points: their frame (4, states, points) and both columns of F of the virgin film."""
+    """Films at points: frame (4, states, points) and both columns of F of the virgin film."""
 
     frame: AnyArray
     first: list[AnyArray]
@@ -839,7 +875,10 @@ class Strained:
         return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
     def principal(self, stress: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Principal true stresses [Pa] of S of the virgin film, (…, 3): eigenvalues of S C."""
+        """Compute principal true stresses [Pa] from S of the virgin film, (…, 3).
+
+        They are the eigenvalues of S C.
+        """
         (c11, c22, c12), (s11, s22, s12) = self.c, np.moveaxis(stress, -1, 0)
         mean = (s11 * c11 + s22 * c22) / 2 + s12 * c12
         both = (s11 * s22 - s12 * s12) * (c11 * c22 - c12 * c12)
@@ -847,7 +886,10 @@ class Strained:
         return mean + radius, mean - radius
 
     def forces(self, stress: AnyArray) -> AnyArray:
-        """Forces of stresses times volumes, (3, states, points), against ∂x/∂ξ, (6, …)."""
+        """Compute forces against ∂x/∂ξ, (6, …), from stresses times volumes.
+
+        The stresses have the shape (3, states, points).
+        """
         along, across, shear = stress
         a, b, c, d = self.frame
         result = np.empty((6, *along.shape))
@@ -859,9 +901,9 @@ class Strained:
         return result
 
     def moduli(self, stress: AnyArray, bend: AnyArray) -> AnyArray:
-        """Their derivatives by ∂x/∂ξ, pairs of components once, (states, 21, points).
+        """Compute the derivatives of these forces by ∂x/∂ξ, (states, 21, points).
 
-        ``bend``: ∂S/∂E times volumes, (3, 3, states, points).
+        Each pair of components occurs once. ``bend``: ∂S/∂E times volumes, (3, 3, states, points).
         """
         a, b, c, d = self.frame
         strain = []  # E by each component of ∂x/∂ξ, in Voigt form
@@ -887,7 +929,7 @@ class Strained:
 
 
 def positive_definite(matrices: AnyArray) -> Mask:
-    """Mask of symmetric matrices (n, n) that are positive definite."""
+    """Compute the mask of symmetric matrices (n, n) that are positive definite."""
     try:
         np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:

@@ -1,7 +1,7 @@
-"""Motion of a reduced film in time, in steps as long as an error estimate allows.
+"""Motion of a reduced film in time, in steps whose length an error estimate controls.
 
-A step (:mod:`tympan.studies.films.collocated_step`) begins where the one before leads to, or after
-a jump of the voltage where the film was.
+A step (:mod:`tympan.studies.films.collocated_step`) starts from the prediction of the one before,
+or, after a jump of the voltage, from the film's last state.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from tympan.studies.films.collocated_step import CollocatedStep, StepSolution
 from tympan.studies.films.driven_film import DrivenFilm, ReducedMoment
 from tympan.studies.films.film import FilmLoads, NoBalance
 
-#: A step at most so many times as long as the one before begins on that one's polynomial.
+#: Largest ratio of a step to the one before for which that one's polynomial is the guess.
 _FAR = 1.5
 
-#: A step's length over the longest that its error would allow, so that few are refused; a usual
-#: factor of safety.
+#: Ratio of a step's length to the longest that its error would allow, so that few steps are
+#: rejected; a usual safety factor.
 _SAFETY = 0.8
-#: The first step over the shortest time that matters: five stages resolve that much of a decay.
+#: First step over the shortest relevant time: five stages resolve that much of a decay.
 _FIRST = 3.0
-#: A step this much shorter than the first is the end: the film has pulled in.
+#: Step, relative to the first, below which the motion ends: the film has pulled in.
 _SHORTEST = 1e-9
 
-#: After so many failed steps the film is put in balance again where they begin.
+#: Number of failed steps after which the film is equilibrated again at their start.
 _TWICE = 2
 
-#: Shares of a piece of the signal that show whether it is a line.
+#: Positions in a piece of the signal, as shares, that show whether the signal is linear.
 _PLACES = np.array([0.1, 0.3, 0.5])
-#: How far from a line these voltages may be, over the largest: the rounding of numbers.
+#: Largest deviation of these voltages from a line, over the largest: rounding.
 _LINE = 1e-9
-#: The first step in a piece that is no line, as a share of the piece. Set by trial.
+#: First step in a piece that is not linear, as a share of the piece. Set by trial.
 _BENT = 0.25
 
 #: Deflection over the gap at which the film has pulled in.
@@ -46,19 +46,19 @@ _REACH = 1.5
 
 @dataclass(frozen=True, eq=False)
 class ReducedMotion(DrivenFilm):
-    """A driven film in time."""
+    """Motion of a driven film in time."""
 
     def moments(self, begin: ReducedMoment | None = None) -> Iterator[ReducedMoment]:
-        """Moments from one, by default its ``begin``, to the signal's end, stage by stage.
+        """Yield moments from one, by default ``begin``, to the signal's end, stage by stage.
 
-        Where a piece of the signal begins, the same time again.
+        The first time of each piece of the signal occurs twice.
 
         Raises
         ------
         Stopped
-            Where the film has no equilibrium any more, or the plate is gone.
+            If the film has no equilibrium any more, or the plate has pulled in.
         InputError
-            Where it takes more work than its budget has.
+            If the motion takes more work than its budget allows.
         """
         return moments(_InMotion(self, begin or self.begin), self.signal.breaks.tolist())
 
@@ -68,12 +68,12 @@ class ReducedMotion(DrivenFilm):
         return StepControl(self.error, len(self.rule.nodes), _SAFETY, _SHORTEST)
 
     def first_step(self, moment: ReducedMoment, piece: int, end: float) -> float:
-        """Length [s] of the first step from a moment in a piece of the signal that ends then."""
+        """Choose the first step [s] from a moment in a piece of the signal that has an end."""
         shortest = min([end - moment.time, *self._times(moment)])
         return min(_FIRST * shortest, self._straight(piece, moment.time, end))
 
     def spend(self, moment: ReducedMoment, stages: int) -> None:
-        """Draw on the budget for a step."""
+        """Subtract the work of a step from the budget; InputError if none is left."""
         if self.budget is None:
             return
         if self.budget.spent:
@@ -84,7 +84,7 @@ class ReducedMotion(DrivenFilm):
         self.budget.left -= stages * self.film.count
 
     def attempted(self, step: CollocatedStep, past: StepSolution | None) -> StepSolution | None:
-        """Solve a step after another one; None where the film cannot be followed."""
+        """Solve a step after another one; None if the film cannot be followed."""
         try:
             with np.errstate(all="ignore"):
                 return step.solved(self._guess(step, past))
@@ -92,7 +92,7 @@ class ReducedMotion(DrivenFilm):
             return None
 
     def _guess(self, step: CollocatedStep, past: StepSolution | None) -> Array:
-        """q at the stages of a step."""
+        """Guess the unknowns at the stages of a step."""
         if past is not None and not self.leads and not self.charges:
             return past.at_voltages(step)
         if past is not None and step.duration <= _FAR * past.step.duration:
@@ -100,14 +100,17 @@ class ReducedMotion(DrivenFilm):
         return np.repeat(step.begin[..., None, :], len(step.stages), -2)
 
     def _straight(self, piece: int, start: float, end: float) -> float:
-        """The longest first step in a piece of the signal [s]: a part of one that is no line."""
+        """Limit the first step in a piece of the signal [s].
+
+        The limit is a share of a piece that is not linear, else infinite.
+        """
         voltage = self.signal.within(piece, start + (end - start) * _PLACES)
         bend = abs(voltage[..., 0] - 2 * voltage[..., 1] + voltage[..., 2])
         bent = bend > _LINE * np.abs(voltage).max()
         return _BENT * (end - start) if bent.any() else np.inf
 
     def _times(self, moment: ReducedMoment) -> list[float]:
-        """Times that matter [s]: of the branches, of the plate's swing or creep, of charging."""
+        """List relevant times [s]: of the branches, of the plate's motion, of charging."""
         times: list[float] = moment.memory.times.tolist()
         if self.mass is not None:
             times.append(float(np.sqrt(self.mass / self._stiffness(moment))))
@@ -119,13 +122,16 @@ class ReducedMotion(DrivenFilm):
         return times
 
     def _stiffness(self, moment: ReducedMoment) -> float:
-        """Stiffness against deflection [N/m], of the stiffest run."""
+        """Compute the stiffness against deflection [N/m] of the stiffest run."""
         flow = moment.memory.step(self.film.strain(moment.q), 0.0)
         _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared, flow)
         return float(np.abs(stiffness[..., 0, 0]).max())
 
     def after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
-        """The film at once after its loads jumped, the plate held by inertia or damper."""
+        """Compute the moment immediately after a jump of the loads.
+
+        Inertia or a damper hold the plate.
+        """
         film, clamped = self.tabulated, self.leads
         flow = moment.memory.step(film.strain(moment.q), 0.0)
         try:
@@ -137,9 +143,9 @@ class ReducedMotion(DrivenFilm):
 
 @dataclass(eq=False)
 class _InMotion:
-    """A reduced film in motion: its last moment, and the last step where the next may begin.
+    """A reduced film in motion: its last moment, and the last step as a guess for the next.
 
-    ``jump``: loads that jump at the last moment and are part of the step that follows it.
+    ``jump``: loads that jump at the last moment; the jump is part of the next step.
     """
 
     motion: ReducedMotion
@@ -166,7 +172,7 @@ class _InMotion:
     def enter(self, piece: int, begin: float, end: float
               ) -> tuple[list[ReducedMoment], float | None]:
         motion, first = self.motion, self.piece < 0
-        # A resistance keeps the film's voltage where the source's jumps.
+        # With a resistance the film's voltage does not jump with the source's.
         squared = (self.moment.loads.voltage_squared if motion.charges
                    else motion.signal.within(piece, begin) ** 2)
         loads = FilmLoads(motion.force, squared, motion.biases)
@@ -201,13 +207,14 @@ class _InMotion:
     def recover(self, shortest: bool) -> list[ReducedMoment]:
         motion = self.motion
         if self.jump is not None:
-            # The jump fails as part of a step, so it is made by itself.
+            # The jump failed as part of a step, so it is made separately.
             self.moment, self.jump = motion.after_jump(self.moment, self.jump), None
             return [self.moment]
         if shortest:
             raise Stopped("pull_in", self.moment.time)
         self.failures += 1
         if self.failures == _TWICE:
-            # No short step lessens the error of a start that is a little out of balance.
+            # A shorter step does not reduce the error of a start that is slightly out of
+            # equilibrium.
             self.moment = motion.after_jump(self.moment, self.moment.loads)
         return []

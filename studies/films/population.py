@@ -1,10 +1,10 @@
-"""Many films on a rig under their loads: each with its own numbers, load, supply and strength.
+"""Many films on a rig under their loads, each with its own numbers, load, supply and strength.
 
     films = Population.alike(family, rig, rows)
     loaded = films.under(mass, voltage)
     loaded.deflection, loaded.blocked_force, loaded.first_limit
 
-Searches for designs, tolerances, sweeps and the live explorer ask their films here.
+Searches for designs, tolerances, sweeps and the live explorer use this module.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from tympan.studies.films.first_limits import ENDS, kinds
 from tympan.studies.films.many_films import Films
 from tympan.studies.films.states import FilmStates
 
-#: How near to a voltage a limit is met at it, relative: limits are found to some 1e-4.
+#: Relative distance of a limit from a voltage below which it counts as reached: limits are accurate
+#: to some 1e-4.
 _SAME = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Population:
-    """Films of a family on a rig; what differs between them has one value a film, (films,)."""
+    """Films of a family on a rig; each varying quantity has one value per film, (films,)."""
 
     family: FilmFamily
     rig: Rig
@@ -39,17 +40,17 @@ class Population:
     rows: Array
     #: Factors on the nominal mass.
     load: Array
-    #: Factors on the voltage that the rig makes of the nominal one.
+    #: Factors on the voltage that the rig gives for a nominal one.
     amplifier: Array
     #: Factors on the film's electric strength.
     strength: Array
-    #: Specimens of the films; None for one that cannot be built. Few ask for them.
+    #: Specimens of the films; None for one that cannot be built. They are rarely used.
     specimens: Sequence[Specimen | None] = ()
 
     @classmethod
     def alike(cls, family: FilmFamily, rig: Rig, rows: Array,
               specimens: Sequence[Specimen | None] = ()) -> Self:
-        """Films whose factors are all 1."""
+        """Create films whose factors are all 1."""
         one = np.ones(len(rows))
         return cls(family, rig, rows, one, one, one, specimens)
 
@@ -66,7 +67,7 @@ class Population:
         return len(self.rows)
 
     def part(self, some: Any) -> Self:
-        """Some of the films, by a slice, numbers or a mask."""
+        """Select some of the films by a slice, numbers or a mask."""
         columns = {name: getattr(self, name)[some]
                    for name in ("rows", "load", "amplifier", "strength")}
         numbers = np.arange(len(self))[some].tolist()
@@ -74,7 +75,7 @@ class Population:
         return replace(self, **columns, specimens=specimens)
 
     def parts(self) -> Iterator[Self]:
-        """Parts of all films, as they are computed together."""
+        """Yield parts of all films that are computed together."""
         for start in range(0, len(self), BLOCK):
             yield self.part(slice(start, start + BLOCK))
 
@@ -85,13 +86,14 @@ class Population:
 
     @property
     def films(self) -> Films | Array:
-        """Films with meshes that are kept where they are few, else the rows of the films."""
+        """Films with stored meshes if they are few, else the rows of the films."""
         return self.every if len(self) <= BLOCK else self.rows
 
     def forces(self, mass: Any) -> Array:
-        """Forces on the plates [N] of nominal masses [kg].
+        """Compute the forces on the plates [N] of nominal masses [kg].
 
-        ``mass``: one of all films, or one a film, for forces (films,); (films, masses) for as many.
+        ``mass``: one for all films, or one per film; the forces then have the shape (films,). With
+        the shape (films, masses) the forces have this shape, too.
         """
         mass = np.asarray(mass, dtype=float)
         column = (-1, *[1] * (mass.ndim - 1))
@@ -100,28 +102,29 @@ class Population:
         return forces
 
     def moving(self, mass: Any) -> Array:
-        """Masses that move with the plates [kg] under nominal ones, (films,)."""
+        """Compute the masses that move with the plates [kg] from nominal ones, (films,)."""
         moving: Array = mass * self.load + self.rig.unaccounted_mass + self.rig.added_mass
         return moving
 
     def across(self, voltages: Any) -> Array:
-        """Voltages across the films [V] at nominal ones, (films, voltages).
+        """Compute the voltages across the films [V] from nominal ones, (films, voltages).
 
-        ``voltages``: one, several for all films, or (films, voltages).
+        ``voltages``: one value, several for all films, or (films, voltages).
         """
         across: Array = self.amplifier[:, None] * self.rig.film_voltage(np.atleast_1d(voltages))
         return across
 
     def reached(self, states: FilmStates) -> Mask:
-        """Mask of the states that films reach: firm, in tension, below their strength."""
+        """Compute the mask of states that films reach: firm, taut and below their strength."""
         broken = states.breakdown >= self.strength[:, None]
         reached: Mask = states.holds & ~states.slack & states.sound & ~broken
         return reached
 
     def numbers(self, mass: float, voltages: Any) -> dict[str, Array]:
-        """Numbers under a mass [kg] at nominal voltages [V], (films, voltages), by result's key.
+        """Compute results under a mass [kg] at nominal voltages [V], by their keys.
 
-        They are nan of films that do not reach the voltage.
+        Each has the shape (films, voltages). Values are nan for films that do not reach the
+        voltage.
         """
         forces = self.forces(mass)
         states = self.family.states(self.films, forces[:, None], self.across(voltages), check=False)
@@ -133,23 +136,26 @@ class Population:
         return {key: np.where(there, value, np.nan) for key, value in values.items()}
 
     def loaded(self, forces: Array) -> Mask:
-        """Mask of films on which something acts: others are flat, and their deflection rounding."""
+        """Compute the mask of films with a load.
+
+        Other films stay flat, and their deflection is rounding error.
+        """
         pressure = self.family.box.pressures(self.rows, self.family.ground.pressure)
         loaded: Mask = (forces != 0) | bool(pressure.any())
         return loaded
 
     def rests(self, forces: Array) -> Array:
-        """Amplitudes q without voltage under forces on the plates [N], (films, shapes)."""
+        """Solve for q without voltage under forces on the plates [N], (films, shapes)."""
         return self.family.rests(self.films, forces, np.zeros(len(self)))
 
     def held(self, q: Array, across: Array) -> Array:
-        """Forces [N] that hold plates where states q have them, at voltages across, (films,)."""
+        """Compute the forces [N] that hold plates at states q, at film voltages, (films,)."""
         return self.family.held_forces(self.films, q, across)
 
     def first_limits(self, mass: Any) -> tuple[Array, AnyArray]:
         """Find the nominal voltages [V] of the first limits, and their kinds, (films,).
 
-        A voltage is infinite where the family meets none, or its supply does not reach it.
+        A voltage is infinite if the family reaches no limit, or if the supply does not reach it.
         """
         found = self.family.first_limits(self.films, self.forces(mass), self.strength)
         nominal = self.rig.nominal_voltage(found.voltage / self.amplifier)
@@ -157,7 +163,10 @@ class Population:
 
     def under(self, mass: Any, voltage: Any, margin: float = 1.0, *, swings: bool = True
               ) -> LoadedFilms:
-        """The films under nominal masses [kg] and voltages [V], one of all or one a film."""
+        """Load the films with nominal masses [kg] and voltages [V].
+
+        Each is one value for all films, or one per film.
+        """
         every = len(self)
         return LoadedFilms(self, np.broadcast_to(mass, every), np.broadcast_to(voltage, every),
                            margin, swings)
@@ -172,9 +181,9 @@ class LoadedFilms:
     mass: Array
     #: Nominal voltage of each film [V].
     voltage: Array
-    #: Times its voltage that a film must bear without loss of tension.
+    #: Factor on the voltage up to which a film must not lose tension.
     margin: float = 1.0
-    #: Whether frequencies are asked for.
+    #: Whether frequencies are computed.
     swings: bool = True
 
     @cached_property
@@ -184,7 +193,11 @@ class LoadedFilms:
 
     @cached_property
     def across(self) -> Array:
-        """Voltages without, with and, where more is to be borne, beyond that, (films, states)."""
+        """Voltages across the films [V], (films, states).
+
+        The states are: without voltage, at the voltage, and, with a margin above 1, at margin times
+        the voltage.
+        """
         levels = [0.0, 1.0, self.margin] if self.margin > 1 else [0.0, 1.0]
         return self.films.across(np.outer(self.voltage, levels))
 
@@ -192,7 +205,7 @@ class LoadedFilms:
     def states(self) -> FilmStates:
         """States at these voltages."""
         masses = None
-        if self.swings:  # beyond its voltage no frequency is asked for
+        if self.swings:  # above its voltage no frequency is computed
             asked = np.arange(self.across.shape[1]) < 2
             masses = np.where(asked, self.films.moving(self.mass)[:, None], np.nan)
         return self.films.family.states(self.films.films, self.loads[:, None], self.across,
@@ -254,25 +267,25 @@ class LoadedFilms:
 
     @property
     def sound(self) -> Mask:
-        """Mask of films with their states, firm and within their law up to their voltage."""
+        """Mask of films that have all states and are firm and lawful up to their voltage."""
         return np.asarray(self.states.holds.all(1) & self.states.sound[:, :2].all(1))
 
     def part(self, some: Any) -> LoadedFilms:
-        """Some of the films, by a slice, numbers or a mask."""
+        """Select some of the films by a slice, numbers or a mask."""
         return replace(self, films=self.films.part(some), mass=self.mass[some],
                        voltage=self.voltage[some])
 
     def parts(self) -> Iterator[LoadedFilms]:
-        """Parts of all films, as they are computed together."""
+        """Yield parts of all films that are computed together."""
         for start in range(0, len(self.films), BLOCK):
             yield self.part(slice(start, start + BLOCK))
 
     def failures(self, some: Mask) -> Array:
-        """Find the kind of the first limit of each of ``some`` films on the way to its voltage.
+        """Find the kind of the first limit of each of ``some`` films up to its voltage.
 
-        ``some`` is a mask, the kinds are :func:`~tympan.studies.films.first_limits.kinds`, (some,).
-        A loss of tension or pull-in counts up to the margin, any other limit up to the voltage; the
-        kind is "" where nothing is met.
+        ``some`` is a mask. The kinds are :func:`~tympan.studies.films.first_limits.kinds`, shape
+        (some,). A loss of tension or pull-in counts up to the margin, any other limit up to the
+        voltage. The kind is "" if no limit is reached.
         """
         part = self.part(np.flatnonzero(some))
         films = part.films
@@ -290,7 +303,7 @@ class LoadedFilms:
         return part._by_states(met)
 
     def _by_states(self, met: Array) -> Array:
-        """Find the kinds by the films' states where no limit is known."""
+        """Find the kinds from the films' states where no limit is known."""
         some = np.flatnonzero(met == "")
         if not len(some):
             return met
@@ -306,8 +319,8 @@ class LoadedFilms:
 class FilmGrid:
     """Films of a population under every mass and every voltage, masses first.
 
-    ``masses`` [kg] and nominal ``voltages`` [V] are those of each film, (films, masses) and (films,
-    voltages). Of states the shape is (films, masses × voltages).
+    ``masses`` [kg] and nominal ``voltages`` [V] of each film have the shapes (films, masses) and
+    (films, voltages). States have the shape (films, masses × voltages).
     """
 
     films: Population

@@ -1,9 +1,9 @@
-"""Reduced films from field models: from which states, with what shapes and points, how near.
+"""Reduced films from field models: their states, shapes and points, and their error.
 
-A film in time is made from a few runs of its field model: at rest under some loads, and one motion
-there and back. How near it comes is measured on other runs, under other masses and signals. Films
-that differ by edits of their specimen, their outlines included, share a :class:`Reduction`: states
-of some of them on one mesh, which moves with the outlines, make the others.
+A film for motion in time is made from a few runs of its field model: equilibria under some loads,
+and one motion there and back. Its error is measured in other runs, under other masses and signals.
+Films that differ by edits of their specimen, including outlines, share a :class:`Reduction`. It is
+made from states of some of them on one mesh that moves with the outlines.
 """
 
 from __future__ import annotations
@@ -33,51 +33,52 @@ from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 
-#: The largest part of a deformation that the shapes leave out, over the largest deformation: some
-#: 0.5 µm of a heave of 5 mm, below what films are known to.
+#: Largest part of a deformation that the shapes do not contain, over the largest deformation. It is
+#: some 0.5 µm for a deflection of 5 mm, less than the accuracy of real films.
 _MOTION_LEFT_OUT = 1e-4
 
-#: Most shapes: the cost of a step grows with their square.
+#: Largest number of shapes: the cost of a step grows with its square.
 _MOST_SHAPES = 8
 
-#: The part of the virtual work that the points leave out, as small as that of the shapes.
+#: Part of the virtual work that the points do not reproduce; as small as that of the shapes.
 _WORK_LEFT_OUT = 1e-4
 
-#: How long the voltage of the motion it is made from stays, in times of the slowest branch.
+#: Duration of the constant voltage in the motion for the reduction, in times of the slowest branch.
 _LONG = 3.0
 
-#: Shares of the first force under which the film is looked at without voltage: how shapes change
-#: with the load.
+#: Shares of the first force for equilibria without voltage: they show how shapes change with the
+#: load.
 _LIGHTER = (0.3, 0.65)
-#: Shares of the highest voltage at which it is looked at under each force, beside the whole one.
+#: Shares of the highest voltage for equilibria under each force, in addition to the full voltage.
 _BETWEEN = (0.0, 0.7)
 
-#: The lowest voltage of the runs that a film is held against, as a share of the highest.
+#: Lowest voltage of the test runs, as a share of the highest.
 _LOW = 0.05
-#: The highest voltage of their steps and sines: other than the film was made with.
+#: Highest voltage of their steps and sines, as a share: different from the one the film was made
+#: with.
 _HIGH = 0.85
-#: Levels of the run with random steps.
+#: Number of levels of the run with random steps.
 _LEVELS = 5
-#: Their seed: any number would do.
+#: Seed of the random levels; its value is arbitrary.
 _SEED = 7
-#: Times at which deflections are compared. Set by trial.
+#: Number of times at which deflections are compared. Set by trial.
 _SAMPLES = 401
 
-#: The error of the deflection, over its range, from which on a film does not follow its field
-#: model: a third of a motion is no answer.
+#: Error of the deflection over its range above which a film does not follow its field model: a
+#: third of a motion is useless.
 _ASTRAY = 0.3
 
-#: How many loads at rest the making of a film takes as much work as, motions included: a few
-#: hundred tangents, and ten times as many are left to it.
+#: Work to make a film with its motions, in equilibria. It is a few hundred tangents, and the budget
+#: is ten times as large.
 IN_TIME = 100
 
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A state of a model, and what its branches remember, None of one without.
+    """A state of a model and the memory of its branches; None without memory.
 
     ``rates``: further motions of the nodes about the state that films may make, (rates, nodes, 3)
-    [m], such as those by a change of a load.
+    [m], for example due to a change of a load.
     """
 
     model: Model
@@ -88,16 +89,16 @@ class Snapshot:
 
 def reduced_film(model: Model, forces: Sequence[float], voltage: float,
                  path: PathSettings = PathSettings()) -> ReducedFilm:
-    """The film of a model, for forces [N] up to a voltage across it [V], and how near it comes.
+    """Reduce a model for forces [N] up to a voltage across the film [V], and test the result.
 
-    Made under the first force, and from states at rest under all; held against the model under the
-    last.
+    The reduction uses a motion under the first force and equilibria under all forces. The tests
+    compare it with the model under the last force.
 
     Raises
     ------
     InputError
-        When the film pulls in at such loads, the reduced one does not follow it there, or the field
-        model takes more work than it may.
+        If the film pulls in at such loads, if the reduced film does not follow it, or if the field
+        model takes more work than allowed.
     """
     path = path.bounded(model, followed=True, loads=IN_TIME)
     film = film_of_runs(model, forces, voltage, path)
@@ -113,7 +114,7 @@ def reduced_film(model: Model, forces: Sequence[float], voltage: float,
 
 def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
                  path: PathSettings = PathSettings()) -> ReducedFilm:
-    """Reduce as :func:`reduced_film`, without a check against the model."""
+    """Reduce a model as :func:`reduced_film` does, without tests against it."""
     _require_even(model.specimen)
     path = path.bounded(model, followed=True, loads=IN_TIME)
     run = _there_and_back(model, voltage)
@@ -122,7 +123,10 @@ def film_of_runs(model: Model, forces: Sequence[float], voltage: float,
 
 
 def _require_even(specimen: Specimen) -> None:
-    """Refuse a film that is not alike everywhere: few points do not stand for all of it."""
+    """Raise InputError for a film with thickness gradient or patches.
+
+    A few points do not represent such a film.
+    """
     gradient, patches = specimen.membrane.thickness_gradient, specimen.electrode.patches
     if gradient != (0.0, 0.0):
         raise InputError("must be 0, 0 for a reduced film", key="membrane.thickness_gradient",
@@ -140,7 +144,7 @@ def _there_and_back(model: Model, voltage: float) -> Pieces:
 
 def _at_rest(model: Model, forces: Sequence[float], voltage: float, path: PathSettings
              ) -> list[Snapshot]:
-    """Equilibria under parts of the loads, and under all."""
+    """Solve for equilibria under parts of the loads, and under all loads."""
     loads = [*((share * forces[0], 0.0) for share in _LIGHTER),
              *((force, share * voltage) for force in forces for share in (*_BETWEEN, 1.0))]
     outcomes = [equilibrium(model, *load, settings=path) for load in loads]
@@ -160,7 +164,10 @@ def _in_motion(model: Model, force: float, signal: Signal, path: PathSettings) -
 
 
 def _field_motion(model: Model, force: float, signal: Signal, path: PathSettings) -> list[Moment]:
-    """The field model's moments; relaxed under force and first voltage, or mounted and flat."""
+    """Compute the field model's moments.
+
+    They start relaxed under force and first voltage, or flat if the film has a mounting time.
+    """
     state, steps = model.mounted(), StepSettings(newton=path.newton)
     if model.specimen.membrane.mounted is None:
         outcome = equilibrium(model, force, signal.first, settings=path)
@@ -177,7 +184,10 @@ def _field_motion(model: Model, force: float, signal: Signal, path: PathSettings
 
 
 def held_out(model: Model, voltage: float) -> dict[str, Signal]:
-    """Signals that it is held against, by name; as long as the branches' times say."""
+    """Create the test signals by name.
+
+    The branches' times determine their durations.
+    """
     times = [branch.time for branch in model.specimen.membrane.branches]
     slow, middle = max(times), float(np.exp(np.mean(np.log(times))))
     low, high = _LOW * voltage, _HIGH * voltage
@@ -189,10 +199,11 @@ def held_out(model: Model, voltage: float) -> dict[str, Signal]:
 
 def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal,
              path: PathSettings = PathSettings()) -> float:
-    """The largest error of the deflection under a force [N] and a signal, over the field's range.
+    """Compute the largest error of the deflection under a force [N] and a signal.
 
-    The range includes the deflection before the signal begins. Infinite where a film pulls in, or
-    the reduced one has no equilibrium there.
+    It is relative to the deflection's range in the field model. The range includes the deflection
+    before the signal begins. The error is infinite if a film pulls in, or if the reduced film has
+    no equilibrium.
     """
     when = np.linspace(float(signal.breaks[0]), float(signal.breaks[-1]), _SAMPLES)
     motion = ReducedMotion(film, force, signal, model.loading.biases, budget=Budget(WORK))
@@ -215,9 +226,10 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal,
 class Reduction:
     """Shapes and points of films on one mesh, which may move with their outlines.
 
-    ``shapes``: of the nodes, that of the heave first, shape (shapes, nodes, 3); ``points``: numbers
-    of quadrature points that stand for all, each for ``shares`` times its own volume. ``bends``:
-    how nodes move by the squares of the plate's turns, (3, nodes, 3), of which none may be there.
+    ``shapes``: motions of the nodes, the deflection's shape first, (shapes, nodes, 3). ``points``:
+    numbers of quadrature points that represent all points; each represents ``shares`` times its own
+    volume. ``bends``: motions of the nodes by the squares of the plate's tilts, (3, nodes, 3); the
+    array may be empty.
     """
 
     shapes: Array
@@ -227,18 +239,18 @@ class Reduction:
 
     @property
     def every(self) -> Array:
-        """Shapes of the nodes and their bends."""
+        """Shapes of the nodes, followed by their bends."""
         return np.concatenate([self.shapes, self.bends])
 
     @classmethod
     def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
            work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES,
            softening: float = 0.0, turning: bool = False) -> Reduction:
-        """Reduction by snapshots of films that all move so that it leaves out little of these.
+        """Create a reduction that reproduces snapshots of moving films with a small error.
 
-        With ``softening`` the points also reproduce what snapshots resist the motion that they
-        resist least, to ``work_left_out`` over ``softening`` of the resistance that is left. With
-        ``turning`` plates that tilt stay rigid to the second order.
+        With ``softening`` the points also reproduce each snapshot's forces against the motion of
+        least resistance, to ``work_left_out`` over ``softening`` of the remaining resistance. With
+        ``turning`` plates that tilt stay rigid to second order.
         """
         bends = turned(snapshots[0].model)[: None if turning else 0]
         motions = []
@@ -259,7 +271,7 @@ class Reduction:
         return cls(shapes, *_cubature(works, work_left_out), bends)
 
     def film(self, model: Model) -> ReducedFilm:
-        """A film on the mesh, or on that moved; an :class:`InputError` if it is uneven."""
+        """Create a film on the mesh, or on the moved mesh; InputError if it is uneven."""
         _require_even(model.specimen)
         mesh = model.discretisation
         volumes = model.volumes.ravel()[self.points] * mesh.mirrored
@@ -269,7 +281,7 @@ class Reduction:
 
 
 def _gradients(model: Model, shapes: Array) -> Array:
-    """∂φ/∂X of shapes at all points, shape (shapes, points, 3, 2)."""
+    """Compute ∂φ/∂X of shapes at all points, shape (shapes, points, 3, 2)."""
     mesh = model.discretisation
     flat = mesh.deformation(mesh.reference)
     return np.array([(mesh.deformation(mesh.reference + shape) - flat).reshape(-1, 3, 2)
@@ -277,11 +289,11 @@ def _gradients(model: Model, shapes: Array) -> Array:
 
 
 def _rigid(model: Model, motion: Array, bends: Array) -> tuple[Array, float]:
-    """A motion of the nodes [m], that of the plate's edge to first order; the plate's heave in it.
+    """Make the plate's edge rigid to first order in a motion [m]; return its deflection, too.
 
-    Without a plate that of the film's centre. Less the ``bends`` by its turns. What is left of a
-    tilt, its square where there are no bends, would be a shape of its own, in which the plate
-    stretches.
+    Without a plate the deflection is that of the film's centre. The ``bends`` due to the plate's
+    tilts are subtracted. Otherwise the square of a tilt would be a shape of its own, in which the
+    plate stretches.
     """
     if model.specimen.plate is None:
         return motion, float(motion[model.centre_node, HEAVE])
@@ -294,20 +306,21 @@ def _rigid(model: Model, motion: Array, bends: Array) -> tuple[Array, float]:
     return moved, float(freedoms[HEAVE])
 
 
-#: Which of the plate's freedoms tilt it.
+#: Plate freedoms that are tilts.
 TURNS = slice(3, 5)
 
 
 def squares_of(turns: Array) -> Array:
-    """Squares of turns about x and y, (..., 2), by which nodes bend, (..., 3)."""
+    """Compute the squares of tilts about x and y, (..., 2), which scale the bends, (..., 3)."""
     x, y = turns[..., 0], turns[..., 1]
     return np.stack([x * x, y * y, x * y], -1)
 
 
 def turned(model: Model) -> Array:
-    """Motions of the nodes by the squares of the plate's turns, (3, nodes, 3) [m]; of none, (0, …).
+    """Compute motions of the nodes by the squares of the plate's tilts, (3, nodes, 3) [m].
 
-    Half of ω × (ω × r) on the plate's edge, and smoothly to nothing at the others.
+    They are half of ω × (ω × r) on the plate's edge and decrease smoothly to zero at the other
+    edges. Without tilts the shape is (0, nodes, 3).
     """
     mesh, arms = model.discretisation, model.arms[:, :2]
     if not set(range(6)[TURNS]) & set(model.plate_freedoms):
@@ -321,7 +334,7 @@ def turned(model: Model) -> Array:
 
 
 def plate_freedoms(model: Model, motion: Array) -> Array:
-    """The plate's six freedoms to first order in a motion of the nodes, shape (6,) [m, rad]."""
+    """Fit the plate's six freedoms to a motion of the nodes, to first order, (6,) [m, rad]."""
     edge = model.discretisation.plate_nodes
     rigid = PlateMotion.rest().gradient(model.arms).reshape(-1, 6)
     return np.asarray(np.linalg.lstsq(rigid, motion[edge].ravel(), rcond=None)[0])
@@ -329,10 +342,10 @@ def plate_freedoms(model: Model, motion: Array) -> Array:
 
 def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, precision: float,
             most: int) -> Array:
-    """The heave's shape and those that snapshots deviate by from it, as sums of the snapshots'.
+    """Compute the deflection's shape and the deviations from it, as sums of snapshots.
 
-    Shape (shapes, snapshots), by what deforms the first of the films. The others are as large as
-    the heave's, so that all q are alike.
+    Their shape is (shapes, snapshots). Deviations are measured by the deformation of the first
+    film. They are scaled to the size of the deflection's shape, so that all q are of similar size.
     """
     root = np.sqrt(snapshots[0].model.volumes)[..., None, None]
     mesh = snapshots[0].model.discretisation
@@ -350,10 +363,10 @@ def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, preci
 
 
 def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
-    """Work of each point of a model in what those kept are to reproduce, shape (rows, points).
+    """Compute the work of each point in quantities to be reproduced, shape (rows, points).
 
-    The virtual work of law, voltage and branches in each shape apart, the capacitance, the volume.
-    Rows are relative to what they would be if nothing in them cancelled.
+    Rows are the virtual work of law, voltage and branches in each shape, the capacitance, and the
+    volume. They are relative to their sums of absolute values.
     """
     model = snapshot.model
     c = model.cauchy_green(snapshot.state.positions)
@@ -374,10 +387,10 @@ def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
 
 
 def _softest(shapes: Array, snapshot: Snapshot, least: float) -> Array:
-    """Forces of each point against the motion that a state resists least, shape (shapes, points).
+    """Compute forces of each point against the motion of least resistance, (shapes, points).
 
-    Relative to what is left of the resistance: it is small where that of law and tension and that
-    of the voltage nearly cancel, near a pull-in. ``least``: as small as that is looked at.
+    They are relative to the remaining resistance. It is small near a pull-in, where the parts of
+    law and tension and of the voltage nearly cancel. ``least``: lower bound of this resistance.
     """
     model = snapshot.model
     density = model.density(snapshot.state.voltage_squared)(
@@ -390,7 +403,7 @@ def _softest(shapes: Array, snapshot: Snapshot, least: float) -> Array:
     tangent = np.einsum("kjp,ljp->klp", bent, slope) + np.einsum("kpcb,lpcb->klp", pulled,
                                                                  gradients)
     tangent *= model.volumes.ravel()
-    # As parts of what they would be if nothing in them cancelled.
+    # Parts are relative to their sums of absolute values.
     sizes = np.sqrt(np.abs(np.einsum("kkp->kp", tangent)).sum(1))
     tangent /= np.multiply.outer(sizes, sizes)[..., None]
     resistances, motions = np.linalg.eigh(tangent.sum(2))
@@ -403,12 +416,12 @@ _MATRIX = np.array([[0, 2], [2, 1]])
 
 
 def _stress(model: Model, c: Any, voltage_squared: float = 0.0) -> Array:
-    """S of the film at the model's points [Pa], shape (points, 3)."""
+    """Compute S of the film at the model's points [Pa], shape (points, 3)."""
     return np.asarray(model.density(voltage_squared)(c, tangent=False).stress).reshape(-1, 3)
 
 
 def _slopes(gradients: Array, f: Array) -> Array:
-    """∂E/∂q in Voigt form at F, shape (shapes, 3, points)."""
+    """Compute ∂E/∂q in Voigt form at F, shape (shapes, 3, points)."""
     along, across = f.reshape(-1, 3, 2).transpose(2, 0, 1)
     first, second = gradients[..., 0], gradients[..., 1]
     return np.stack([(first * along).sum(-1), (second * across).sum(-1),
@@ -416,10 +429,10 @@ def _slopes(gradients: Array, f: Array) -> Array:
 
 
 def _cubature(works: Array, precision: float) -> tuple[Numbers, Array]:
-    """Few points, and what each of them counts, that give the sums of all rows.
+    """Choose few points and their weights that reproduce the sums of all rows.
 
-    Non-negative least squares on the rows' principal directions: as many points, at most, as there
-    are of these.
+    Non-negative least squares on the rows' principal directions: there are at most as many points
+    as directions.
     """
     ways, sizes = _principal(works)
     matrix = ways[:, sizes > precision * sizes[0]].T @ works
@@ -430,10 +443,10 @@ def _cubature(works: Array, precision: float) -> tuple[Numbers, Array]:
 
 
 def _principal(rows: Array) -> tuple[Array, Array]:
-    """Principal directions of rows, (rows, rows), and how far these reach, the farthest first.
+    """Compute principal directions of rows, (rows, rows), and their sizes, the largest first.
 
-    By their products with one another, since they are much longer than many: what reaches less than
-    1e-8 of the farthest is rounding.
+    They come from the rows' products, since rows are long and few. Sizes below 1e-8 of the largest
+    are rounding.
     """
     squares, ways = np.linalg.eigh(rows @ rows.T)
     return ways[:, ::-1], np.sqrt(np.maximum(squares[::-1], 0.0))

@@ -1,9 +1,9 @@
-"""A film of a family as its voltage rises, to its first limits, in some milliseconds.
+"""A film of a family while its voltage rises, up to its first limits, in some milliseconds.
 
-The states of a first film are those by which
-:func:`tympan.studies.films.first_limits.first_limits` finds the limits. Those of a film like it are
-found from these, all at once. Each has its rate, so U² as a function of the plate's deflection is
-known between them.
+For a first film the states come from the search of
+:func:`tympan.studies.films.first_limits.first_limits`. For a similar film they are found from the
+first film's states, all at once. Each state has its rate, so U² is known between them as a function
+of the plate's deflection.
 """
 
 from __future__ import annotations
@@ -20,46 +20,48 @@ from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import ENDS, WITHIN, FilmMargins, first_limits
 from tympan.studies.films.many_films import Charged, Films, FilmsAt, LocalState
 
-#: Points of a curve, closer at both ends: there the deflection bends most against the voltage.
+#: Number of points of a curve. They are closer at both ends, where the deflection has most
+#: curvature against the voltage.
 _POINTS = 25
-#: States between those of the search: U² between all of them is then known to 3e-4 of that at the
-#: end, in eight random films; a family's own error is as large.
+#: States in addition to those of the search. U² is then accurate to 3e-4 of its value at the end,
+#: in eight random films; a family's own error is as large.
 _MORE = 8
-#: Exponent of their deflections over that at the end: a voltage moves the plate more and more.
+#: Exponent of the spacing of their deflections: the plate moves ever more per volt.
 _MORE_AND_MORE = 1.5
-#: By how much U² of a state may be corrected, over the largest: of that the square is left.
+#: Largest correction of a state's U², over the largest U²: its square remains as error.
 _FAR = 0.03
-#: How far beyond the end the last of these is, over the deflection by the voltage.
+#: Distance of the last of these states beyond the end, over the deflection by the voltage.
 _BEYOND = 0.05
-#: States beyond the first of a film that is found from another one.
+#: Number of states after the first, of a film that is found from another one.
 _ALONG = 10
-#: How much farther than the other film it is looked for, over the deflection by the voltage.
+#: Additional range of this film beyond the other one's, over the deflection by the voltage.
 _AHEAD = 0.25
-#: Corrections of these states by their first tangents.
+#: Number of corrections of these states with their first tangents.
 _CHORDS = 1
-#: By how much U² of a state may be corrected after these, over the largest: what is left is that
-#: times the same again.
+#: Largest correction of a state's U² after these corrections, over the largest U²; the remaining
+#: error is about its square.
 _MISSED = 3e-3
-#: Fewest states before the end.
+#: Least number of states before the end.
 _ENOUGH = 6
 
-#: How far from a limit its margin is looked at again, over the deflection by the voltage.
+#: Distance from a limit of the second evaluation of its margin, over the deflection by the voltage.
 _ASIDE = 0.02
-#: How often at most a limit is corrected by its margin.
+#: Largest number of corrections of a limit by its margin.
 _CLOSING = 3
-#: Correction after which it is not, over the deflection by the voltage: what is left is its square.
+#: Correction, over the deflection by the voltage, below which the corrections end; its square
+#: remains as error.
 _CLOSE = 3e-3
-#: What local numbers of the reduced film may be off: stresses over the largest one, and the share
-#: of the strength. Set by trial: limits of nine films were wrong by half of what follows.
+#: Error of local numbers of the reduced film: of stresses over the largest one, and of the share of
+#: the strength. Set by trial: limits of nine films had half of the error that this gives.
 _LOCAL = 2e-3
-#: The plate's stiffness where the error is estimated, over that at rest: beyond, the deflection is
-#: no measure of it any more, since it grows without bound towards the pull-in.
+#: Least plate stiffness, over that without voltage, of the state that gives the error. Towards the
+#: pull-in the deflection's error grows without bound and is no measure any more.
 _STIFF = 0.2
 
 
 @dataclass(frozen=True)
 class FamilyLimit:
-    """U² [V²] at a limit, by how much it may be wrong, and where it begins in the mounted film."""
+    """U² [V²] at a limit, its error ``off``, and its place in the mounted film."""
 
     squared: float
     off: float
@@ -69,13 +71,13 @@ class FamilyLimit:
 
 @dataclass(frozen=True, eq=False)
 class FamilyRise:
-    """A film from rest to its end, as far as the family holds it; arrays have the shape (points,).
+    """A film from rest to its end, as far as the family is valid; arrays have the shape (points,).
 
-    ``deflection`` [m], ``squared``: U² across the film [V²], the plate's ``stiffness`` [N/m];
-    ``limits`` that are met, by kind; ``rest``: amplitudes q of the film without voltage.
-    ``whole``: it pulls in at the last point, taut and firm all the way. Otherwise it loses tension
-    there, or the family holds it no further. ``off``: by how much the force on the plate may be
-    wrong [N]. ``path``: U² and q as a function of the deflection.
+    ``deflection`` [m], ``squared``: U² across the film [V²], ``stiffness`` of the plate [N/m].
+    ``limits``: limits by kind. ``rest``: amplitudes q without voltage. ``whole``: the film pulls in
+    at the last point, taut and firm all the way. Otherwise it loses tension there, or the family is
+    not valid beyond. ``off``: error of the force on the plate [N]. ``path``: U² and q as a function
+    of the deflection.
     """
 
     deflection: AnyArray
@@ -88,16 +90,16 @@ class FamilyRise:
     path: CubicHermiteSpline
 
     def error(self, deflection: float) -> float:
-        """Error of a deflection at a given voltage [m]."""
+        """Compute the error of a deflection at a given voltage [m]."""
         return self.off / float(np.interp(deflection, self.deflection, np.abs(self.stiffness)))
 
 
 def rise(family: FilmFamily, row: AnyArray, force: float, last: FamilyRise | None = None
          ) -> FamilyRise | None:
-    """A film with these parameters, (names,), under a force on its plate [N].
+    """Raise the voltage of a film with parameters (names,) under a force on its plate [N].
 
-    None where the family does not hold it at rest, or a voltage does not move its plate. ``last``:
-    the rise of a film like it, from whose states its own are found in half the time.
+    None if the family is not valid without voltage, or if a voltage does not move the plate.
+    ``last``: rise of a similar film; with its states the computation takes half the time.
     """
     film = _Film(family, row, force)
     ended = (None if last is None else _followed(film, last)) or _searched(film)
@@ -105,11 +107,11 @@ def rise(family: FilmFamily, row: AnyArray, force: float, last: FamilyRise | Non
 
 
 def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
-    """The way of a film, what ends it, and at which deflection; by a search for its limits."""
+    """Search for a film's limits; return its path, the limit that ends it, and its deflection."""
     family, seen = film.family, list[tuple[AnyArray, FilmMargins]]()
 
     def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> FilmMargins:
-        # Breakdown is looked for later: films go on beyond it.
+        # The search for breakdown is later: films continue beyond it.
         margins = family.margins(film.films, film.places, np.array([film.force]), np.ones(1),
                                  (*ENDS, *WITHIN), some, squared, near)
         seen.append((squared, margins))
@@ -130,14 +132,17 @@ def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
     near = way.path(_spaced(q[0, 0], (1 + _BEYOND) * (last - q[0, 0]), _MORE))
     with np.errstate(all="ignore"):
         more = film.charged(near[:, 0], near[:, 1:])
-    # A state whose guess was far off is corrected again nowhere.
+    # A state whose guess was far off is dropped, not corrected again.
     sure = np.abs(more.squared - near[:, 0]) < _FAR * near[:, 0].max()
     way = _Way.of(way.states.joined(more.some(sure)))
     return way, kind, way.place(kind, highest)
 
 
 def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, str | None, float] | None:
-    """The same from the states of a film like it; None where these are too few or too far."""
+    """Find path, end and its deflection from a similar film's states.
+
+    None if these are too few or too far away.
+    """
     family = film.family
     number, force = np.zeros(1, dtype=np.int64), np.array([film.force])
     lowest = np.array([family.squared[0]])
@@ -168,9 +173,9 @@ def _followed(film: _Film, last: FamilyRise) -> tuple[_Way, str | None, float] |
 
 
 def _end(film: _Film, way: _Way, tension: AnyArray, sound: AnyArray) -> tuple[str | None, float]:
-    """First end of a film but for breakdown, and its deflection; infinite of none.
+    """Find the first end of a film except breakdown, and its deflection; infinite without an end.
 
-    Of states the least ``tension`` [Pa], and whether the film is firm in itself.
+    ``tension``: least stress of the states [Pa]. ``sound``: whether the film is firm in its plane.
     """
     y = way.states.q[:, 0]
     slack = CubicSpline(y, tension).roots(extrapolate=False)
@@ -186,7 +191,7 @@ def _end(film: _Film, way: _Way, tension: AnyArray, sound: AnyArray) -> tuple[st
 
 
 def _spaced(start: float, reach: float, count: int) -> AnyArray:
-    """Deflections beyond a first one, closer where they begin."""
+    """Choose deflections beyond a first one, closer at the start."""
     share = np.linspace(0.0, 1.0, count + 1)[1:]
     return np.asarray(start + reach * share**_MORE_AND_MORE)
 
@@ -211,38 +216,38 @@ class _Film:
 
     @property
     def holds(self) -> bool:
-        """Whether it is one of the family."""
+        """Whether parameters and force are in the family's ranges."""
         return bool(self.family.box.holds(self.row[None])[0]
                     and self.family.force[0] <= self.force <= self.family.force[1])
 
     def charged(self, squared: AnyArray, q: AnyArray, chords: int = 0) -> Charged:
-        """States near equilibria, as :meth:`Films.charged` corrects them."""
+        """Correct states near equilibria as :meth:`Films.charged` does."""
         return self.films.charged(np.zeros(len(q), dtype=np.int64), np.full(len(q), self.force), q,
                                   squared, chords)
 
     def squared(self, q: AnyArray) -> AnyArray:
-        """U² [V²] by which states q hold their plates, (states,)."""
+        """Compute the U² [V²] for which states q are in equilibrium, (states,)."""
         number, scale = np.zeros(len(q), dtype=np.int64), self.family.squared[1]
         without, by = (self.films.forces(number, q, np.full(len(q), squared))[:, 0]
                        for squared in (0.0, scale))
         return np.asarray(scale * (self.force - without) / (by - without))
 
     def local(self, states: AnyArray) -> LocalState:
-        """Stretches, stresses and fields of states, (states, 1 + shapes): U² and q."""
+        """Compute stretches, stresses and fields of states, (states, 1 + shapes): U² and q."""
         return self.films.local(self.places, np.zeros(len(states), dtype=np.int64), states[:, 1:],
                                 states[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """States on the way; U² and amplitudes q as a function of the deflection through them."""
+    """States on the path; U² and amplitudes q through them as a function of the deflection."""
 
     states: Charged
     path: CubicHermiteSpline
 
     @classmethod
     def of(cls, states: Charged) -> Self:
-        """Path through states in any order."""
+        """Create the path through states in any order."""
         states = states.some(np.argsort(states.q[:, 0]))
         return cls(states, CubicHermiteSpline(
             states.q[:, 0], np.column_stack([states.squared, states.q]),
@@ -254,11 +259,11 @@ class _Way:
         return CubicHermiteSpline.construct_fast(self.path.c[..., 0], self.path.x)
 
     def place(self, kind: str | None, squared: float) -> float:
-        """Deflection [m] at which U² [V²] is first met, or at its top for a pull-in."""
+        """Find the deflection [m] where U² [V²] is first reached; for a pull-in, its maximum."""
         of_squared = self.of_squared
         if kind == "pull_in":
             roots = of_squared.derivative().roots(extrapolate=False)
-            # Beyond the last state U² is a parabola.
+            # Beyond the last state U² is extrapolated as a parabola.
             ahead = 2 * max(squared - self.states.squared[-1], 0.0) / self.states.slope[-1]
             return float(min(roots, default=self.path.x[-1] + ahead))
         roots = of_squared.solve(squared)
@@ -266,7 +271,7 @@ class _Way:
 
 
 def _to_end(film: _Film, way: _Way, kind: str | None, last: float) -> FamilyRise:
-    """The way to the first of tension lost and pull-in, or as far as states are there."""
+    """Build the rise up to loss of tension or pull-in, or as far as there are states."""
     states, first = way.states, float(way.path.x[0])
     off = _force_error(film, states.some(states.q[:, 0] < last))
     limits: dict[str, FamilyLimit] = {}
@@ -282,14 +287,14 @@ def _to_end(film: _Film, way: _Way, kind: str | None, last: float) -> FamilyRise
     share = (1 - np.cos(np.pi * np.linspace(0.0, 1.0, _POINTS))) / 2
     y = np.unique([*first + (last - first) * share, *places])
     squared = way.path(y)[:, 0]
-    squared[0] = film.family.squared[0]  # but for what rounding leaves
+    squared[0] = film.family.squared[0]  # exact in spite of rounding
     return FamilyRise(y, squared, np.interp(y, states.q[:, 0], states.stiffness), limits,
                       kind == "pull_in", off, states.q[0], way.path)
 
 
 def _limit(film: _Film, way: _Way, kind: str, place: float, off: float
            ) -> tuple[FamilyLimit, float]:
-    """A limit near a deflection, and where it is; forces may be wrong by ``off`` [N]."""
+    """Correct a limit near a deflection; return it and its deflection; ``off`` is a force [N]."""
     error = off * abs(float(np.interp(place, way.states.q[:, 0], way.states.by_force)))
     for _ in range(_CLOSING):
         y = np.array([place, place - _ASIDE * (place - way.path.x[0])])
@@ -312,7 +317,7 @@ def _limit(film: _Film, way: _Way, kind: str, place: float, off: float
 
 
 def _force_error(film: _Film, states: Charged) -> float:
-    """Error of forces on the plate [N]."""
+    """Estimate the error of forces on the plate [N]."""
     stiff = np.flatnonzero(states.stiffness >= _STIFF * states.stiffness[0])
     at = states.some(stiff[-1:] if len(stiff) else slice(0, 1))
     off = film.family.error(film.films, np.zeros(1, dtype=np.int64), at.q, np.array([film.force]),

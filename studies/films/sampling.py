@@ -1,4 +1,4 @@
-"""Values along time by how they went with the voltage and time."""
+"""Extrapolation of values along time as functions of voltage and time."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from tympan.base.arrays import Array
 
-#: What is added to the squares of least squares: where voltages hardly differ these say nothing,
-#: and a guess stays near the last value.
+#: Regularisation of the least squares. Nearly equal voltages contain no information, and the
+#: extrapolation then stays near the last value.
 _ALIKE = 1e-10
-#: The square of a voltage that is none [V²], so that nothing is divided by 0.
+#: Squared voltage [V²] that replaces zero, to avoid a division by 0.
 _NO_VOLTAGE = 1e-12
 
 
 def by_voltages(time: Array, squared: Array, values: Array, later: Array, ahead: Array) -> Array:
-    """Values at later times from the last one on, by how they went with U², U⁴ and time.
+    """Extrapolate values to later times as functions of U², U⁴ and time, by least squares.
 
-    ``squared``: U² [V²] at the times, shape (..., times), and ``ahead`` at the later ones; values
-    have the shape (..., times, n), times no unit. By least squares.
+    ``squared``: U² [V²] at the times, shape (..., times). ``ahead``: U² at the later times. Values
+    have the shape (..., times, n); times have no unit.
     """
     largest = max(squared.max(), ahead.max(), _NO_VOLTAGE)
     terms, last = _terms(time, squared / largest), values[..., -1:, :]
@@ -29,7 +29,7 @@ def by_voltages(time: Array, squared: Array, values: Array, later: Array, ahead:
 
 
 def _terms(time: Array, squared: Array) -> Array:
-    """Terms that values are taken to be a sum of, shape (..., times, 3)."""
+    """Compute the terms of the extrapolation, shape (..., times, 3)."""
     terms = np.empty((*squared.shape, 3))
     terms[..., 0], terms[..., 1], terms[..., 2] = time, squared, squared * squared
     return terms

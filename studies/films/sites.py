@@ -1,7 +1,7 @@
-"""Points of a mesh at which many films are looked at, by their places in the reference elements.
+"""Points of a mesh at which many films are evaluated, by their reference coordinates.
 
-A mesh that moves with a film's outlines keeps its elements. So the slopes of shapes by reference
-coordinates are the same for all films of a family; what differs is ∂X/∂ξ alone.
+A mesh that moves with a film's outlines keeps its elements. The slopes of shapes by reference
+coordinates are therefore the same for all films of a family. Only ∂X/∂ξ differs.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from tympan.geometry.mesh import ELEMENTS
 
 @dataclass(frozen=True, eq=False)
 class Sites(FieldsAlone):
-    """Points of elements, and what is known of them whatever the film.
+    """Points of elements, and their properties that do not depend on the film.
 
-    ``cells``: number of the element of each, (points,); ``nodes`` of these elements, (points,
-    local); ``values`` and ``slopes`` of the shape functions by reference coordinates, (points,
-    local) and (points, local, 2); ``weights``: area in these coordinates that a point stands for,
-    of the whole film; ``covered``, 1 under the electrode; ``turns``: the sign of det ∂X/∂ξ.
+    ``cells``: element of each point, (points,). ``nodes``: nodes of these elements, (points,
+    local). ``values`` and ``slopes``: shape functions and their derivatives by reference
+    coordinates, (points, local) and (points, local, 2). ``weights``: area of the whole film in
+    these coordinates that a point represents. ``covered``: 1 under the electrode. ``turns``: sign
+    of det ∂X/∂ξ.
     """
 
     cells: Numbers
@@ -40,9 +41,10 @@ class Sites(FieldsAlone):
     @classmethod
     def of(cls, mesh: Discretisation, places: Array, weights: Array | None = None,
            cells: Numbers | None = None) -> Sites:
-        """The same reference points, shape (2, count), in every element, or in some; element-major.
+        """Create equal reference points, shape (2, count), in every element, or in some.
 
-        Without ``weights`` of the points, shape (count,), they stand for no area.
+        Points are ordered by element. Without ``weights``, shape (count,), the points represent no
+        area.
         """
         cells = np.arange(len(mesh.connectivity)) if cells is None else cells
         count = places.shape[1]
@@ -57,22 +59,22 @@ class Sites(FieldsAlone):
 
     @classmethod
     def quadrature(cls, mesh: Discretisation) -> Sites:
-        """All quadrature points."""
+        """Create all quadrature points."""
         return cls.of(mesh, *quadrature(mesh.mesh.order))
 
     @classmethod
     def at_nodes(cls, mesh: Discretisation) -> Sites:
-        """The nodes of every element."""
+        """Create points at the nodes of every element."""
         return cls.of(mesh, ELEMENTS[mesh.mesh.order].doflocs.T)
 
     @classmethod
     def within(cls, mesh: Discretisation, cells: Numbers, parts: int) -> Sites:
-        """The middles of ``parts``² triangles in some elements."""
+        """Create points at the middles of ``parts``² triangles in some elements."""
         return cls.of(mesh, middles(parts), cells=cells)
 
     @cached_property
     def gather(self) -> tuple[csr_matrix, csr_matrix]:
-        """Sums of forces against ∂x/∂ξ and ∂x/∂η at the nodes, (nodes, points) each."""
+        """Matrices that sum forces against ∂x/∂ξ and ∂x/∂η to nodes, (nodes, points) each."""
         points = np.broadcast_to(np.arange(len(self.nodes))[:, None], self.nodes.shape).ravel()
         size = int(self.nodes.max()) + 1, len(self.nodes)
         return tuple(coo_matrix((self.slopes[..., along].ravel(), (self.nodes.ravel(), points)),
@@ -80,19 +82,22 @@ class Sites(FieldsAlone):
 
     @cached_property
     def spread(self) -> csr_matrix:
-        """Sums of values at the points at the nodes, (nodes, points)."""
+        """Matrix that sums values at the points to the nodes, (nodes, points)."""
         points = np.broadcast_to(np.arange(len(self.nodes))[:, None], self.nodes.shape).ravel()
         size = int(self.nodes.max()) + 1, len(self.nodes)
         return coo_matrix((self.values.ravel(), (self.nodes.ravel(), points)), size).tocsr()
 
     def some(self, points: Numbers, shares: Array) -> Sites:
-        """Some of the points, each for ``shares`` times its own area."""
+        """Select some of the points; each represents ``shares`` times its own area."""
         chosen = {name: getattr(self, name)[points] for name in
                   ("cells", "nodes", "values", "slopes", "covered", "turns")}
         return replace(self, weights=self.weights[points] * shares, **chosen)
 
     def tangents(self, positions: Array) -> Array:
-        """∂x/∂ξ of nodal positions (..., nodes, 2 or 3), shape (..., components × 2, points)."""
+        """Compute ∂x/∂ξ from nodal positions (..., nodes, 2 or 3).
+
+        Its shape is (..., components × 2, points).
+        """
         *many, nodes, components = positions.shape
         flat = positions.reshape(-1, nodes, components).transpose(1, 2, 0).reshape(nodes, -1)
         there = np.stack([(along.T @ flat[: along.shape[0]]).reshape(-1, components, flat.shape[1]
@@ -101,6 +106,9 @@ class Sites(FieldsAlone):
             2, 1, 0)).reshape(*many, 2 * components, -1)
 
     def at(self, positions: Array) -> Array:
-        """Nodal values (..., nodes, components) at the points, (..., points, components)."""
+        """Interpolate nodal values (..., nodes, components) at the points.
+
+        The result has the shape (..., points, components).
+        """
         return np.asarray(np.einsum("...plc,pl->...pc", positions[..., self.nodes, :], self.values,
                                     optimize=True))

@@ -1,4 +1,4 @@
-"""Answers of many films: their states under loads, and the voltages at which they end."""
+"""Results of many films: their states under loads, and the voltages at which they end."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from tympan.base.arrays import AnyArray, Mask
 class FilmStates:
     """States of many films under loads: named variables of shape (films, states), in SI.
 
-    Numbers are nan where the family ``holds`` no state. Finite elements then say what is there.
+    Numbers are nan where the family does not hold a state (``holds``). Such states need finite
+    elements.
     """
 
     #: Deflection [m].
     deflection: AnyArray
-    #: Error of the deflection [m], which it exceeds in some 1 of 40 films; nan if not estimated.
+    #: Error of the deflection [m], exceeded in some 1 of 40 films; nan if not estimated.
     error: AnyArray
     #: Force that the film carries [N].
     force: AnyArray
@@ -34,7 +35,7 @@ class FilmStates:
     stretch: AnyArray
     #: Largest principal true stress [Pa].
     stress: AnyArray
-    #: Most by which that stress differs from the one on a mesh of the film's own [Pa].
+    #: Largest difference of that stress from the stress on a separate mesh of the film [Pa].
     stress_error: AnyArray
     #: Least principal true stress [Pa].
     tension: AnyArray
@@ -50,13 +51,13 @@ class FilmStates:
     weakest_strength: AnyArray
     #: Tilt of the plate [rad].
     tilt: AnyArray
-    #: Lowest frequency along the load [Hz]; nan where no mass was given.
+    #: Lowest frequency along the load [Hz]; nan if no mass was given.
     frequency: AnyArray
     #: Amplitudes of the shapes, (films, states, shapes).
     q: AnyArray
-    #: Mask of states in which the film is firm in itself and its law within its range.
+    #: Mask of states in which the film is stable in its plane and within its law's range.
     sound: Mask
-    #: Mask of states that are stable and in tension, of films and loads that the family is of.
+    #: Mask of states that are stable and in tension, with film and loads in the family's ranges.
     holds: Mask
     #: Mask of stable states that are not in tension everywhere.
     slack: Mask
@@ -72,9 +73,9 @@ class FilmStates:
 class FilmEnds:
     """Voltages [V] at which films break down, lose tension or pull in, (films, forces) each.
 
-    A voltage is infinite where that does not happen within the family's voltages, or a pull-in
-    comes first. It is nan without a state at the lowest of these voltages, and beyond the loss of
-    tension.
+    A voltage is infinite if the event does not happen within the family's voltages, or if a pull-in
+    comes first. It is nan if there is no state at the lowest of these voltages, and beyond the loss
+    of tension.
     """
 
     breakdown: AnyArray

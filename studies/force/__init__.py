@@ -1,7 +1,8 @@
-"""Force on the plate against its displacement, as a tensile tester measures it, and what it moves.
+"""Force on the plate against its displacement, as a tensile tester measures it, and its work.
 
-``follow.py`` follows a film whose plate is displaced at one voltage, ``result.py`` is what is
-stored of it, ``cycle.py`` what loads do on the curves, and ``force.py`` puts these together.
+``follow.py`` follows a film whose plate is displaced at one voltage. ``result.py`` defines what is
+stored. ``cycle.py`` finds the equilibria and the work of loads on the curves. ``force.py`` combines
+these modules.
 """
 
 from tympan.studies.force.force import ForceCase as ForceCase

@@ -1,8 +1,8 @@
 """A load on a film's force-displacement curves: equilibria, stroke, work, electrical energy.
 
-On the way from one voltage to another under a load, dΠ = F dw − Q dU of the film's potential Π at
-constant voltage, so that all energies are differences of states: what is stored is S = Π + U Q, and
-with the plate held the supply gives ΔS, at a constant voltage U ΔQ.
+From one voltage to another under a load, the film's potential Π at constant voltage changes by dΠ =
+F dw − Q dU. All energies are therefore differences between states. The stored energy is S = Π + U
+Q. With the plate held the supply gives ΔS; at a constant voltage it gives U ΔQ.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from tympan.fem.transient.energy import load_work
 from tympan.studies.force.follow import FollowedForce, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
 
-#: Distance of a crossing from the curve's interval in which its cubic has it, relative to the
-#: interval: displacements of a curve are chosen by people, and may be far apart.
+#: Largest distance of a crossing from the interval in which the curve's cubic has it, relative to
+#: the interval: users choose a curve's displacements, which may be far apart.
 _FAR = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Equilibrium:
-    """A film under a load at a voltage: where its curve crosses the load line."""
+    """A film under a load at a voltage: the point where its curve crosses the load line."""
 
     curve: FollowedForce
     solution: Solution
@@ -49,18 +49,21 @@ class _Equilibrium:
 
 @dataclass(frozen=True)
 class PlateLoad:
-    """Mechanisms between plate and ground, and a weight [N], of many films an array."""
+    """Mechanisms between plate and ground, and a weight [N].
+
+    The weight of many films is an array.
+    """
 
     biases: tuple[Bias, ...]
     weight: Any
 
     def pull(self, displacement: Array) -> tuple[Array, Array]:
-        """Force on the film at displacements [N], and its slope [N/m]."""
+        """Compute the force on the film at displacements [N], and its slope [N/m]."""
         _, push, stiffness = acting(self.biases, displacement)
         return self.weight - push, -stiffness
 
     def work(self, start: Any, end: Any) -> Any:
-        """Work on the film between two displacements [J]."""
+        """Compute the work on the film between two displacements [J]."""
         before, after = (acting(self.biases, np.asarray(place, dtype=float))[0]
                          for place in (start, end))
         return self.weight * (end - start) - (after - before)
@@ -68,10 +71,10 @@ class PlateLoad:
 
 def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[FollowedForce],
               displacements: Sequence[float], settings: PathSettings) -> LoadLine:
-    """The equilibria of a mass [kg] on a rig, and a cycle from the first to the last curve.
+    """Find the equilibria of a mass [kg] on a rig, and the cycle from the first to the last curve.
 
-    The line is drawn at displacements [m], as far as what acts reaches. ``model`` has all that acts
-    between plate and ground, that of the curves nothing of it.
+    The line is evaluated at displacements [m], as far as the mechanisms have a force. ``model``
+    includes all mechanisms between plate and ground; the models of the curves include none.
     """
     load = PlateLoad(model.loading.biases, float(rig.force(mass, model.plate_area)))
     found = [_equilibria(model, load, curve, settings) for curve in curves]
@@ -96,14 +99,14 @@ def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[FollowedForc
 
 def _equilibria(model: Model, load: PlateLoad, curve: FollowedForce, settings: PathSettings
                 ) -> list[_Equilibrium]:
-    """Crossings of a curve and a load line, in order of displacement."""
+    """Find the crossings of a curve and a load line, in order of displacement."""
     crossed = crossings(model, _intervals(load, curve), load.weight, settings, _FAR)
     found = [_Equilibrium(curve, solution, _stable(model, solution)) for solution in crossed]
     return sorted(found, key=lambda each: each.displacement)
 
 
 def _intervals(load: PlateLoad, curve: FollowedForce) -> Iterator[HeldInterval]:
-    """Intervals between neighbouring displacements of a curve under a load."""
+    """Yield the intervals between neighbouring displacements of a curve under a load."""
     where = curve.displacement
     pull, slope = load.pull(where)
     excess, rise = curve.force - pull, np.array(curve.stiffness) - slope
@@ -113,7 +116,7 @@ def _intervals(load: PlateLoad, curve: FollowedForce) -> Iterator[HeldInterval]:
 
 
 def _stable(model: Model, solution: Solution) -> bool:
-    """Whether a plate under a load stays where it is, and the film is firm in itself."""
+    """Check whether plate and film are stable under a load."""
     assert solution.tangent is not None
     firm = bool(firmness(model, solution.state).min() > 0)
     return solution.tangent.negative == 0 and firm
@@ -121,7 +124,7 @@ def _stable(model: Model, solution: Solution) -> bool:
 
 def _reached(load: PlateLoad, curves: Sequence[FollowedForce], found: Sequence[list[_Equilibrium]]
              ) -> list[_Equilibrium | None]:
-    """Equilibrium a plate without inertia reaches on each curve, flat on the first at first."""
+    """Find the equilibria that a massless plate, flat at first, reaches from curve to curve."""
     place = 0.0
     result: list[_Equilibrium | None] = []
     for curve, several in zip(curves, found, strict=True):
@@ -141,7 +144,7 @@ def _reached(load: PlateLoad, curves: Sequence[FollowedForce], found: Sequence[l
 
 
 def _snaps(found: Sequence[list[_Equilibrium]], reached: Sequence[_Equilibrium | None]) -> bool:
-    """Whether the plate passes another equilibrium of a curve on its way to that of the next."""
+    """Check whether the plate passes another equilibrium on its way to the next curve."""
     for several, here, after in zip(found, reached, reached[1:], strict=False):
         if here is None or after is None:
             continue
@@ -153,7 +156,7 @@ def _snaps(found: Sequence[list[_Equilibrium]], reached: Sequence[_Equilibrium |
 
 def _with_cycle(line: LoadLine, load: PlateLoad, first: _Equilibrium, last: _Equilibrium,
                 snaps: bool, settings: PathSettings) -> LoadLine:
-    """A load line with stroke, work and electrical energy between two of its equilibria."""
+    """Add stroke, work and electrical energy between two equilibria to a load line."""
     start, end = first.displacement, last.displacement
     mass, volume = _film_mass_and_volume(first.curve.model)
     work = load.work(start, end)
@@ -178,7 +181,7 @@ def _with_cycle(line: LoadLine, load: PlateLoad, first: _Equilibrium, last: _Equ
 class Corner:
     """Energy ``stored`` in a film [J], its ``charge`` [C] and its ``voltage`` [V].
 
-    Of many films at a corner each is an array.
+    Each value is an array for many films.
     """
 
     stored: Any
@@ -187,13 +190,13 @@ class Corner:
 
     @classmethod
     def of(cls, potential: Any, capacitance: Any, voltage: Any) -> Corner:
-        """Corner by the film's potential at constant voltage [J] and its capacitance [F]."""
+        """Create from the potential at constant voltage [J] and the capacitance [F]."""
         charge = capacitance * voltage
         return cls(potential + voltage * charge, charge, voltage)
 
 
 def exchanged(corners: Sequence[Corner]) -> tuple[Any, Any]:
-    """Energies [J] that the supply gives and gets back in a cycle.
+    """Compute the energies [J] that the supply gives and gets back in a cycle.
 
     The corners are in the order of the cycle: charged, moved, discharged, moved back.
     """
@@ -207,7 +210,7 @@ def exchanged(corners: Sequence[Corner]) -> tuple[Any, Any]:
 
 
 def _corner(model: Model, state: State) -> Corner:
-    """Corner of a cycle at a state, the weight and the gas of the film included."""
+    """Compute the corner of a cycle at a state, with weight and gas of the film included."""
     alone = state.under(force=0.0)
     _, capacitance, energy = (float(value[0]) for value in film_integrals(model, [alone]))
     voltage = max(state.voltage_squared, 0.0) ** 0.5
@@ -215,7 +218,7 @@ def _corner(model: Model, state: State) -> Corner:
 
 
 def _film_mass_and_volume(model: Model) -> tuple[float, float]:
-    """Mass of film and electrodes [kg], volume of the film [m³]."""
+    """Compute the mass of film and electrodes [kg] and the volume of the film [m³]."""
     mesh = model.discretisation
     mass = (model.mass_per_area * mesh.weights).sum() * mesh.mirrored
     return float(mass), float(model.volumes.sum() * mesh.mirrored)

@@ -31,19 +31,20 @@ from tympan.fem.roots import NoValueHere, root_between
 from tympan.studies.force.result import NOT_FOLLOWED, ForceCurve, ForceLimit
 from tympan.studies.walk.film_point import HeldPoint
 
-#: Error of a displacement at which a limit is passed, relative to the frame: far below what a mesh
-#: leaves uncertain.
+#: Accuracy of the displacement at a limit, relative to the frame. It is far below the
+#: discretisation error of a mesh.
 _SHARP = 1e-6
-#: States summarised at once: more would leave the cache.
+#: Number of states summarised at once; more would exceed the cache.
 _TOGETHER = 12
 
 
 @dataclass(frozen=True, eq=False)
 class FollowedForce:
-    """The equilibria of a model whose plate is displaced, at a nominal ``voltage`` [V].
+    """Equilibria of a model whose plate is displaced, at a nominal ``voltage`` [V].
 
-    ``stiffness`` is the slope of the force [N/m]. ``firm``: whether each is stable with the plate
-    held. ``limits`` are passed on the way; at ``ended`` the curve ends before it is at its goal.
+    ``stiffness``: slope of the force [N/m]. ``firm``: whether each equilibrium is stable with the
+    plate held. ``limits``: limits reached on the way. ``ended``: where the curve ends before its
+    last displacement.
     """
 
     model: Model
@@ -66,7 +67,7 @@ class FollowedForce:
 
     @property
     def curve(self) -> ForceCurve:
-        """Curve that is stored."""
+        """Curve as it is stored."""
         stable = [firm and slope > 0 for firm, slope in zip(self.firm, self.stiffness, strict=True)]
         return ForceCurve(
             voltage_V=self.voltage, displacement_m=tuple(self.displacement.tolist()),
@@ -75,7 +76,7 @@ class FollowedForce:
             **self._of_fields())
 
     def _of_fields(self) -> dict[str, tuple[Any, ...]]:
-        """Values that are stored of the film at each displacement."""
+        """Collect the stored values of the film at each displacement."""
         numbers: dict[str, list[Any]] = {name: [] for name in (
             "tense", "max_stretch", "max_true_stress_Pa", "breakdown_share", "capacitance_F")}
         for start in range(0, len(self.states), _TOGETHER):
@@ -126,7 +127,7 @@ def follow(model: Model, voltage: float, displacements: Sequence[float], start: 
 
 def at_displacement(curve: FollowedForce, displacement: float, settings: PathSettings
                     ) -> Solution | None:
-    """The film held at a displacement [m] within its curve; None beyond that."""
+    """Solve for the film held at a displacement [m] of its curve; None outside the curve."""
     where = curve.displacement
     if not len(where) or not where[0] <= displacement <= where[-1]:
         return None
@@ -136,7 +137,7 @@ def at_displacement(curve: FollowedForce, displacement: float, settings: PathSet
 
 
 def near(curve: FollowedForce, displacement: float) -> State:
-    """The state of a curve at a displacement, straight between two of its own."""
+    """Interpolate a curve's state at a displacement linearly between two states."""
     where = curve.displacement
     number = int(np.clip(np.searchsorted(where, displacement), 1, len(where) - 1))
     before, after = curve.states[number - 1 : number + 1]
@@ -148,7 +149,7 @@ def near(curve: FollowedForce, displacement: float) -> State:
 
 
 def _add(curve: FollowedForce, step: HeldSpan, gone: tuple[ForceLimit, Solution] | None) -> None:
-    """Add a step to a curve, up to where the film is gone."""
+    """Add a step to a curve, up to the film's instability."""
     span, model = step.span, curve.model
     solutions = list(step.solutions)
     places, _, slopes = step.forces
@@ -168,13 +169,16 @@ def _add(curve: FollowedForce, step: HeldSpan, gone: tuple[ForceLimit, Solution]
 
 
 def _firm(solution: Solution) -> bool:
-    """Whether a state is stable with the plate held: its deflection is one motion less."""
+    """Check whether a state is stable with the plate held.
+
+    Holding the plate removes one motion, the deflection.
+    """
     assert solution.tangent is not None
     return bool(solution.tangent.negative == (held_stiffness(solution) < 0))
 
 
 def _where(span: Span, before: HeldPoint, after: HeldPoint, sign: Sign) -> HeldPoint | None:
-    """The film between two points of a step at which a sign changes; None if not found."""
+    """Find the film between two points of a step at which a sign changes; None if not found."""
     low, high = span.ends
     films = {low: before, high: after}
 

@@ -1,4 +1,4 @@
-"""Force on the plate against its displacement, a curve for each voltage, with loads over them."""
+"""Force on the plate against its displacement: a curve for each voltage, and loads on them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tympan.studies.force.follow import FollowedForce, at_displacement, follow
 from tympan.studies.force.loops import HeldMotion, loop
 from tympan.studies.force.result import NOT_FOLLOWED, ForceLimit, ForceLoop, ForceResult
 
-#: Displacements of a curve where their number is not given: a smooth line.
+#: Default number of displacements of a curve, for a smooth line.
 USUAL_POINTS = 61
 _COUNTS: Rule = (lambda x: 2 <= x <= 10_000, "must be a whole number from 2 to 10000")
 _CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
@@ -37,8 +37,8 @@ _CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 100
 class ForceCase:
     """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].
 
-    ``masses`` [kg] are loads whose equilibria are asked for. With a ``rate`` [m/s] the plate moves
-    out and back in time, too. Texts carry their unit.
+    ``masses`` [kg] are loads whose equilibria are found. With a ``rate`` [m/s] the plate also moves
+    out and back in time. Values may be texts with a unit.
     """
 
     specimen: Specimen
@@ -83,17 +83,18 @@ class ForceCase:
 
     @property
     def displacements(self) -> list[float]:
-        """Displacements of the plate [m], the first and the last among them to the last digit."""
+        """Displacements of the plate [m]; the first and the last are exact."""
         places: list[float] = np.linspace(self.start, self.to, self.points).tolist()
         return places
 
 
 def force(case: ForceCase, settings: Settings,
           progress: Progress = lambda words: None) -> ForceResult:
-    """Displace the plate at each voltage, and put loads on it; ``progress`` before each voltage.
+    """Displace the plate at each voltage, and put loads on it.
 
-    The tester holds the plate's deflection: the film's own curve passes every limit point of load
-    and voltage. What the rig has between plate and ground is on the side of the load.
+    ``progress`` is called before each voltage. The tester holds the plate's deflection: the film's
+    own curve passes every limit point of load and voltage. Mechanisms of the rig between plate and
+    ground belong to the load.
     """
     began = time.perf_counter()
     rig, specimen = case.rig, case.specimen
@@ -130,7 +131,7 @@ def force(case: ForceCase, settings: Settings,
 def followed_curves(case: ForceCase, model: Model, path: PathSettings,
                     progress: Progress
             ) -> Iterator[FollowedForce]:
-    """The curve at each voltage; each begins where that of the voltage before did."""
+    """Follow the curve at each voltage; each starts from the start of the one before."""
     displacements = case.displacements
     start: Solution | None = None
     for voltage in sorted(case.voltages):
@@ -158,7 +159,7 @@ def _loop(case: ForceCase, curve: FollowedForce, progress: Progress) -> ForceLoo
 
 
 def left_out(case: ForceCase) -> list[str]:
-    """Parts that these curves do not have, in words."""
+    """List in words the parts of the rig and the film that these curves neglect."""
     words = [f"{key} of the rig acts against the way and is left out here"
              for key in AGAINST_THE_WAY if getattr(case.rig, key)]
     words += [f"{key} of the rig is left out: these curves are of a tester without errors"
@@ -173,7 +174,7 @@ def left_out(case: ForceCase) -> list[str]:
 
 
 def _require_start(case: ForceCase, model: Model, found: bool, solution: Solution) -> None:
-    """Refuse a first displacement at which the film has no shape even without voltage."""
+    """Raise InputError if the film has no definite shape at the first displacement."""
     if found and not still_slack(model, solution.state):
         return
     why = ("the film is slack there: it has no definite shape; prestretch it, or begin further out"
@@ -184,10 +185,10 @@ def _require_start(case: ForceCase, model: Model, found: bool, solution: Solutio
 
 def blocked_force(model: Model, rest: Solution, voltage: float, path: PathSettings
                   ) -> float | None:
-    """Force [N] by which a plate pulls less at its holder under a voltage across the film [V].
+    """Compute the decrease of the force that holds a plate [N] under a film voltage [V].
 
-    It is held where it is at ``rest`` under its load without voltage. None where no such state is
-    found.
+    The plate is held at its deflection at ``rest``, under its load without voltage. None if the
+    state with voltage is not found.
     """
     outcome = held(model, model.deflection(rest.state), voltage, rest, path)
     if outcome.status != "equilibrium":
@@ -197,7 +198,7 @@ def blocked_force(model: Model, rest: Solution, voltage: float, path: PathSettin
 
 def _blocked(curves: Sequence[FollowedForce], rest: float | None, path: PathSettings
              ) -> tuple[float | None, float | None]:
-    """Place of the held plate [m], and by how much its force falls from first to last curve [N]."""
+    """Find the held plate's place [m] and the force's decrease from first to last curve [N]."""
     first, last = curves[0], curves[-1]
     common = min(len(first.states), len(last.states))
     if first is last or not common:

@@ -1,4 +1,4 @@
-"""A plate moved out and back at a speed: the loop of a film with viscous branches, and its heat."""
+"""A plate moved out and back at a speed: loop of a film with viscous branches, and its heat."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from tympan.studies.force.result import ForceLoop
 from tympan.studies.signals import Pieces
 from tympan.studies.trace import Trace
 
-#: Errors of steps in time with which a loop is followed, one after the other, until its areas
-#: change by no more than a share: the finer run is some five times nearer. Areas are then within
-#: 1e-4 of the heat (a branch of 20 kPa and 0.5 s); of a film without branches within 1e-8 of the
-#: work.
+#: Errors of the time steps of successive runs of a loop. The runs end when the areas of the loops
+#: change by no more than ``_AREA``; the finer run is some five times as accurate. Areas are then
+#: within 1e-4 of the heat (a branch of 20 kPa and 0.5 s); for a film without branches, within 1e-8
+#: of the work.
 _ERRORS = (1e-6, 1e-7, 1e-8)
 _AREA = 3e-4
 
-#: Rounding of times that ends of ways are reached at, relative.
+#: Relative rounding error of the times at the ends of each leg.
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class HeldMotion:
-    """A plate that moves between two displacements [m] at a speed [m/s], out and back.
+    """Motion of a plate between two displacements [m] at a speed [m/s], out and back.
 
-    ``cycles`` times; the force is told at so many ``points`` of each way.
+    ``cycles``: number of cycles. ``points``: number of points on each leg at which the force is
+    stored.
     """
 
     start: float
@@ -42,7 +43,7 @@ class HeldMotion:
 
     @property
     def leg(self) -> float:
-        """Time of one way [s]."""
+        """Duration of one leg [s]."""
         return (self.to - self.start) / self.rate
 
     @property
@@ -53,16 +54,16 @@ class HeldMotion:
         return Pieces(self.leg * turns.astype(float), places.astype(float))
 
     def times(self) -> Array:
-        """Times at which the force is told [s], the turns among them."""
+        """Compute the times at which the force is stored [s], turning points included."""
         steps = self.points - 1
         return np.linspace(0.0, 2 * self.cycles * self.leg, 2 * self.cycles * steps + 1)
 
 
 def loop(model: Model, voltage: float, start: State, motion: HeldMotion) -> ForceLoop:
-    """Move the plate of a film that rests at the first displacement, at a nominal voltage [V].
+    """Move the plate of a film at rest at the first displacement, at a nominal voltage [V].
 
-    It has rested there for ever, unless the film says when it was mounted: then it is displaced at
-    once.
+    The film is fully relaxed there. If the film has a mounting time, it is instead displaced there
+    at once.
     """
     last: ForceLoop | None = None
     for error in _ERRORS:
@@ -83,14 +84,14 @@ def _loop(model: Model, voltage: float, start: State, motion: HeldMotion, steps:
     record: list[tuple[float, float, float]] = []
     followed = Followed(held.moments(start, first_memory(model, start)))
     for moment in followed:
-        # The heat of a branch that is all but relaxed is the difference of two numbers alike.
+        # The heat of an almost relaxed branch is the difference of two nearly equal numbers.
         heat = max(branch_heat(model, moment.state, moment.memory), 0.0)
         record.append((moment.time, moment.state.force, heat))
     time, force, heats = np.array(record).T
     trace, stopped = Trace(time), followed.stopped
     ways = 2 * motion.cycles
     if stopped is not None:
-        # The last way was not gone to its end.
+        # The last leg was not finished.
         ways = 2 * ((len(trace.parts) - 1) // 2)
     work, heat_of_way = (trace.integrals(values) for values in (force, heats))
     told = motion.times()

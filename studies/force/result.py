@@ -1,4 +1,4 @@
-"""Force-displacement curves, and what a load does on them, as they are stored."""
+"""Force-displacement curves, and loads on them, as they are stored."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tympan.studies.case import Band, SpecimenRecord, UnknownCount, WallTime, Wa
 from tympan.studies.columns import Column, rows_in, write_rows, write_sheet
 from tympan.studies.files import remove
 
-#: Columns of the CSV of loops, with the names that a dataset's force.csv has; ``run`` is the cycle.
+#: Columns of the CSV of loops; they have the names of a dataset's force.csv. ``run`` is the cycle.
 LOOP_COLUMNS: tuple[Column, ...] = (
     Column.labels("specimen"),
     Column("voltage", "kV"),
@@ -29,16 +29,16 @@ LOOP_COLUMNS: tuple[Column, ...] = (
     Column("t", "s"),
 )
 
-#: Kind of the end of a curve beyond which no equilibrium was found.
+#: Kind of a curve's end beyond which no equilibrium was found.
 NOT_FOLLOWED = "not_followed"
-#: Kinds of what a curve passes, or ends with: limits of the film, and that.
+#: Kinds of events on a curve: limits of the film, and ``NOT_FOLLOWED``.
 CURVE_EVENTS: Mapping[str, LimitState | None] = ChainMap[str, Any](
     {NOT_FOLLOWED: None}, LIMIT_STATES)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLimit:
-    """Limit of the film that a force-displacement curve passes, or its end."""
+    """Limit of the film that a force-displacement curve reaches, or its end."""
 
     kind: Annotated[str, Key(
         "what happens there: loss of tension, breakdown or instability of the film; pull_in, where "
@@ -52,7 +52,7 @@ class ForceLimit:
 
     @property
     def words(self) -> str:
-        """Description of what happens there, of the film."""
+        """Description of the event."""
         if self.kind == NOT_FOLLOWED:
             return "no equilibrium found beyond"
         if self.kind == PULL_IN.kind:
@@ -61,7 +61,7 @@ class ForceLimit:
 
     @property
     def place(self) -> str:
-        """Place in the film where it begins, in millimetres; "" of what concerns the plate."""
+        """Place in the film where it begins, in millimetres; "" for an event of the plate."""
         if self.x_m is None or self.y_m is None or self.kind == PULL_IN.kind:
             return ""
         return place_text(self.x_m, self.y_m)
@@ -69,7 +69,7 @@ class ForceLimit:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceCurve:
-    """The force on the plate at one voltage; a number of each list for each displacement.
+    """Force on the plate at one voltage; each list has one value for each displacement.
 
     The fields are the columns of the CSV, in this order.
     """
@@ -96,7 +96,7 @@ class ForceCurve:
 
     @property
     def banded(self) -> tuple[tuple[float, Band], ...]:
-        """Displacements [m] with a band."""
+        """Displacements [m] that have a band, with their bands."""
         both = zip(self.displacement_m, self.band_force_N, strict=False)
         return tuple((place, band) for place, band in both if band is not None)
 
@@ -146,7 +146,7 @@ class LoadLine:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLoop:
-    """The plate moved out and back at a speed, at one voltage."""
+    """Motion of the plate out and back at a speed, at one voltage."""
 
     voltage_V: Annotated[float, Key("nominal voltage")]
     rate_m_per_s: Annotated[float, Key("speed of the plate")]
@@ -165,7 +165,7 @@ class ForceLoop:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceResult(SpecimenRecord):
-    """Force-displacement curves of one specimen, and loads on them, SI."""
+    """Force-displacement curves of one specimen, and loads on them, in SI."""
 
     ending = "-force"
     writer = "tympan force"
@@ -190,17 +190,17 @@ class ForceResult(SpecimenRecord):
 
     @property
     def rows(self) -> dict[str, Array]:
-        """The curves, a row for each displacement; a dataset's force.csv begins so."""
+        """Table of the curves, a row for each displacement; a dataset's force.csv begins so."""
         return rows_in(self.curves, specimen=self.specimen)
 
     @property
     def loop_table(self) -> dict[str, Array]:
-        """The loops with the names of :data:`LOOP_COLUMNS`, in SI."""
+        """Table of the loops with the names of :data:`LOOP_COLUMNS`, in SI."""
         rows: list[tuple[Any, ...]] = []
         for loop in self.loops:
             turn = loop.leg_s
             for t, place, force in zip(loop.time_s, loop.displacement_m, loop.force_N, strict=True):
-                # A turn is the last of its way.
+                # A turning point is the last point of its leg.
                 way = max(int(np.ceil(t / turn - 1e-9)) - 1, 0)
                 rows.append((self.specimen, loop.voltage_V, place, force, str(way // 2 + 1),
                              ("out", "back")[way % 2], t))
@@ -208,7 +208,7 @@ class ForceResult(SpecimenRecord):
                 for number, column in enumerate(LOOP_COLUMNS)}
 
     def save(self, folder: Path) -> None:
-        """Write ``NAME-force.csv`` and ``.json``, of loops ``NAME-loops.csv`` too."""
+        """Write ``NAME-force.csv`` and ``.json``; with loops also ``NAME-loops.csv``."""
         loops = f"{self.specimen}-loops.csv"
         remove(folder, loops)
         super().save(folder)

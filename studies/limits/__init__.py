@@ -1,8 +1,8 @@
-"""Limits of a film: their voltages, and the curve to them.
+"""Limits of a film: their voltages, and the curve up to them.
 
-``voltages.py`` follows a film as its voltage rises and finds where it passes each limit;
-``curve.py`` makes curves of that, ``loads.py`` chooses loads that suit a film. A new limit is not
-registered here but in ``fem/results/limit_states.py``.
+``voltages.py`` follows a film while its voltage rises and finds where it reaches each limit.
+``curve.py`` makes deflection-voltage curves, and ``loads.py`` chooses loads that suit a film. A new
+limit is not registered here but in ``fem/results/limit_states.py``.
 """
 
 from tympan.studies.case import Limit as Limit

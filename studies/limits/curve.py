@@ -1,4 +1,4 @@
-"""Deflection against voltage under several masses, to the film's limit and on to its end."""
+"""Deflection-voltage curves under several masses, up to the film's last limit."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from tympan.studies.case import (
 from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 
-#: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
-#: limit; ``beyond`` is the most severe limit that the voltage is beyond, blank up to the first.
+#: Columns of a curve's CSV. ``asked`` is 1 at requested voltages and 0 at points on the way to the
+#: limit. ``beyond`` is the most severe limit that the voltage exceeds, blank up to the first limit.
 CURVES: tuple[Column, ...] = (
     Column("mass", "g"),
     Column("voltage", "kV"),
@@ -52,7 +52,7 @@ CURVES: tuple[Column, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class MassCurve:
-    """The curve under one mass: where it ends, and what the film meets on the way."""
+    """Curve under one mass: its limits and its stroke."""
 
     mass_kg: Annotated[float, Key("nominal load on the plate")]
     limits: Annotated[Limits, Key("limits of the film under this mass")]
@@ -65,7 +65,7 @@ class MassCurve:
 
     @property
     def banded(self) -> tuple[tuple[float, Band], ...]:
-        """Voltages [V] with a band."""
+        """Voltages [V] that have a band, with their bands."""
         both = zip(self.band_voltage_V, self.band_deflection_m, strict=True)
         return tuple((voltage, band) for voltage, band in both if band is not None)
 
@@ -74,7 +74,7 @@ class MassCurve:
 class CurveResult(SpecimenRecord):
     """Curves of one specimen; ``table`` has the columns of :data:`CURVES`, in SI.
 
-    Rows of a mass follow the film to its limit; then come those at voltages that were asked for.
+    The rows of a mass follow the film to its limit; then come the rows of the requested voltages.
     """
 
     ending = "-curve"
@@ -91,7 +91,7 @@ class CurveResult(SpecimenRecord):
 
     @property
     def rows(self) -> Mapping[str, Array]:
-        """The table: a row for each voltage of each mass."""
+        """Table with a row for each voltage of each mass."""
         return self.table
 
     def save(self, folder: Path) -> None:
@@ -100,7 +100,7 @@ class CurveResult(SpecimenRecord):
         write_sheet(folder / f"{self.specimen}-curve.csv", CURVES, self.table)
 
     def as_stored(self) -> Self:
-        """The result with the digits of its file."""
+        """Round the result to the digits of its file."""
         return replace(self, table=as_written(CURVES, self.table))
 
     @classmethod
@@ -113,11 +113,11 @@ class CurveResult(SpecimenRecord):
 def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: Rig = Rig(),
           voltages: Sequence[float] = (), progress: Progress = lambda words: None,
           beyond: bool = False) -> CurveResult:
-    """Follow a film under each mass [kg] as its voltage rises to its limit.
+    """Follow a film under each mass [kg] while its voltage rises to its limit.
 
-    ``voltages`` [V] are rows of their own; those beyond the limit have none. ``progress`` is called
-    before each mass and at each voltage. ``beyond``: where a wrinkled film thins without bound, on
-    to the pull-in of one kept from wrinkling.
+    Each of the ``voltages`` [V] adds a row; beyond the limit the row has no values of the film.
+    ``progress`` is called before each mass and at each voltage. ``beyond``: if a wrinkled film
+    thins without bound, continue to the pull-in of a film that cannot wrinkle.
     """
     began = time.perf_counter()
     curves: list[MassCurve] = []
@@ -127,7 +127,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
         progress(f"{specimen.name}: {mass * 1e3:g} g")
         ascent = rise(Case(specimen, mass=mass, rig=rig), settings, beyond=beyond)
         dofs = ascent.model.unknowns
-        # The model changes where a film is followed on as one kept from wrinkling.
+        # The model changes where the film continues as one that cannot wrinkle.
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
                                   lambda pair: pair[1].film.model):
             solved = ((case, Outcome("equilibrium", stop.film.point.solution))
@@ -147,7 +147,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
 
 
 def _row(asked: bool, result: CaseResult, ascent: Rise) -> tuple[Any, ...]:
-    """Row of :data:`CURVES` for a result."""
+    """Build the row of :data:`CURVES` for a result."""
     beyond = ascent.limits.beyond(result.voltage_V)
     stroke = (None if result.deflection_m is None or ascent.rest is None
               else result.deflection_m - ascent.rest)
@@ -158,7 +158,7 @@ def _row(asked: bool, result: CaseResult, ascent: Rise) -> tuple[Any, ...]:
 
 def _asked(ascent: Rise, mass: float, rig: Rig, voltages: Sequence[float], settings: Settings
            ) -> Iterator[CaseResult]:
-    """Results at voltages; beyond the film's end none is searched for."""
+    """Yield results at the requested voltages; none is solved beyond the film's end."""
     model, end = ascent.model, ascent.limits.end
     highest = np.inf if end is None else end.voltage_V
     within = [voltage for voltage in voltages if voltage <= highest]

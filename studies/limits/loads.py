@@ -1,4 +1,4 @@
-"""Loads that suit a film where none are given: by its gap, and by its own limits."""
+"""Loads that suit a film if the user gives none, from its gap and its limits."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits.voltages import first_limit, rise
 
-#: How far a usual mass pulls the plate down, as a share of the gap between plate and frame: well
-#: seen, and far from the film's end.
+#: Deflection under a suitable mass as a share of the gap between plate and frame: well visible, and
+#: far from the film's limits.
 _SINKS = 0.1
-#: Share of the first limit's voltage that is applied, with room for films that scatter.
+#: Share of the first limit's voltage that is applied; the rest is a margin for the scatter of
+#: films.
 _APPLIED = 0.6
 
 _BORNE: Rule = (lambda x: 0 < x <= MOST_MASS, f"must be above 0, at most {MOST_MASS:g} kg")
@@ -28,7 +29,7 @@ _BORNE: Rule = (lambda x: 0 < x <= MOST_MASS, f"must be above 0, at most {MOST_M
 
 @dataclass(frozen=True)
 class LoadGrid:
-    """Masses and voltages, every combination."""
+    """Masses and voltages; every combination is one load."""
 
     masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", _BORNE, "mass")]
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE,
@@ -36,18 +37,20 @@ class LoadGrid:
 
     @property
     def count(self) -> int:
-        """Number of its combinations."""
+        """Number of combinations."""
         return len(self.masses) * len(self.voltages)
 
 
 def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
                  over: Sequence[float] = (1.0, 1.25)) -> tuple[float, ...]:
-    """Masses [kg] that suit a film, ``over`` the one that pulls its plate down a tenth of the gap.
+    """Find masses [kg] that suit a film.
+
+    They are ``over`` times the mass that pulls its plate down by a tenth of the gap.
 
     Raises
     ------
     InputError
-        When the plate cannot be pulled so far.
+        If the plate cannot be pulled so far.
     """
     specimen.needed_plate()
     if rig.guide == "fixed":
@@ -66,15 +69,16 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
 
 def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig = Rig(),
                    over: Sequence[float] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) -> tuple[float, ...]:
-    """Voltages [V] that suit a film under a mass [kg], ``over`` 0.6 of that of its first limit.
+    """Find voltages [V] that suit a film under a mass [kg].
 
-    Of a film without limit, as where a mechanism's table ends first, over 0.6 of the voltage up to
-    which it is followed.
+    They are ``over`` times 0.6 of the voltage of its first limit. If the film has no limit, for
+    example because a mechanism's table ends first, the voltage up to which it is followed replaces
+    the limit.
 
     Raises
     ------
     InputError
-        When nothing limits the voltage.
+        If nothing limits the voltage.
     """
     risen = rise(Case(specimen, mass=mass, rig=rig), settings, first=True)
     first = risen.limits.limit
@@ -87,9 +91,9 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
 
 
 def require_moved(specimen: Specimen, rig: Rig, mass: float) -> None:
-    """Refuse loads under which a flat film stays flat: no voltage moves it, and none differs."""
+    """Raise InputError for loads under which a flat film stays flat at every voltage."""
     if specimen.plate is None:
-        Case(specimen, mass=mass, rig=rig)  # refuses what would act on a plate
+        Case(specimen, mass=mass, rig=rig)  # raises InputError for settings that act on a plate
         if not rig.gas_pressure:
             raise InputError("must not be 0: without gas a film without plate stays flat",
                              key="rig.gas_pressure", given="0 Pa")
@@ -99,14 +103,14 @@ def require_moved(specimen: Specimen, rig: Rig, mass: float) -> None:
 
 
 def charged(case: Case, voltage: float | str, settings: Settings) -> Case:
-    """The case at a voltage: a number [V], a text with its unit, or "80 %" of its first limit.
+    """Set the voltage of a case: a number [V], a text with unit, or "80 %" of its first limit.
 
-    A share takes the film's way from 0 V to this limit; anything else takes no work.
+    For a share the film is followed from 0 V to this limit; other values need no computation.
 
     Raises
     ------
     InputError
-        For a share that is no number from 0 to 100 %, and where the film has no first limit.
+        If a share is no number from 0 to 100 %, or if the film has no first limit.
     """
     if not (isinstance(voltage, str) and voltage.strip().endswith("%")):
         return replace(case, voltage=number(voltage, "voltage", "voltage"))
@@ -125,5 +129,5 @@ def charged(case: Case, voltage: float | str, settings: Settings) -> Case:
 
 
 def _rounded(value: float) -> float:
-    """The value to two digits."""
+    """Round a value to two significant digits."""
     return float(f"{value:.2g}")

@@ -1,4 +1,4 @@
-"""The voltages at which each limit state of a film is reached, in one pass."""
+"""Voltages at which a film reaches each limit state, found in one pass."""
 
 from __future__ import annotations
 
@@ -49,30 +49,30 @@ from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 from tympan.studies.walk.film_point import FilmPoint
 
-#: Voltage [V] by which is seen what one does to a film that it does not move; any would do.
+#: Test voltage [V] for a film that no voltage moves; its value is arbitrary.
 _TRIED = 1.0
 
-#: How near to a flat film's loss of tension it is still asked whether it gives way, relative.
+#: Relative distance from a flat film's loss of tension up to which instability is checked.
 _TAUT = 1e-6
 
-#: Relative difference of two voltages that are one.
+#: Relative difference below which two voltages count as equal.
 _SAME = 1e-6
 
-#: How far, relative to the frame, a film may be from flat of which that is all that is known.
+#: Largest distance from flat of a film that counts as flat, relative to the frame.
 _FLAT = 1e-6
 
 
-#: A field that several results have.
+#: Field of several results: the stroke up to the first limit.
 StrokeToLimit = Annotated[float | None, Key("deflection at the first limit, or as far as the film "
                                             "was followed, less that without voltage")]
 
 
 @dataclass(frozen=True, eq=False)
 class Rise:
-    """The equilibria of a case as its voltage rises from 0 until the film ends; its limits.
+    """Equilibria of a case while its voltage rises from 0 until the film ends, and its limits.
 
-    ``cases`` are those of the ``stops``, at nominal voltages; none where no equilibrium was found
-    without voltage, of which ``start`` is the status.
+    ``cases`` belong to the ``stops``, at nominal voltages. Both are empty if there is no
+    equilibrium without voltage; ``start`` is the status of that search.
     """
 
     model: Model
@@ -88,7 +88,7 @@ class Rise:
 
     @property
     def stroke(self) -> float | None:
-        """Deflection at the first limit, or at the end, less that without voltage [m]."""
+        """Deflection at the first limit, or at the end, minus that without voltage [m]."""
         within = [stop for case, stop in zip(self.cases, self.stops, strict=True)
                   if self.limits.beyond(case.voltage) is None]
         if not within or self.rest is None:
@@ -97,10 +97,10 @@ class Rise:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of stretches that the film visits on its way and its law is not meant for.
+        """Warnings about stretches on the way that are outside the range of the film's law.
 
-        With the voltage from which on it does, where it does not so without voltage. That a film
-        tears is said of what comes before its first limit.
+        They name the voltage from which on the range is exceeded, unless it is exceeded without
+        voltage. A warning that the film tears is given only before its first limit.
         """
         film = self.model.specimen.membrane
         films = [stop.film.fields for stop in self.stops]
@@ -119,7 +119,7 @@ class Rise:
 
 @dataclass(frozen=True, kw_only=True)
 class LimitsResult(SpecimenRecord):
-    """The limits of one specimen under a load, SI."""
+    """Limits of one specimen under a load, in SI."""
 
     ending = "-limits"
     writer = "tympan limits"
@@ -132,42 +132,45 @@ class LimitsResult(SpecimenRecord):
     warnings: Warnings = ()
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object: the limits stand beside specimen and mass."""
+        """Convert to a JSON object; the limits are on the level of specimen and mass."""
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, **to_json(self.limits),
                 "stroke_m": self.stroke_m, "warnings": list(self.warnings)}
 
     @property
     def rows(self) -> dict[str, Array]:
-        """A row for each limit."""
+        """Table with a row for each limit."""
         return rows_of(self.limits.told, specimen=self.specimen, mass_kg=self.mass_kg)
 
     @classmethod
     def of(cls, case: Case, settings: Settings, beyond: bool = False) -> LimitsResult:
-        """Limits as the voltage of a case is raised from 0; ``beyond`` as in :func:`limits`."""
+        """Find the limits while the voltage of a case rises from 0.
+
+        ``beyond`` is as in :func:`limits`.
+        """
         risen = rise(case, settings, beyond=beyond)
         return cls(specimen=case.specimen.name, mass_kg=case.mass, limits=risen.limits,
                    stroke_m=risen.stroke, warnings=(*risen.warnings, *case.remarks))
 
 
 def limits(case: Case, settings: Settings, beyond: bool = False) -> Limits:
-    """Limits as the voltage of a case is raised from 0; its own voltage is not asked for.
+    """Find the limits while the voltage of a case rises from 0; its own voltage is ignored.
 
-    Voltages are nominal: those that the rig's supply shows. ``beyond``: also the pull-in of a film
-    that thins without bound before, were it kept from wrinkling.
+    Voltages are nominal, as the rig's supply shows them. ``beyond``: if the film thins without
+    bound before its pull-in, also find the pull-in of a film that cannot wrinkle.
     """
     return rise(case, settings, beyond=beyond).limits
 
 
 def first_limit(case: Case, settings: Settings) -> Limit | None:
-    """The first limit of :func:`limits`, sooner: the film is followed no further."""
+    """Find only the first limit of :func:`limits`; this takes less time."""
     return rise(case, settings, first=True).limits.limit
 
 
 def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = False) -> Rise:
-    """Raise the voltage of a case from 0 to pull-in, instability, or where it is not followed.
+    """Raise the voltage of a case from 0 to pull-in, instability, or a failed step.
 
-    ``first``: only to the first limit of any kind. ``beyond``: where a wrinkled film thins without
-    bound, on to the pull-in of one kept from wrinkling, which no film reaches.
+    ``first``: stop at the first limit of any type. ``beyond``: if a wrinkled film thins without
+    bound, continue to the pull-in of a film that cannot wrinkle; no real film reaches it.
     """
     case = replace(case, voltage=0.0)
     model = build_model(case.specimen, settings, case.rig.loading)
@@ -191,10 +194,10 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
-    """One case with the limits of its film; beyond its end nothing is searched for.
+    """Solve one case and find the limits of its film; no equilibrium beyond its end is sought.
 
-    The voltage comes last: a film whose other loads fail has the status of those. ``film``: with
-    its fields on a surface.
+    The voltage is applied last: if the film fails under its other loads, the result has that
+    status. ``film``: include the fields on a surface.
     """
     began = time.perf_counter()
     result = _within(case, settings, film)
@@ -203,7 +206,7 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
 
 
 def _without_direction(case: Case) -> list[str]:
-    """Parts of the rig that are left out where nothing says which way the voltage was reached."""
+    """Warn about parts of the rig that are left out without a voltage direction."""
     left_out = [key for key in AGAINST_THE_WAY if getattr(case.rig, key)]
     if case.direction or not left_out:
         return []
@@ -236,8 +239,11 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
 
 def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool,
               beyond: bool) -> Iterator[Stop]:
-    """Stops to the film's end; where a mechanism makes the plate snap, on from where it rests."""
-    # Of a mesh that does not resolve the branch the limits say how certain they are.
+    """Yield stops up to the film's end.
+
+    If a mechanism makes the plate snap, continue from the new equilibrium.
+    """
+    # If the mesh does not resolve the branch, the limits state their uncertainty.
     unchecked = replace(settings.path, unbalanced=np.inf)
     for stop in stops(case, model, start, "voltage", unchecked):
         landed = stop.landed(settings.path) if stop.happens(PULL_IN) else None
@@ -249,16 +255,16 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
         yield stop
         if stop.event is None:
             continue
-        # A film that thins may be followed on as one kept from wrinkling, to where that pulls in.
+        # A film that thins may be continued as one that cannot wrinkle, to its pull-in.
         gone = stop.happens(INSTABILITY) and not (beyond and stop.film.thins)
         if first or gone or stop.happens(PULL_IN):
             return
 
 
 def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings) -> Limit | None:
-    """Limit where the plate jumps back as the voltage falls from the end of its first snap.
+    """Find where the plate jumps back while the voltage falls from its first snap.
 
-    None where it stays there to the last.
+    None if it does not jump back down to 0 V.
     """
     snaps = next(number for number, stop in enumerate(passed) if stop.happens(SNAP_THROUGH))
     if snaps + 1 == len(passed):
@@ -272,14 +278,14 @@ def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings)
 
 
 def _highest(case: Case, film_voltage: float) -> bool:
-    """Whether the supply gives a film no higher voltage [V]."""
+    """Check whether the supply cannot give a film a higher voltage [V]."""
     return film_voltage >= (1 - _SAME) * case.rig.most_film_voltage(case.direction)
 
 
 def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
-    """Limits of a film that the voltage only presses, flat in its frame and covered everywhere.
+    """Find the limits of a flat film without plate, fully covered, that no voltage moves.
 
-    It stays where it is: the Maxwell stress goes with U², the field with U. None of any other.
+    The Maxwell stress is proportional to U², the field to U. None for any other film.
     """
     if model.specimen.plate is not None:
         return None
@@ -306,7 +312,7 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
 
 
 def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None:
-    """Limit of a flat film that gives way before it is slack at a voltage [V]."""
+    """Find where a flat film becomes unstable before its loss of tension [V]; else None."""
     def state(voltage: float) -> State:
         return flat.point.state.under(voltage=voltage**2)
 
@@ -334,15 +340,15 @@ def _still(outcome: Outcome) -> PathPoint:
 
 
 def _nominal(case: Case, film_voltage: float) -> float:
-    """The nominal voltage at which a film sees so much [V]."""
+    """Find the nominal voltage for a film voltage [V]."""
     return case.rig.shown_voltage(film_voltage, case.direction)
 
 
 def _limits(case: Case, passed: list[Stop]) -> Limits:
-    """The first of each kind on the way."""
+    """Collect the first limit of each type on the way."""
     reached: dict[str, Limit] = {}
     thins = False
-    for state in begun(passed[0].film) if passed else ():  # under the mass alone
+    for state in begun(passed[0].film) if passed else ():  # under the load without voltage
         x, y = passed[0].film.place(state)
         reached[state.kind] = Limit(kind=state.kind, voltage_V=0.0, x_m=x, y_m=y,
                                     ring=case.axisymmetric)
@@ -360,7 +366,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
     tension, gone = reached.get(TENSION.kind), reached.get(INSTABILITY.kind)
     if gone is not None and thins:
         if tension is None or tension.voltage_V > gone.voltage_V:
-            tension = replace(gone, kind=TENSION.kind)  # it wrinkles before it thins
+            tension = replace(gone, kind=TENSION.kind)  # the film wrinkles before it thins
         if _same(tension, gone):
             gone = replace(tension, kind=INSTABILITY.kind)
         reached |= {TENSION.kind: tension, INSTABILITY.kind: gone}
@@ -368,7 +374,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
 
 
 def _limit(case: Case, stop: Stop) -> Limit:
-    """The limit at a stop where one is passed."""
+    """Create the limit at a stop that reaches one."""
     assert stop.event is not None
     kind = stop.event.what
     state = LIMIT_STATES[kind]
@@ -379,12 +385,12 @@ def _limit(case: Case, stop: Stop) -> Limit:
 
 
 def _same(first: Limit, second: Limit) -> bool:
-    """Whether two limits are reached at once."""
+    """Check whether two limits are reached at the same voltage."""
     return abs(first.voltage_V - second.voltage_V) <= _SAME * second.voltage_V
 
 
 def _told(limits: Limits) -> str:
-    """Why the voltage was not raised further, in a sentence with the limits' own numbers."""
+    """Explain in a sentence, with the limits' values, why the voltage was not raised further."""
     tension, gone, pull_in = limits.tension, limits.instability, limits.pull_in
     if limits.thins and gone is not None:
         thins = f"{INSTABILITY.label}: the film, wrinkled, thins without bound"
@@ -398,7 +404,7 @@ def _told(limits: Limits) -> str:
 
 
 def _before_voltage(case: Case, outcome: Outcome, settings: Settings) -> str:
-    """Why a film has no equilibrium even without voltage, and which part of the rig makes it so."""
+    """Explain why a film has no equilibrium without voltage, and name the rig's part in it."""
     if outcome.limited != "force" or outcome.thins or outcome.limit is None:
         return failure_reason(outcome)
     names = list(dict.fromkeys(bias.law.replace("_", " ") for bias in case.rig.biases))

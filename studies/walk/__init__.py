@@ -1,6 +1,6 @@
-"""Points of a film's way, and limit states that it passes between them.
+"""Points of a film's path, and the limit states that it reaches between them.
 
-``film_point.py`` has a film at a point, as limit states look at it; ``spread.py`` how far a limit
-may be off for the mesh. Steppers are in ``fem/equilibrium/``; which limit states change between two
-points of one, ``passed`` in ``fem/results/limit_states.py`` enumerates.
+``film_point.py`` provides limit states with the film at a point. ``spread.py`` estimates the mesh
+error of a limit. Path following is in ``fem/equilibrium/``. ``passed`` in
+``fem/results/limit_states.py`` lists the limit states that change between two points.
 """

@@ -1,4 +1,4 @@
-"""A film at a point of its way, as limit states look at it."""
+"""A film at a point of its path, for limit states."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from tympan.fem.results.firmness import edge_firmness, firmness, rough_firmness
 from tympan.fem.results.limit_states import LimitState
 from tympan.studies.case import mounted_place
 
-#: Distance of a node from a corner, relative to the frame, that is at it: rounding of the mesher.
+#: Largest distance of a node at a corner, relative to the frame: rounding of the mesher.
 _AT_CORNER = 1e-6
-#: Motion along a branch that shows where the film thins, relative to the frame.
+#: Motion along a branch, relative to the frame, that shows where the film thins.
 _ONWARDS = 1e-4
-#: Voltage [V] below which the charge's growth is that at this voltage: it is divided by it.
+#: Least voltage [V] in the growth of the charge, which divides by the voltage.
 _HARDLY_CHARGED = 1e-3
 
 
@@ -30,7 +30,7 @@ _HARDLY_CHARGED = 1e-3
 class FilmPoint:
     """A film at a point of a branch along which a ``load`` grows.
 
-    It computes a number when it is first asked for.
+    Each quantity is computed at first use.
     """
 
     model: Model
@@ -51,38 +51,38 @@ class FilmPoint:
 
     @cached_property
     def firmness(self) -> Array:
-        """Least stiffness of the film within its plane at the nodes of every element [Pa]."""
+        """Least stiffness in the film's plane at the nodes of every element [Pa]."""
         return firmness(self.model, self.point.state)
 
     @property
     def firm(self) -> bool:
-        """Whether the film, if it could not wrinkle, does not give way in itself."""
+        """Whether the film is stable in its plane, if it could not wrinkle."""
         return bool(firmness(replace(self.model, wrinkles=False), self.point.state).min() > 0)
 
     @property
     def edge_firmness(self) -> float:
-        """The least firmness of an electrode's edge [Pa]."""
+        """Least stiffness of an electrode's edge [Pa]."""
         return float(edge_firmness(self.model, self.point.state).min())
 
     @property
     def rough_firmness(self) -> Array:
-        """Firmness by each element's own strain [Pa]."""
+        """Least stiffness in the film's plane from each element's own strain [Pa]."""
         return rough_firmness(self.model, self.point.state)
 
     @property
     def thins(self) -> bool:
-        """Whether it is by thinning, wrinkled, that the film gives way first."""
+        """Whether the first instability of the film is thinning while wrinkled."""
         return self.model.wrinkles and bool(self._thinning_margin <= self.firmness.min())
 
     @property
     def wrinkled(self) -> bool:
-        """Whether the film has lost tension and goes on, wrinkled."""
+        """Whether the film has lost tension but still has a wrinkled equilibrium."""
         loose = self.model.wrinkles and not self.model.in_tension(self.point.state)
         return loose and self._thinning_margin >= 0
 
     @property
     def thinned(self) -> bool:
-        """Whether a film that wrinkles would thin without bound before it gets here."""
+        """Whether a film that wrinkles would thin without bound before this point."""
         return self.model.wrinkles and self._thinning_margin < 0
 
     @cached_property
@@ -91,7 +91,7 @@ class FilmPoint:
 
     @cached_property
     def thinning(self) -> Array:
-        """Thickness a little further along the branch over that here, at the nodes."""
+        """Thickness a little further along the branch, relative to that here, at the nodes."""
         further = self._moved(_ONWARDS).fields.thickness
         return np.asarray(further / self.fields.thickness)
 
@@ -101,7 +101,7 @@ class FilmPoint:
         return self._moved(-_ONWARDS)
 
     def _moved(self, motion: float) -> FilmPoint:
-        """The film after a small motion in the branch's direction here."""
+        """Move the film a little in the branch's direction at this point."""
         point = self.point
         state = moved(self.model, point.state, point.direction, motion, {self.load: point.rate})
         solution = Solution(state, True, 0, point.solution.tangent)
@@ -109,15 +109,15 @@ class FilmPoint:
 
     @property
     def growth(self) -> float:
-        """Growth along the branch of what is put on: the load."""
+        """Change of the load along the branch."""
         return self.point.rate
 
     @property
     def given_way(self) -> float:
-        """-1 where a taut film moves by itself before the load turns; 1 where it does not.
+        """-1 if a taut film is unstable before the load's limit point, 1 if it is stable.
 
-        0 where neither can be said: beyond the turn, without tension, and where the film has given
-        way in one place.
+        0 if neither can be decided: beyond the limit point, without tension, or if the film is
+        unstable in one place.
         """
         tangent = self.point.solution.tangent
         taut = self.pressed.stress_2.min() > 0 and self.firmness.min() > 0
@@ -138,23 +138,23 @@ class FilmPoint:
 
     @cached_property
     def capacitance(self) -> float:
-        """Capacitance of the film as it is [F]."""
+        """Capacitance of the deformed film [F]."""
         return float(self.model.capacitance(self.point.state))
 
     def place(self, state: LimitState) -> tuple[float, float]:
-        """Place in the mounted film where a limit state begins [m]."""
+        """Find the place in the mounted film where a limit state begins [m]."""
         return mounted_place(self.fields.position[np.argmin(state.field(self))])
 
     def on_electrode_edge(self, state: LimitState) -> bool:
-        """Whether a limit state begins at the edge of an electrode, within the film."""
+        """Check whether a limit state begins at an electrode's edge, within the film."""
         mesh = self.model.discretisation
         node = mesh.connectivity.ravel()[np.argmin(state.field(self))]
         return bool((mesh.electrode_edge.every == node).any())
 
     def at_sharp_corner(self, state: LimitState) -> bool:
-        """Whether a limit state begins in an element at a corner where the film is singular.
+        """Check whether a limit state begins in an element at a singular corner.
 
-        A limit state of the whole film begins at none: such a corner changes it little.
+        A limit state of the whole film does not: such a corner changes it little.
         """
         if not state.local:
             return False
@@ -166,11 +166,11 @@ class FilmPoint:
 
 
 class ChargedPoint(FilmPoint):
-    """A film at a point of a branch along which its charge grows, by its voltage."""
+    """A film at a point of a branch along which its charge grows."""
 
     @property
     def growth(self) -> float:
-        """Growth of the charge C U along the branch."""
+        """Change of the charge C U along the branch."""
         model, point = self.model, self.point
         voltage = max(self.voltage, _HARDLY_CHARGED)
         inner, plate = model.by_load(point.state, "voltage")
@@ -180,16 +180,16 @@ class ChargedPoint(FilmPoint):
 
     @property
     def given_way(self) -> float:
-        """0: at a given charge it cannot be said whether the film moves by itself."""
+        """0: at a given charge the stability of the film cannot be decided."""
         return 0.0
 
 
 class HeldPoint(FilmPoint):
-    """A film whose plate is held, at a point of its way in deflection; the force follows."""
+    """A film with a held plate, at a point of its path in deflection; the force is the reaction."""
 
     @classmethod
     def of(cls, model: Model, solution: Solution) -> HeldPoint:
-        """A held film by a solution with a tangent of its own."""
+        """Create from a solution that has its own tangent."""
         assert solution.tangent is not None
         (film, plate), loads = solution.tangent.along()
         scale = length(model, (film, plate))
@@ -198,5 +198,5 @@ class HeldPoint(FilmPoint):
 
     @property
     def given_way(self) -> float:
-        """0: a film with a held plate moves by itself only where it gives way in one place."""
+        """0: a film with a held plate is unstable only if it is unstable in one place."""
         return 0.0

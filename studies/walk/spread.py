@@ -1,4 +1,4 @@
-"""Error of a limit for the mesh, by the jumps of its margin between elements."""
+"""Mesh error of a limit, from the jumps of its margin between elements."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tympan.studies.walk.film_point import FilmPoint
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A limit state that a film passes ``here``, between two points of its branch.
+    """A limit state that a film reaches ``here``, between two points of its branch.
 
-    ``first`` is where the branch begins; ``sign`` is the one of the state's that changes.
+    ``first`` is the first point of the branch. ``sign`` is the sign of the state that changes.
     """
 
     state: LimitState
@@ -40,42 +40,43 @@ class Passage:
 
     @property
     def bends(self) -> bool:
-        """Whether an electrode's edge itself gives way."""
+        """Whether an electrode's edge itself becomes unstable."""
         return self.at_edge and not self.here.thins and self.state is INSTABILITY
 
     @property
     def kept(self) -> bool:
-        """Whether a film with an electrode's edge, kept from wrinkling, comes to a limit point."""
+        """Whether a film with an electrode's edge that cannot wrinkle has a limit point here."""
         mesh, whole = self.here.model.discretisation, not self.sign.local
         kept = self.first.model.wrinkles and not self.here.model.wrinkles
         return kept and whole and bool(len(mesh.electrode_edge.every))
 
     @property
     def ends_wrinkled(self) -> bool:
-        """Whether a wrinkled film ends here, since it would thin without bound beyond."""
+        """Whether a wrinkled film ends here, because it would thin without bound beyond."""
         return self.after.thinned and self.before.wrinkled and self.here.thins
 
     @cached_property
     def around(self) -> tuple[FilmPoint, FilmPoint]:
-        """Points between which the margin falls to what it is here.
+        """Points between which the margin falls to its value here.
 
-        A wrinkled film's margin jumps beyond its end, and falls ever faster before it: there the
-        points are next to the end.
+        A wrinkled film's margin jumps beyond its end, and falls ever faster before it. The points
+        are then next to the end.
         """
         return (self.here.behind, self.here) if self.ends_wrinkled else (self.before, self.after)
 
     @property
     def unsteady(self) -> bool:
-        """Whether a limit begins at an electrode's edge of a film that was not wrinkled before."""
+        """Whether the limit begins at an electrode's edge of a film not wrinkled before."""
         return (self.thins_at_edge or self.bends) and not self.around[0].wrinkled
 
 
 @dataclass(frozen=True)
 class Correction:
-    """A share of an error that elements do not show alone, and where that is so.
+    """Correction of an error that jumps between elements underestimate, and its condition.
 
-    ``factor`` on the error of the margin. ``share``: the pace at which the margin fell since the
-    branch's first point, times this, is the least pace at the limit; ``margin`` at that point.
+    ``factor``: multiplies the error of the margin. ``share``: least ratio of the growing quantity's
+    change to the margin's decrease at the limit, relative to their mean ratio since the branch's
+    first point. ``margin``: margin at that point.
     """
 
     applies: Callable[[Passage], bool]
@@ -84,38 +85,39 @@ class Correction:
     margin: Callable[[Passage], float] = lambda passage: 0.0
 
 
-#: Elements on one side of an electrode's edge err alike and show a part of an error alone. Where a
-#: wrinkled film ends there, it was up to 1.47 times as much (six meshes, three masses).
+#: Elements on one side of an electrode's edge have similar errors, so their jumps show only part of
+#: the error. Where a wrinkled film ends there, the error was up to 1.47 times the estimate from
+#: jumps (six meshes, three masses).
 _ALIKE = Correction(lambda passage: passage.ends_wrinkled and passage.thins_at_edge, factor=1.5)
 
-#: Where an electrode's edge itself gives way, the film beside it strains so fast that elements half
-#: as large are not much nearer. Errors were up to 1.6 times as much (40 films, elements of a third
-#: where they were largest).
+#: If an electrode's edge itself becomes unstable, the film next to it strains so fast that elements
+#: half as large are hardly more accurate. Errors were up to 1.6 times the estimate from jumps (40
+#: films, elements of a third of the size where errors were largest).
 _BENT = Correction(lambda passage: passage.bends, factor=2.5)
 
-#: Once it is kept from wrinkling, a film strains most at an electrode's edge, and its jumps tell
-#: too little of that: errors were up to 2.3 times as much (29 films, elements half as large).
+#: A film that cannot wrinkle strains most at an electrode's edge, and its jumps show too little of
+#: that. Errors were up to 2.3 times the estimate from jumps (29 films, elements half as large).
 _KEPT = Correction(lambda passage: passage.kept, factor=2.5)
 
-#: A place that gives way at an electrode's edge thins ever faster, and the sooner the finer the
-#: mesh. So the pace counts at which its margin fell from the start on. Errors were 0.04 to 0.23 of
-#: a spread by that (films of four kinds, elements half as large).
+#: An unstable place at an electrode's edge thins ever faster, and sooner on a finer mesh. Therefore
+#: the mean ratio from the start on is used, too. With it, errors were 0.04 to 0.23 of the spread
+#: (four types of films, elements half as large).
 _STEADY = Correction(lambda passage: passage.unsteady and passage.thins_at_edge, share=0.4,
                      margin=lambda passage: passage.sign.value(passage.first))
 
-#: The same where the edge itself gives way, by the firmness of that edge alone. With 0.4 the errors
-#: of two films of 54 were up to 1.9 times what was stated (elements half as large).
+#: The same if the edge itself becomes unstable, by the stiffness of that edge alone. With 0.4 the
+#: errors of two films of 54 were up to 1.9 times the stated ones (elements half as large).
 _STEEP = Correction(lambda passage: passage.unsteady and passage.bends, share=0.8,
                     margin=lambda passage: passage.first.edge_firmness)
 
-#: All corrections; those that apply to a limit act together.
+#: All corrections; those that apply to a limit are combined.
 CORRECTIONS = (_ALIKE, _BENT, _KEPT, _STEADY, _STEEP)
 
 
 def spread(passage: Passage, measured: Callable[[FilmPoint], float]) -> float:
-    """Error for the mesh of the value at which a limit is passed, relative.
+    """Estimate the relative mesh error of the value at which a limit is reached.
 
-    ``measured``: value of what grows along the branch, at a point of it.
+    ``measured``: function that gives the growing quantity at a point of the branch.
     """
     sign, here = passage.sign, passage.here
     error = missed(passage)
@@ -137,17 +139,17 @@ def spread(passage: Passage, measured: Callable[[FilmPoint], float]) -> float:
 
 
 def missed(passage: Passage) -> float:
-    """Error of a limit state's number for the mesh, in its own unit.
+    """Estimate the mesh error of a limit state's number, in its own unit.
 
-    For a local number it is how much elements differ that meet where the limit begins, and how much
-    elements of one order less change the number: either is too small alone, where both sides miss
-    alike or the order changes little by chance. Where a branch ends before the place, what is left
-    of the margin is missed, too. For a number of the whole film's energy it is the mean square of
-    the jumps of its stress, over that of the stress about its mean.
+    For a local number it is the sum of two parts: the jump between the elements that meet where the
+    limit begins, and the change of the number with elements of one order less. Either part alone
+    may be too small, if both sides have the same error or the order happens to change little. If a
+    branch ends before the limit, the remaining margin is added. For a number of the whole film's
+    energy it is the mean square of the jumps of its stress, over the variance of the stress.
     """
     state, sign, film = passage.state, passage.sign, passage.here
     mesh, fields = film.model.discretisation, film.fields
-    # At an electrode's edge the film itself jumps.
+    # At an electrode's edge the stress itself has a jump.
     sides = 2 * mesh.connectivity + (mesh.covered > 0)
     nodes: Numbers = np.unique(sides, return_inverse=True)[1].reshape(sides.shape)
     if not sign.local:
@@ -165,7 +167,7 @@ def missed(passage: Passage) -> float:
 
 
 def _coarser(film: FilmPoint) -> FilmPoint | None:
-    """The film under the same loads by elements of one order less on the same triangles."""
+    """Solve under the same loads with elements of one order less on the same triangles."""
     fine, state = film.model.discretisation, film.point.state
     if fine.mesh.order == 1:
         return None
@@ -180,10 +182,10 @@ def _coarser(film: FilmPoint) -> FilmPoint | None:
 
 
 def _jumps(nodes: Numbers, values: Array) -> Array:
-    """Largest less smallest value at each node, of the elements that meet there.
+    """Compute the largest minus the smallest value at each node of the elements that meet there.
 
-    ``nodes`` of the elements, shape (elements, local); ``values`` element-major; infinite ones are
-    left out.
+    ``nodes`` of the elements, shape (elements, local). ``values`` are element-major; infinite ones
+    are ignored.
     """
     count, some = int(nodes.max()) + 1, np.isfinite(values)
     high, low = np.full(count, -np.inf), np.full(count, np.inf)
