@@ -32,11 +32,11 @@ CURVES = "curves.csv"
 CHANNELS = "channels.csv"
 STRIPS = "strips.csv"
 
-#: The columns of each table in SI: what was read, what both models say, and whether it counts (1)
-#: or is off by itself (0); what both models expect
-#: at voltages between, reached up (1) or down (-1), and the limits of the band, nan where there is
-#: no equilibrium; the same of other kinds of readings than lengths, in the ``unit`` of the row, of
-#: forces at displacements between; what was read of coupons, in place of all.
+#: Columns of each table, in SI. Readings: the measured value, both models' predictions, and whether
+#: the reading counts (1) or is an outlier (0). Curves: the predictions of both models at voltages
+#: between, reached up (1) or down (-1), and the limits of the band, nan where there is no
+#: equilibrium. The same for other kinds of readings than lengths, in the ``unit`` of the row, for
+#: forces at displacements between. Readings of coupons, instead of all these.
 TABLES: Mapping[str, tuple[Column, ...]] = {
     READINGS: (
         Column.labels("file", required=False), Column("line"), Column.labels("kind"),
@@ -65,7 +65,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         *(Column(name, "kPa", required=False, absent="nan")
           for name in ("read", "sigma", "baseline", "extended")))}
 
-#: The folder of coupons' diagnosis in that of actuators.
+#: Folder of the diagnosis of coupons in that of actuators.
 COUPONS = "coupons"
 #: The folder of films.
 _FILMS = "films"
