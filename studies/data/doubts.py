@@ -36,7 +36,7 @@ _QUICK = 2.0
 
 
 def groups_of(columns: Sequence[Sequence[str]], count: int) -> Numbers:
-    """Number groups of rows that have the same cells in each of some columns."""
+    """Assign numbers to groups of rows that have the same cells in each of some columns."""
     if not columns:
         return np.zeros(count, np.int64)
     rows = list(zip(*columns, strict=True))

@@ -95,7 +95,7 @@ class Draft:
         Raises
         ------
         InputError
-                Where a heading that is read occurs twice: no line could name one of them.
+            Where a heading that is read occurs twice: no line could name one of them.
         """
         self._require_one_of_each()
         lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
@@ -371,7 +371,7 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
     Raises
     ------
     InputError
-            Where no line has known headings, or the file is no table.
+        Where no line has known headings, or the file is no table.
     """
     file = Path(file)
     if kind is not None and f"{kind}.csv" not in FILES:

@@ -495,7 +495,7 @@ class Guesses:
         return None if choice is None else self.numbers(choice.place)
 
     def _states(self, along: str) -> Numbers:
-        """Number groups of rows that differ in only one column of settings."""
+        """Assign numbers to groups of rows that differ in only one column of settings."""
         places = [source.place for name, source in self.sources.items()
                   if name in ("specimen", "run") and source.place is not None]
         places += [choice.place for name, choice in self.choices.items()

@@ -17,7 +17,7 @@ _COARSE = 2.0
 
 
 def repeat_groups(readings: Sheet) -> Numbers:
-    """Number the groups of readings of the same specimen, mass, voltage, direction and run."""
+    """Assign group numbers to readings of equal specimen, mass, voltage, direction and run."""
     return groups(readings.specimen, readings.mass, readings.voltage, readings.direction,
                   readings.run)
 

@@ -20,7 +20,7 @@ _MET = 1e-6
 
 
 def groups(*columns: Array) -> Numbers:
-    """Number the groups of rows that are equal in all columns, in order of appearance."""
+    """Assign group numbers to rows that are equal in all columns, in order of appearance."""
     numbers: dict[tuple[object, ...], int] = {}
     keys = zip(*(column.tolist() for column in columns), strict=True)
     return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)

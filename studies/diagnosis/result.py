@@ -364,7 +364,7 @@ class LoadedFilm:
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def loaded(self, folder: Path) -> LoadedFilm:
-        """The entry with the film that was stored in a folder."""
+        """Read the entry's film that was stored in a folder."""
         file = folder / f"{self.specimen}.vtu"
         film = FilmSurface.load(file)
         if "nominal_deflection" not in film.values:
@@ -445,7 +445,7 @@ class Diagnosis:
         return "; ".join((self.headline, *checks))
 
     def json(self) -> Json:
-        """The JSON object that the command prints."""
+        """Build the JSON object that the command prints."""
         record: Json = to_json(self, self.unit)
         return record | ({"coupons": self.coupons.json()} if self.coupons else {})
 
@@ -466,7 +466,7 @@ class Diagnosis:
         write_json(folder / "diagnosis.json", self.json())
 
     def as_stored(self) -> Diagnosis:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return replace(
             self, tables={name: as_written(TABLES[name], table)
                           for name, table in self.tables.items()},

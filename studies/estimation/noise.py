@@ -369,7 +369,7 @@ class Noise:
 
     @cached_property
     def _over(self) -> tuple[Shared, ...]:
-        """Common errors over the noise of each reading, as far as that is not remembered."""
+        """Common errors over the noise of each reading, after removing correlation."""
         if not self.memories:
             return tuple(some.over(self.sigma[some.rows]) for some in self._apart)
         if not self._apart:
@@ -439,7 +439,7 @@ class Noise:
 
     @property
     def total(self) -> Array:
-        """Standard deviation of each reading [its unit], with what it has in common with others."""
+        """Standard deviation of each reading [its unit], including common errors."""
         squares = self.sigma**2
         for some in self.common:
             squares[some.rows] += np.sum(some.columns**2, axis=1)
