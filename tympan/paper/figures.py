@@ -30,18 +30,18 @@ VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 71)
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
 
-#: End of the time axes of figures 9 to 12 [s], which are lost: long enough for the film to creep.
+#: End of the time axes of figures 9 to 12 [s]; the original is lost. Long enough for film creep.
 _STEP_END = 30.0
-#: End of the time axes of their zooms [s], which are lost too.
+#: End of the time axes of their zooms [s]; the original is lost, too.
 ZOOM = 3.0
 
-#: Smallest change that the paper's sensor sees [m].
+#: Smallest change that the paper's sensor resolves [m].
 _SEEN = 1e-6
-#: Error of responses [m], far below what the sensor sees.
+#: Error of responses [m], far below the sensor's resolution.
 _PRECISION = 1e-10
-#: Spans of time of which a drawn response keeps the extremes.
+#: Number of time spans in each of which a drawn response keeps the extremes.
 _BUCKETS = 3000
-#: Seeds that are tried for levels near both voltages.
+#: Number of seeds that are tried for levels near both voltages.
 _SEEDS = 10_000
 #: Usual thresholds of settling, as shares.
 _USUAL = (0.05, 0.02, 0.01)
@@ -231,7 +231,7 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
                    np.ptp(random[..., ends], axis=-1))
 
 
-#: How often :func:`run` calls ``progress``.
+#: Number of times that :func:`run` calls ``progress``.
 STEPS_OF_RUN = 4 + len(published.SINES) * len(NAMES)
 
 
@@ -248,7 +248,7 @@ def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Arra
 
 
 def criteria(decays: list[list[Decay]]) -> list[Criterion]:
-    """Settling times by usual thresholds, the sensor's, and the best threshold of each kind."""
+    """List settling times by usual thresholds, the sensor's, and the best one of each kind."""
     kinds = decays[0][0].scales
     return [*(settling_times(decays, kind, share) for kind in ("largest swing", "whole change")
               for share in _USUAL), settling_times(decays, "length", _SEEN),
@@ -256,7 +256,7 @@ def criteria(decays: list[list[Decay]]) -> list[Criterion]:
 
 
 def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Criterion:
-    """Settling times by one criterion, for responses by mass and actuator."""
+    """Compute settling times by one criterion, for responses by mass and actuator."""
     return Criterion(kind, threshold, np.array(
         [[decay.settled(threshold * decay.scales[kind]) for decay in row] for row in decays]))
 
