@@ -101,7 +101,7 @@ def draw_result(result: Any, folder: Path) -> list[Path]:
 
 
 def _is_solved(film: Path) -> bool:
-    """Check if a film is that of ``solve``, whose record has keys that no other command writes."""
+    """Check if a film is that of ``solve``: no other command writes a record of that name."""
     numbers = film.with_suffix(".json")
     return numbers.is_file() and not any(numbers.match(kind.marker) for kind in KINDS.values())
 

@@ -40,7 +40,7 @@ _SHORT = 0.95
 #: Temperature above which a film is never tested [°C]. Room temperature in kelvins is about 290.
 _HOT = 200.0
 
-#: Number of readings that show a slip of a unit.
+#: Number of readings that show a wrong unit.
 _SEVERAL = 3
 
 #: Factor from the frequency of a mass on a spring of that deflection beyond which a frequency is

@@ -109,7 +109,7 @@ class Conclusions:
         causes, films = readings.causes, judgement.of_first()
         simulation = films.simulation
         # With coupons, only checks of the causes found are proposed.
-        # Experiments that must be solved take time; they serve causes that cannot be told apart.
+        # Experiments that must be solved take time; they serve causes that are indistinguishable.
         menu: tuple[AnyExperiment, ...] = MENU
         if _verdict(judgement, readings) == "ambiguous" and all(
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):

@@ -2,7 +2,7 @@
 
 Readings of one ramp share mounting, creep and offset, so single readings are never held out. On
 each split the cause is chosen and fitted on the training part only. Within a class of causes that
-these readings cannot tell apart, a gain does not support one name: an alias gains as much as the
+these readings cannot distinguish, a gain does not support one name: an alias gains as much as the
 true cause.
 """
 

@@ -43,7 +43,7 @@ _DRAWS = 50
 
 #: Share of sets with a named cause below which a design names hardly anything.
 _HARDLY = 0.1
-#: Share of the detected sets listing another effect from which the two are not told apart.
+#: Share of the detected sets that list another effect, from which the two are not distinguished.
 _ALIKE = 0.5
 #: Fewest detected sets for such a share.
 _SEEN = 3

@@ -1,4 +1,4 @@
-"""Sizes of causes, and of families of causes that readings do not tell apart."""
+"""Sizes of causes, and of families of causes that readings do not distinguish."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from tympan.studies.effects.findings import FoundSize
 
 def undecided(cause: Cause, read: set[Observable], suspects: Collection[Cause] = ()
               ) -> tuple[Cause, ...]:
-    """List the causes of one family that readings do not tell apart; none if they single one out.
+    """List causes of one family that readings do not distinguish; none if they single one out.
 
     ``read``: the quantities that are read. The cause is among those returned, and the first of its
-    family among ``suspects`` comes first. Where no quantity would tell them apart, the list needs
+    family among ``suspects`` comes first. Where no quantity would distinguish them, the list needs
     two suspects.
     """
     family = cause.effect.family
@@ -66,7 +66,7 @@ def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
 
     Where deflections under two loads were read, with stiffness and permittivity fitted, only the
     ratio of the loads matters: one wrong label has the same effect as a mass on every load. Empty
-    with more loads, readings of other kinds, springs, mechanisms or gas: these tell the two apart.
+    with more loads, readings of other kinds, springs, mechanisms or gas: these distinguish the two.
     """
     labels = np.unique(table.states.mass).tolist()
     alone = not (rig.spring or rig.biases or rig.plate_pressure)

@@ -1,4 +1,4 @@
-"""Detectable effects before readings are made: which ones are seen and told apart."""
+"""Detectable effects before readings are made: which ones are seen and distinguished."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Signatures = dict[Cause, Array]
 
 #: Distance in χ² from which an effect among many is seen in 95 % of all cases.
 SEEN = 25.0
-#: Distance in χ² from which two effects are told apart at odds of a hundred to one, 2 ln 100.
+#: Distance in χ² from which two effects are distinguished at odds of a hundred to one, 2 ln 100.
 TOLD = 9.2
-#: Distance in χ² below which two effects cannot be told apart.
+#: Distance in χ² below which two effects are indistinguishable.
 SAME = 0.5
 
 #: The size at which effects are compared, in standard deviations of their priors.
@@ -91,7 +91,7 @@ def distance(signature: Array, other: Array) -> float:
 
 
 def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
-    """Separate causes that are not seen at the typical size; group those that cannot be told apart.
+    """Separate causes that are not seen at the typical size; group indistinguishable ones.
 
     Stiffness and permittivity absorb the first; members of a class give the same readings.
     """

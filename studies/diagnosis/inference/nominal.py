@@ -114,7 +114,7 @@ class NominalMisfit:
 
     @property
     def indistinguishable(self) -> tuple[tuple[Cause, ...], ...]:
-        """Classes of causes that these readings cannot tell apart."""
+        """Classes of causes that these readings cannot distinguish."""
         return self._classes[1]
 
     @cached_property

@@ -220,7 +220,7 @@ def strips(readout: Readout) -> NewReadings:
                        {"stretch": f"{top:.2g}"})
 
 
-#: Experiments offered where causes cannot be told apart: each takes seconds to predict.
+#: Experiments offered where causes are indistinguishable: each takes seconds to predict.
 SOLVED = (
     SolvedExperiment(WORDS["line"], film_line, "line"),
     SolvedExperiment(WORDS["longer_frame"], lambda readout: other_shape(readout, longer), "make"),

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from tympan.base.arrays import Array
 
-#: Fewest samples in a period that can be told from noise.
+#: Fewest samples in a period that can be separated from noise.
 _SAMPLES = 5
 #: Most periods that are used: then the oscillation has decayed or its frequency is known.
 _LONG = 40
