@@ -18,7 +18,7 @@ from tympan.tables.formats import (
     text_rows,
 )
 
-#: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
+#: First lines of digitised tables of VHB tape. Besides stretch and stress [Pa] a table may have
 #: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].
 _DIGITISED = (
     "id stretch stress",

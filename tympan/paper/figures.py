@@ -73,7 +73,7 @@ class Choices:
                              given=f"{self.period:g} s")
 
     def steps(self) -> tuple[Pieces, int]:
-        """Figure 14's signal and its seed."""
+        """Draw figure 14's random signal; return it with its seed."""
         for seed in (range(_SEEDS) if self.seed is None else (self.seed,)):
             signal = random_steps(published.LOWEST, published.HIGHEST, published.SWITCH,
                                   self.levels, seed)
@@ -125,7 +125,7 @@ class Decay:
                    float(abs(deflection[-1] - deflection[0])))
 
     def settled(self, threshold: float) -> float:
-        """Time at which the oscillation last exceeds a threshold [m]; nan if it never does.
+        """Find the time at which the oscillation last exceeds a threshold [m]; nan if never.
 
         It is interpolated on a logarithmic scale, as an oscillation decays.
         """
@@ -181,7 +181,7 @@ class Replica:
 
     @property
     def rest_ranges(self) -> Array:
-        """Ranges between the paper's voltages at rest [m], shape (masses, actuators)."""
+        """Ranges between the paper's voltages in equilibrium [m], shape (masses, actuators)."""
         return self.static[:, :, -1] - self.static[:, :, 0]
 
     @property
@@ -191,7 +191,7 @@ class Replica:
 
 
 def period_of(actuator: Actuator) -> float:
-    """Period [s] with the largest phase lag about the voltage of figure 13's right column.
+    """Compute the period [s] of largest phase lag at the voltage of figure 13's right column.
 
     The slow part of the linear model has its slowest pole and a zero at k₁/η₁, the relaxation of
     the branches alone. Such a pair lags most at the geometric mean of both.

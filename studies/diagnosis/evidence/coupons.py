@@ -156,7 +156,7 @@ class CouponTests(StripEvidence):
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
                 ) -> Mapping[str, AnyArray]:
-        """Columns of strips.csv with their values."""
+        """Build the columns of strips.csv with their values."""
         coupons, row = self.coupons, self.rows
         return {"line": table.line, "specimen": np.array(names, str)[self.film[row]],
                 "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
@@ -165,7 +165,7 @@ class CouponTests(StripEvidence):
                 "sigma": table.noise.total, "read": table.value, **models}
 
     def specimens(self, setup: Setup) -> tuple[Specimen, ...]:
-        """Specimens with the tested films, at the temperatures of the tests."""
+        """List the specimens with the tested films, at the temperatures of the tests."""
         warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
                 if specimen.membrane.temperature_power
                 for celsius in np.unique(self.coupons.degrees).tolist()]

@@ -102,7 +102,7 @@ class Posterior:
 
 
 def priors(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
-    """Prior probabilities of hypotheses with one or two causes."""
+    """Compute the prior probabilities of hypotheses with one or two causes."""
     # Number of specimens that an effect may act on.
     variants = Counter(cause.name for cause in {cause.first for cause in chain(*hypotheses)})
     weight = np.array([np.prod([1 / variants[cause.name] for cause in hypothesis])

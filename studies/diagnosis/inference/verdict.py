@@ -187,7 +187,7 @@ class Judgement:
 
     @property
     def chosen(self) -> Fit | None:
-        """Extension of the model: the causes named, or the most probable hypothesis.
+        """Extension of the model: the named causes, or the most probable hypothesis.
 
         None when nothing is wrong.
         """
