@@ -1,4 +1,4 @@
-"""Quantities that colour a film in pictures that can be turned: values, words, scale, colours."""
+"""Quantities that colour a film in rotatable pictures: values, words, scale, colours."""
 
 from __future__ import annotations
 

@@ -77,8 +77,8 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
     target
         Axes, or a file of any kind matplotlib writes; modes, and films in time, move in NAME.gif.
     choices
-        Of a sweep: the result ``of`` which a map is drawn, the two keys ``over`` which, and the
-        voltage ``at`` which, the highest where it is left out.
+        For a sweep: the result ``of`` which a map is drawn, the two keys ``over`` which, and the
+        voltage ``at`` which, by default the highest.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **
 
 
 def png(result: object) -> bytes | None:
-    """A small picture of a result; None where there is nothing to draw."""
+    """Draw a small picture of a result; None where there is nothing to draw."""
     with look.figure_style():
         figure = look.new_figure(_HEIGHT, _WIDTH)
         try:
@@ -122,7 +122,7 @@ def png(result: object) -> bytes | None:
 
 
 def _animate(result: object, file: Path) -> None:
-    """Modes swing; a film moves through the moments it was asked for."""
+    """Animate a result: modes oscillate, a film moves through the requested moments."""
     from tympan.reports.figures import animation, modes
 
     if isinstance(result, ModesResult):
@@ -137,7 +137,7 @@ def _shown(result: object, choices: dict[str, Any]) -> Axes:
     """Draw on pyplot's axes, which notebooks and ``pyplot.show()`` show."""
     from matplotlib import pyplot
 
-    # Before the style, with which what a notebook sets as it starts to draw would be taken back.
+    # Before the style is set: a notebook's settings as it starts to draw would be reset with it.
     figure = pyplot.figure(figsize=(1.3 * _WIDTH * look.MM, 1.3 * _HEIGHT * look.MM), dpi=150)
     with look.figure_style():
         axes: Axes = figure.add_subplot()
@@ -349,7 +349,7 @@ def _(result: DesignResult, axes: Axes) -> None:
 
 
 def _hatch_slack(axes: Axes, film: FilmSurface) -> bool:
-    """Hatch where the film has lost tension; answers whether it has."""
+    """Hatch where the film has lost tension; return whether it has."""
     loose = film.values["tension"]
     if loose.max() > 0:
         x, y, _ = 1e3 * film.mounted.T
@@ -367,7 +367,7 @@ def _film(film: FilmSurface | None, warnings: tuple[str, ...]) -> FilmSurface:
 
 
 def _map(axes: Axes, film: FilmSurface, values: np.ndarray, words: str) -> None:
-    """Values over the flat mounted film, seen along the load."""
+    """Draw values over the flat mounted film, seen along the load."""
     x, y, _ = 1e3 * film.mounted.T
     drawn = axes.tripcolor(Triangulation(x, y, film.triangles), values, shading="gouraud",
                            cmap=look.COLOURS, rasterized=True)

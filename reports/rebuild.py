@@ -1,4 +1,4 @@
-"""Results drawn into a folder: by a command from memory, by ``report`` from what is stored."""
+"""Drawing of results into a folder: from memory for a command, from files for ``report``."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from tympan.base.errors import InputError
 class DrawnKind:
     """A kind of result that a command stores with figures.
 
-    ``marker``: pattern of the file that the command writes last. ``function``: it draws a
-    ``result`` of this class into a folder. ``loader``: class whose ``load`` reads the result back,
-    where that is not the result's own.
+    ``marker``: pattern of the file that the command writes last. ``function``: draws a ``result``
+    of this class into a folder. ``loader``: class whose ``load`` reads the result back, if that is
+    not the result's own class.
     """
 
     marker: str
@@ -26,17 +26,17 @@ class DrawnKind:
     loader: str = ""
 
     def draw(self, result: Any, folder: Path) -> list[Path]:
-        """Draw a result into a folder; answers its page, or its figures where it has no page."""
+        """Draw a result into a folder; return its page, or its figures where it has no page."""
         return list(resolve_name(f"tympan.{self.function}")(result, folder))
 
     def draw_stored(self, file: Path) -> list[Path]:
-        """Draw the result again whose last file this is."""
+        """Draw the result again from its last file."""
         stored = resolve_name(f"tympan.{self.loader or self.result}")
         names = [file.name.removesuffix(self.marker.lstrip("*"))] if "*" in self.marker else []
         return self.draw(stored.load(file.parent, *names), file.parent)
 
 
-#: Kinds of results by the command that stores them: the fields of each, names within tympan.
+#: Kinds of results by the command that stores them; the fields of each are names within tympan.
 _KINDS = {
     "study": ("study.json", "reports.study.page:build_study_page", "studies.study:StudyResult"),
     "solve": ("*.vtu", "reports.figures.film:draw_film", "studies.case:CaseResult"),
@@ -90,7 +90,7 @@ _BY_RESULT = {f"tympan.{kind.result}": kind for kind in KINDS.values()}
 
 
 def draw_result(result: Any, folder: Path) -> list[Path]:
-    """Draw a result into the folder it was saved in; answers what to look at, if anything.
+    """Draw a result into the folder it was saved in; return what to look at, if anything.
 
     Its numbers have the digits of its files, so that :func:`rebuild` draws the same pictures.
     """
@@ -101,13 +101,13 @@ def draw_result(result: Any, folder: Path) -> list[Path]:
 
 
 def _is_solved(film: Path) -> bool:
-    """Whether a film is that of ``solve``, which has numbers of its name that no other writes."""
+    """Check if a film is that of ``solve``: no other command writes a record of that name."""
     numbers = film.with_suffix(".json")
     return numbers.is_file() and not any(numbers.match(kind.marker) for kind in KINDS.values())
 
 
 def rebuild(folder: Path) -> list[Path]:
-    """Draw the figures and pages of everything stored in a folder; answers what to look at."""
+    """Draw the figures and pages of everything stored in a folder; return what to look at."""
     stored = [(kind, file) for command, kind in KINDS.items()
               for file in sorted(folder.glob(kind.marker))
               if command != "solve" or _is_solved(file)]

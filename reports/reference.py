@@ -1,8 +1,7 @@
-"""The page docs/reference.md: every key of files a user writes.
+"""The page docs/reference.md: every key of files that a user writes.
 
-From the fields' declarations.
-
-``python -m tympan.reports.reference > docs/reference.md`` writes it anew.
+It is made from the declarations of the fields. ``python -m tympan.reports.reference >
+docs/reference.md`` writes it anew.
 """
 
 from __future__ import annotations
@@ -45,14 +44,14 @@ from tympan.studies.tolerance.given import (
 )
 from tympan.tables.layouts import Layout, Stated
 
-#: Where the kinds of a table are listed.
+#: Sections that list the kinds of a table.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
     ("Outlines", OUTLINES), ("Pieces of drawn outlines", PIECES), ("Laws", LAWS),
     ("Strengths", STRENGTHS), ("Flows", FLOWS), ("Bias mechanisms", BIASES))
 
 
 def page(rig: type[Rig] = Rig) -> str:
-    """The page's text; ``rig`` is the rig whose keys it lists."""
+    """Write the page's text; ``rig`` is the rig whose keys it lists."""
     tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, turned", Rotated),
               ("[plate]", Plate), ("[membrane]", Film),
               ("[[membrane.branch]]: any flow, and", ViscousBranch), ("[electrode]", Electrode),
@@ -84,13 +83,13 @@ def _rows(cls: type) -> Iterator[list[str]]:
 
 
 def _instead(field: Field) -> str:
-    """The keys that may stand in its place."""
+    """List the keys that may replace it."""
     words = " and ".join(f"`{word}`" for word in field.says.doubled)
     return f"; or {words}, twice as much" if words else ""
 
 
 def _form(field: Field) -> str:
-    """Kind of value it holds."""
+    """Describe the kind of value that a field holds."""
     if field.kind is Any:
         return "quantity"
     title = next((title for title, kinds in _SECTIONS if kinds is field.says.kinds), "")

@@ -73,7 +73,7 @@ def round_scale(low: float, high: float, intervals: int = 5) -> AxisScale:
 
 
 def rows_of(count: int, most: int = 3) -> list[range]:
-    """Arrange the indices of ``count`` things in rows of at most ``most``, as even as possible.
+    """Arrange the indices of ``count`` items in rows of at most ``most``, as even as possible.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Keys, kinds, units and meanings of ``--json`` and result files, and their JSON Schemas.
 
-Results that are dataclasses say it themselves, by the type and the ``Key`` of each field; that of
-others is in schema.toml. There ``[part.NAME]`` is what several objects hold: a kind "object: NAME,
-NAME" has their keys, too, and so has what is ``below`` a path.
+For results that are dataclasses they are the type and the ``Key`` of each field; for others they
+are in schema.toml. There ``[part.NAME]`` lists keys that several objects share: a kind "object:
+NAME, NAME" has these keys too, and so has every path given with ``below``.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from tympan.base.fields import fields_of
 from tympan.base.units import unit_of
 from tympan.reports.template import template, text_of
 
-#: Types of JSON by what a kind of value is called.
+#: JSON types by the name of a kind of value.
 _TYPES = {"text": "string", "number": "number", "whole number": "integer",
           "true or false": "boolean", "object": "object", "list": "array"}
 _KINDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
 _MISSING = " or missing"
-#: The unit at the end of keys that a result has in one of several.
+#: Default of the unit at the end of keys whose unit depends on the result.
 _UNIT = "um"
 
-#: Units that are none of SI, by the end of a key.
+#: Units outside SI, by the end of a key.
 _OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "_per_s": "1/s",
            "_kg_m2": "kg m²", "_V_per_V": "V/V", "_m_per_V": "m/V", "_m_per_V2": "m/V²",
            "_V_m": "V m", "_m_per_F": "m/F", "_J_per_kg": "J/kg", "_J_per_m3": "J/m³",
@@ -43,8 +43,8 @@ _OTHERS = {"_C": "C", "_um": "µm", "_mm": "mm", "_cm2": "cm²", "_deg": "°", "
 class JsonKey:
     """One key of a record by its path: ``[]`` is any entry of a list, ``{}`` any key of an object.
 
-    ``kind``: what it holds, such as "number", "text or none", "object or missing" of what is not
-    always there, or texts in quotes to choose from.
+    ``kind``: its values, such as "number", "text or none", "object or missing" for a key that may
+    be absent, or a choice of texts in quotes.
     """
 
     path: str
@@ -53,7 +53,7 @@ class JsonKey:
 
     @property
     def unit(self) -> str:
-        """The unit that the key's name says."""
+        """The unit in the key's name."""
         name = re.sub(r"(\[\]|\{\})+$", "", self.path.rpartition(".")[2])
         if self.kind.split(" or ")[0] not in ("number", "list"):
             return ""
@@ -72,7 +72,7 @@ class JsonRecord:
 
     @property
     def rows(self) -> list[tuple[str, str, str, str]]:
-        """Path, kind, unit and meaning of every key; what lists of plain values hold is in kind."""
+        """Path, kind, unit and meaning of every key; for lists of plain values kind says it all."""
         holds = {key.path: key.kind for key in self.keys}
         rows = []
         for key in self.keys:
@@ -91,7 +91,7 @@ class JsonRecord:
 
 @cache
 def json_records() -> tuple[JsonRecord, ...]:
-    """All records that are described."""
+    """List all described records."""
     declared = tomllib.loads(text_of("reports/schema.toml"))
     return tuple(JsonRecord(name, entry["commands"], entry.get("file", ""),
                             tuple(_declared(entry, declared)))
@@ -100,7 +100,7 @@ def json_records() -> tuple[JsonRecord, ...]:
 
 def _declared(entry: Mapping[str, Any], declared: Mapping[str, Any], at: str = ""
               ) -> Iterator[JsonKey]:
-    """The keys of a record or a part: those of its lines "path | kind | meaning", its class's."""
+    """Yield the keys of a record or part: of its lines "path | kind | meaning", and its class."""
     for line in entry.get("keys", "").strip().splitlines():
         path, kind, meaning = (words.strip() for words in line.split("|"))
         kind, _, parts = kind.partition(": ")
@@ -115,7 +115,7 @@ def _declared(entry: Mapping[str, Any], declared: Mapping[str, Any], at: str = "
 
 
 def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
-    """The keys of a dataclass as ``to_json`` writes it, those of nested ones after their own."""
+    """Yield the keys of a dataclass as ``to_json`` writes it, then those of nested classes."""
     hints = get_type_hints(cls)
     declared = {field.name: field for field in fields_of(cls)}
     for item in fields(cls):
@@ -137,7 +137,7 @@ def class_keys(cls: type, at: str = "") -> Iterator[JsonKey]:
 
 
 def _chosen(hint: Any, choices: Mapping[str, Any]) -> Any:
-    """The type of a text that is one of some names, or none where the hint has that."""
+    """Build the type of a text that is one of some names, or none where the hint allows it."""
     none = (None,) if type(None) in get_args(hint) else ()
     return Union[Literal[*choices], *none]
 
@@ -166,12 +166,12 @@ def _keys(path: str, hint: Any, meaning: str = "one of them") -> Iterator[JsonKe
 
 
 def _steps(path: str) -> list[str]:
-    """A path's parts: names, "[]" and "{}"."""
+    """Split a path into its parts: names, "[]" and "{}"."""
     return re.findall(r"[^.\[\]{}]+|\[\]|\{\}", path)
 
 
 def _object(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
-    """The schema of an object of keys, each with the steps to it from there."""
+    """Build the schema of an object from its keys, each with the remaining steps to it."""
     names = dict.fromkeys(steps[0] for steps, _ in keys)
     inside = {name: [(steps[1:], key) for steps, key in keys if steps[0] == name]
               for name in names}
@@ -187,7 +187,7 @@ def _may_miss(keys: Sequence[tuple[list[str], JsonKey]]) -> bool:
 
 
 def _value(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
-    """The schema of one value: of its key, if it has one, and of those below it."""
+    """Build the schema of one value, from its key, if it has one, and from those below it."""
     itself, below = [key for steps, key in keys if not steps], [pair for pair in keys if pair[0]]
     kind = itself[0].kind.removesuffix(_MISSING) if itself else ""
     schema: dict[str, Any]
@@ -210,13 +210,13 @@ def _value(keys: Sequence[tuple[list[str], JsonKey]]) -> dict[str, Any]:
 
 
 def schemas() -> str:
-    """The file docs/schemas.json: all schemas by the name of their record."""
+    """Write the file docs/schemas.json: all schemas by the name of their record."""
     return json.dumps({record.name: record.schema for record in json_records()}, indent=1,
                       ensure_ascii=False) + "\n"
 
 
 def json_page() -> str:
-    """The page docs/json.md: the keys of all records, as people read them."""
+    """Write the page docs/json.md: the keys of all records, as people read them."""
     return template("reports/schema.txt").render(records=json_records())
 
 

@@ -1,4 +1,4 @@
-"""Results as pandas tables: a row for each state, mode, circle or case; fields by xarray. In SI."""
+"""Results as pandas tables, one row per state, mode, circle or case; fields by xarray. In SI."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from tympan.base.units import unit_of
 from tympan.studies.case import CaseResult
 from tympan.studies.film_surface import FIELD_UNITS
 
-#: Rows of a table that are shown.
+#: Most rows of a table that are shown.
 _ROWS = 12
-#: Columns of a table that are printed: as many as a terminal is wide.
+#: Most columns of a table that are printed: as many as a terminal is wide.
 _COLUMNS = 8
-#: Letters of a cell that are printed.
+#: Most letters of a cell that are printed.
 _LETTERS = 60
-#: How numbers are shown.
+#: Format of numbers.
 _DIGITS = "{:.6g}".format
 
 
 def labelled(values: Mapping[str, Array], along: str,
              **places: Array) -> xr.Dataset:
-    """Fields of a film as an xarray dataset along one dimension, with their units.
+    """Convert fields of a film to an xarray dataset along one dimension, with their units.
 
-    ``places``: where in the flat film they are [m], by coordinate.
+    ``places``: coordinates of their points in the flat film [m], by name.
     """
     def variable(name: str, value: Array) -> xr.Variable:
         dims = (along, "component")[:value.ndim]
@@ -40,7 +40,7 @@ def labelled(values: Mapping[str, Array], along: str,
 
 
 def dataset(result: object) -> xr.Dataset:
-    """A result as an xarray dataset with dimensions and units."""
+    """Convert a result to an xarray dataset with dimensions and units."""
     if isinstance(whole := getattr(result, "table", None), xr.Dataset):
         return whole
     if isinstance(result, CaseResult):
@@ -55,7 +55,7 @@ def dataset(result: object) -> xr.Dataset:
 
 
 def _state(result: CaseResult) -> xr.Dataset:
-    """Numbers of one state, and the fields of its film."""
+    """Build a dataset of the numbers of one state, and the fields of its film."""
     film = result.film
     fields = xr.Dataset() if film is None else labelled(
         film.values, "point", x=film.mounted[:, 0], y=film.mounted[:, 1])
@@ -70,20 +70,20 @@ def _units(name: str) -> dict[str, str]:
 
 
 def html(result: object) -> str:
-    """Table of names, values and units; columns of several rows have their unit in their name."""
+    """Write a table of names, values and units; units of several rows are in column names."""
     rows, most = _shown(result)
     return str(rows.to_html(index=False, max_rows=most, border=0, na_rep="", float_format=_DIGITS))
 
 
 def text(result: object) -> str:
-    """Table of names, values and units for a terminal; the middle of a wide one is left out."""
+    """Write a table of names, values and units for a terminal, without the middle of a wide one."""
     rows, most = _shown(result)
     return str(rows.to_string(index=False, max_rows=most, max_cols=_COLUMNS, na_rep="",
                               max_colwidth=_LETTERS, float_format=_DIGITS))
 
 
 def _shown(result: object) -> tuple[pd.DataFrame, int | None]:
-    """Table to show of a result, and most rows of it; None for all."""
+    """Build the table of a result to show, and the most rows of it; None for all."""
     rows = table(result)
     if len(rows) != 1:
         return rows, _ROWS
@@ -93,7 +93,7 @@ def _shown(result: object) -> tuple[pd.DataFrame, int | None]:
 
 
 def table(result: object) -> pd.DataFrame:
-    """The rows of a result as a table."""
+    """Build a table of the rows of a result."""
     rows: Any = getattr(result, "rows", None)
     if rows is None:
         raise TypeError(f"there is no table of {type(result).__name__}")

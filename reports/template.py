@@ -15,10 +15,10 @@ import jinja2
 
 
 def template(name: str, **filters: Callable[..., Any]) -> jinja2.Template:
-    """A template by its path within tympan, such as "reports/study/report.html".
+    """Load a template by its path within tympan, such as "reports/study/report.html".
 
-    :func:`digits`, :func:`percent` and the given filters write its numbers; text put into a page,
-    not into sentences (.txt), is escaped. A whole page gets its policy.
+    :func:`digits`, :func:`percent` and the given filters write its numbers. Text put into a page,
+    but not into sentences (.txt), is escaped. A whole page gets its security policy.
     """
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(text_of), autoescape=jinja2.select_autoescape(("html",)),
@@ -30,7 +30,7 @@ def template(name: str, **filters: Callable[..., Any]) -> jinja2.Template:
 
 
 class _Page(jinja2.Template):
-    """A template whose result, where it is a whole page, says what the page may run and load."""
+    """A template that adds a content security policy to its result, if that is a whole page."""
 
     def render(self, *args: Any, **kwargs: Any) -> str:
         return with_policy(super().render(*args, **kwargs))
@@ -38,15 +38,15 @@ class _Page(jinja2.Template):
 
 #: Elements of a page whose text a browser runs or applies; JSON within a script is neither.
 _INLINE = re.compile(r"<(script|style)>(.*?)</\1>", re.DOTALL)
-#: Where the policy stands: before all that it is about.
+#: Place of the policy: before everything that it governs.
 _HEAD = '<meta charset="utf-8">\n'
 
 
 def with_policy(page: str) -> str:
-    """A page with its Content-Security-Policy, by which it runs nothing but its own scripts.
+    """Add a Content-Security-Policy to a page, which lets it run only its own scripts.
 
-    Nothing is loaded from elsewhere, and text that came from a file and looks like a script or a
-    style is neither. What is no whole page stays as it is.
+    Nothing is loaded from elsewhere, and text from a file that looks like a script or a style is
+    not applied. A text that is no whole page is not changed.
     """
     if _HEAD not in page:
         return page
@@ -62,24 +62,24 @@ def with_policy(page: str) -> str:
 
 
 def sentence(words: jinja2.Template, part: str, *values: Any) -> str:
-    """Sentence of the macro ``part`` of a template about values, on one line."""
+    """Fill the macro ``part`` of a template with values, to a sentence on one line."""
     macro = getattr(words.module, part)
     return re.sub(r"[ \n]+", " ", str(macro(*values))).strip()
 
 
 def embedded_picture(file: Path) -> str:
-    """A picture's file as a data URI."""
+    """Encode a picture's file as a data URI."""
     kind = {".png": "image/png", ".svg": "image/svg+xml"}[file.suffix]
     return f"data:{kind};base64,{b64encode(file.read_bytes()).decode()}"
 
 
 def text_of(name: str) -> str:
-    """A file of tympan's own, by its path within it."""
+    """Read a file of tympan's own, by its path within it."""
     return resources.files("tympan").joinpath(name).read_text(encoding="utf-8")
 
 
 def digits(value: float | None, count: int = 3) -> str:
-    """A number with ``count`` significant digits; from 0.0001 to a million without powers of ten.
+    """Write ``count`` significant digits; from 0.0001 to a million without powers of ten.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def digits(value: float | None, count: int = 3) -> str:
 
 
 def percent(share: float | None) -> str:
-    r"""A share in per cent with two significant digits; below a millionth it is called that.
+    r"""Write a share in per cent with two significant digits; below a millionth "< 0.0001 %".
 
     Examples
     --------

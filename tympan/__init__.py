@@ -1,6 +1,6 @@
 """Dielectric-elastomer membrane actuators: film, plate, weight and voltage.
 
-What scripts need is here; it is loaded when it is first asked for::
+The names that scripts need are here; each is loaded on first use::
 
     import tympan
 
@@ -41,7 +41,7 @@ __all__ = [
 
 if not TYPE_CHECKING:  # type checkers know all names, and should object to others
     def __getattr__(name: str) -> Any:
-        """Public object of a name, wherever it is; the version is the installed distribution's."""
+        """Find a public object by name, wherever it is; the version is the installed one."""
         if name == "__version__":
             from importlib.metadata import version
 
@@ -50,7 +50,7 @@ if not TYPE_CHECKING:  # type checkers know all names, and should object to othe
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib import import_module
 
-        # The last is slow to load, and few need it.
+        # The last place is slow to load and rarely needed.
         places = (import_module(f"tympan.{place}") for place in (
             "parts", "door", "lumped_door", "families"))
         return next(getattr(place, name) for place in places if hasattr(place, name))

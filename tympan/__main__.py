@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from tympan.base.process.interruption import Interruption
 
-#: Letters that no alphabet and no number stands for, by others.
+#: Replacements of characters that have no name as a letter or number.
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-", "⁄": "/", "·": "*",
                         "×": "x", "±": "+-", "°": "deg", "√": "sqrt ", "≤": "<=", "≥": ">=",
                         "∞": "inf", "’": "'", "‘": "'", "“": '"', "”": '"'})
@@ -24,7 +24,7 @@ _PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-"
 class _Output(io.FileIO):
     """Standard output that ends the command where it cannot be written, as on a full disk.
 
-    Without a word if nobody reads any more.
+    It ends without a message if nobody reads any more.
     """
 
     _broken = False
@@ -43,7 +43,7 @@ class _Output(io.FileIO):
 
 
 def spelled(error: UnicodeError) -> tuple[str, int]:
-    r"""Letters that a terminal cannot show in those it can, as an error handler of codecs.
+    r"""Replace characters that a terminal cannot show, as an error handler of codecs.
 
     Examples
     --------
@@ -81,11 +81,11 @@ def run_command() -> NoReturn:
     ended: BaseException | None = None
     try:
         _streams()
-        os.environ["MPLBACKEND"] = "agg"  # whatever the user has: nothing is drawn on a screen
+        os.environ["MPLBACKEND"] = "agg"  # nothing is drawn on a screen, whatever the user has set
         from tympan.base.process.threads import stay_single
 
         stay_single()
-        # What libraries make while they are imported stays: to look for garbage among it is vain.
+        # Objects that libraries create on import stay: searching them for garbage is useless.
         gc.set_threshold(20_000, 50)
         try:
             from tympan.cli import main
@@ -98,8 +98,8 @@ def run_command() -> NoReturn:
     except BaseException as error:
         ended = error
     signals.leave()
-    # Whatever a signal was turned into on its way, it is what ended the command; also where nothing
-    # is left of it, and what was computed may be wrong.
+    # A signal ended the command, whatever it was turned into on its way, even if nothing is left of
+    # it; results may be wrong.
     if signals.number or isinstance(ended, KeyboardInterrupt):
         status = signals.say(*getattr(ended, "__notes__", ()))
     elif isinstance(ended, SystemExit):
@@ -112,12 +112,12 @@ def run_command() -> NoReturn:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the process without taking apart what was imported, which takes longer than to solve."""
+    """End the process without freeing imported modules, which takes longer than to solve."""
     import atexit
 
     from tympan.base.system import silent
 
-    with silent():  # what was asked for has been said
+    with silent():  # the output is complete
         atexit._run_exitfuncs()
     if sys.stderr is not None:
         sys.stderr.flush()

@@ -17,7 +17,7 @@ from tympan.base.system import out_of_memory
 from tympan.base.toml_reader import one_of
 from tympan.commands import COMMANDS, GROUPS, HEADINGS
 
-#: What people write for an option, by the option's own name without dashes.
+#: Words that people write for an option, by the option's own name without dashes.
 _SYNONYMS = {"weight": "mass", "load": "mass", "gram": "mass", "potential": "voltage",
              "volt": "voltage", "tension": "voltage", "folder": "output", "directory": "output",
              "jobs": "workers", "processes": "workers", "mesh": "refine"}
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with ready_for(_files(options)), alone(getattr(options, "output", None)):
             options.run(options)
     except (InputError, Failure) as error:
-        raise_again()  # a signal may be what it comes from
+        raise_again()  # a signal may have caused it
         print("; ".join([f"tympan: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except Exception as error:
@@ -54,7 +54,7 @@ def _files(options: argparse.Namespace) -> list[Path]:
 
 
 class _Asking(argparse.ArgumentParser):
-    """Asks what was meant where a command, an option or one of its values is unknown."""
+    """Parser that suggests what was meant where a command, option or value is unknown."""
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:
@@ -100,7 +100,7 @@ class _Asking(argparse.ArgumentParser):
 
 
 def _name(action: argparse.Action) -> str:
-    """An option by its names, another argument by its own."""
+    """Name an option by its names, another argument by its own."""
     return "/".join(action.option_strings) or str(action.metavar or action.dest)
 
 
@@ -110,7 +110,7 @@ def _also(name: str) -> tuple[str, ...]:
 
 
 class _Parser(_Asking):
-    """Lists the commands under their headings."""
+    """Parser that lists the commands under their headings."""
 
     def format_help(self) -> str:
         formatter = self._get_formatter()
@@ -130,7 +130,7 @@ class _Parser(_Asking):
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Parser of the command line: all commands with their options."""
+    """Build the parser of the command line: all commands with their options."""
     parser = _Parser(
         prog="tympan", description="Shape studies of dielectric-elastomer membrane actuators.",
         epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV". '
@@ -152,7 +152,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 class _Version(argparse.Action):
-    """``--version`` without asking the package metadata on every start."""
+    """Action of ``--version`` that reads package metadata only when it is needed."""
 
     def __init__(self, option_strings: list[str], dest: str, **_: Any) -> None:
         super().__init__(option_strings, dest, nargs=0, help="show the version and exit")
@@ -165,7 +165,7 @@ class _Version(argparse.Action):
 
 
 class _Completion(argparse.Action):
-    """``--print-completion SHELL`` without importing shtab on every start."""
+    """Action of ``--print-completion SHELL`` that imports shtab only when it is needed."""
 
     def __init__(self, option_strings: list[str], dest: str, **settings: Any) -> None:
         super().__init__(option_strings, dest, **settings, metavar="SHELL",
@@ -185,7 +185,7 @@ class _Completion(argparse.Action):
 
 
 def _complete_files(parser: argparse.ArgumentParser, files: object) -> None:
-    """Mark every argument that is a path as one to be completed by files."""
+    """Mark every path argument for completion by files."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():

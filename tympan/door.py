@@ -50,7 +50,7 @@ Solved = TypeVar("Solved")
 
 
 class Voltages(TypedDict, total=False):
-    """Arguments of a signal of its kind, as :class:`~tympan.studies.signals.Wave` takes it."""
+    """Arguments of a signal of its kind, as :class:`~tympan.studies.signals.Wave` takes them."""
 
     low: float | str
     high: float | str
@@ -66,7 +66,7 @@ class Waves(Voltages, total=False):
 
 
 class CouponTable(TypedDict, total=False):
-    """Statements on a table of coupons that a tester's headings leave open."""
+    """Statements on a table of coupons that its headings do not contain."""
 
     mode: str | None
     unit: str | None
@@ -87,9 +87,9 @@ class PartSizes(TypedDict, total=False):
 
 
 class Loads(TypedDict, total=False):
-    """Loads on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit.
+    """Loads on a specimen, as :class:`Case` takes them: SI numbers or texts with their unit.
 
-    A voltage may also be "80 %", of the first limit.
+    A voltage may also be a share of the first limit, "80 %".
     """
 
     mass: float | str
@@ -101,7 +101,7 @@ class Loads(TypedDict, total=False):
 
 
 def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
-    """The case of loads, with the gas pressure on its rig."""
+    """Build the case of loads, with the gas pressure on its rig."""
     from tympan.studies.limits import charged
 
     given: dict[str, Any] = {**loads}
@@ -112,7 +112,7 @@ def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
 
 @names_arguments()
 def load(file: File) -> Specimen:
-    """The specimen of a TOML file.
+    """Load a specimen from a TOML file.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def load(file: File) -> Specimen:
 
 @names_arguments()
 def draw(specimen: Specimen, target: Axes | File | None = None) -> Axes:
-    """Draw a specimen with its sizes on axes, into a file, or on new axes; answers the axes."""
+    """Draw a specimen with its sizes on axes, into a file, or on new axes; return the axes."""
     from tympan.reports.plots import plot
 
     return plot(specimen, target)
@@ -132,9 +132,9 @@ def draw(specimen: Specimen, target: Axes | File | None = None) -> Axes:
 
 @names_arguments()
 def material(name: str) -> LibraryMaterial:
-    """A material of the library, as ``tympan materials`` lists it with its source.
+    """Load a material of the library, as ``tympan materials`` lists it with its source.
 
-    A :class:`Film` made of it has what a specimen file's ``material = "name"`` brings: law, viscous
+    A :class:`Film` made of it has what a specimen file's ``material = "name"`` sets: law, viscous
     branches, electric strength, and relative permittivity where the library lists one.
 
     Examples
@@ -150,13 +150,13 @@ def material(name: str) -> LibraryMaterial:
 def solve(specimen: Specimen, settings: Settings = Settings(), *,
           after: float | str | None = None, tolerances: Tolerances | File | None = None,
           **loads: Unpack[Loads]) -> Result[CaseResult]:
-    """The equilibrium of a specimen under a mass and a voltage, with its fields and limits.
+    """Solve the equilibrium of a specimen under a mass and a voltage, with fields and limits.
 
     ``result.status`` is "equilibrium", "no_equilibrium" (past pull-in) or "not_converged"; the
-    numbers of a state that does not exist are None. ``after``: so long after the voltage was
-    switched on, for a film with viscous branches; by default in equilibrium again.
-    ``tolerances``: a file, or :class:`Tolerances`, of which ``Tolerances()`` has the defaults of
-    the film's material; then ``result.bands["deflection_m"]`` has median, 5 and 95 % of films.
+    numbers of a state that does not exist are None. ``after``: time since the voltage was switched
+    on, for a film with viscous branches; by default the new equilibrium is solved.
+    ``tolerances``: a file, or :class:`Tolerances`; ``Tolerances()`` has the defaults of the film's
+    material. Then ``result.bands["deflection_m"]`` has median, 5 and 95 % of films.
     """
     from tympan import solving
 
@@ -170,7 +170,7 @@ def solve(specimen: Specimen, settings: Settings = Settings(), *,
 
 def _banded(result: Solved, specimen: Specimen, tolerances: Tolerances | File | None,
             rig: Rig, settings: Settings) -> Solved:
-    """The result with its bands, where tolerances are given."""
+    """Add bands to the result, where tolerances are given."""
     if tolerances is None:
         return result
     from tympan.studies.tolerance.bands import banded
@@ -189,11 +189,11 @@ def _tolerances(given: Tolerances | File) -> Tolerances:
 @one_thread()
 def limits(specimen: Specimen, settings: Settings = Settings(), *, beyond: bool = False,
            **loads: Unpack[Loads]) -> Result[LimitsResult]:
-    """Limits of the voltage: loss of tension, breakdown, instability, pull-in.
+    """Compute limits of the voltage: loss of tension, breakdown, instability, pull-in.
 
-    ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``. A mass that is
-    left out suits the film. ``beyond``: where the film, wrinkled, thins without bound, follow it on
-    as one kept from wrinkling, to its pull-in.
+    ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``. Without a mass
+    one is chosen that suits the film. ``beyond``: where the wrinkled film gets thinner without
+    limit, continue as if it could not wrinkle, to its pull-in.
     """
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.loads import usual_masses
@@ -210,12 +210,12 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
           settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None,
           tolerances: Tolerances | File | None = None, beyond: bool = False
           ) -> Result[CurveResult]:
-    """Deflection against voltage under each mass to the film's end; by default under usual ones.
+    """Compute deflection against voltage under each mass; by default under usual masses.
 
-    ``voltages`` are rows of their own. ``result.curves[0].limits.limit.voltage_V`` is the first
-    limit under the first mass. ``tolerances`` as for :func:`solve`: then
-    ``result.curves[0].band_deflection_m`` has the band of films at ``band_voltage_V``. ``beyond``
-    as for :func:`limits`.
+    Each curve goes to the film's end. ``voltages`` are additional rows.
+    ``result.curves[0].limits.limit.voltage_V`` is the first limit under the first mass.
+    ``tolerances`` as for :func:`solve`: then ``result.curves[0].band_deflection_m`` has the band of
+    films at ``band_voltage_V``. ``beyond`` as for :func:`limits`.
     """
     from tympan.studies.limits import curve
     from tympan.studies.limits.loads import usual_masses
@@ -236,13 +236,13 @@ def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
           loads: Sequence[float | str] = (), rate: float | str | None = None, cycles: int = 1,
           rig: Rig = Rig(), pressure: float | str | None = None, settings: Settings = Settings(),
           tolerances: Tolerances | File | None = None) -> Result[ForceResult]:
-    """Force on the plate against its displacement, a curve for each voltage.
+    """Compute the force on the plate against its displacement, a curve for each voltage.
 
-    The plate is held, as by a tensile tester, at so many ``points`` between two displacements.
-    ``loads`` are masses; with the rig's springs and other biases each is a line over the curves,
-    whose crossings are equilibria: ``result.loads[0].crossings``, ``result.stroke_m``,
+    The plate is displacement-controlled, as in a tensile tester, at ``points`` positions between
+    two displacements. ``loads`` are masses. With the rig's springs and other biases each is a line
+    that crosses the curves at equilibria: ``result.loads[0].crossings``, ``result.stroke_m``,
     ``result.work_J``. ``result.blocked_force_N`` is the change of force of the held plate. With a
-    ``rate``, such as "1 mm/s", the plate also moves out and back in time, so many ``cycles``:
+    ``rate``, such as "1 mm/s", the plate also moves out and back in time, in ``cycles``:
     ``result.loops[0].area_J`` are the areas of a film with viscous branches. ``tolerances`` as for
     :func:`solve`: then ``result.curves[0].band_force_N`` has the band of films.
     """
@@ -260,12 +260,12 @@ def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
           to: float | str | None = None, points: int = 21, rig: Rig = Rig(),
           pressure: float | str | None = None, settings: Settings = Settings()
           ) -> Result[SenseResult]:
-    """Capacitance against deflection at several voltages, and deflection from capacitance.
+    """Compute capacitance against deflection at several voltages, and the inverse.
 
     The plate is displaced between two deflections, or a little further than the ``masses`` deflect
     it. ``result.sensed(capacitance, voltage)`` is the deflection [m] by a polynomial with the
-    largest error ``result.inverse.error_m``; ``to_pandas()`` is the table, with what an error of
-    the capacitance, of the prestretch and of the permittivity moves the sensed deflection by.
+    largest error ``result.inverse.error_m``. ``to_pandas()`` is the table; it includes the change
+    of the sensed deflection by an error of the capacitance, the prestretch and the permittivity.
     """
     from tympan.studies.sense import SenseCase, sense
 
@@ -282,12 +282,12 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
               films: int = 10_000, seed: int = 1, rig: Rig = Rig(),
               pressure: float | str | None = None, settings: Settings = Settings()
               ) -> Result[ToleranceResult]:
-    """Scatter of deflection, stroke, force, frequency and others from film to film, and why.
+    """Compute the spread of deflection, stroke, force, frequency and others between films.
 
     ``tolerances``: a file, :class:`Tolerances`, or the defaults of the film's material. Mass and
     voltage suit the film where they are not given. ``result.quantities["stroke_m"]`` has the
-    median, the 5 and 95 % quantiles and the shares of the variance; ``result.reached`` the
-    probability that a film bears the voltage, and ``result.fails`` what the others meet.
+    median, the 5 and 95 % quantiles and the shares of the variance; ``result.reached`` is the
+    probability that a film bears the voltage, and ``result.fails`` the limits of the others.
 
     ``want``: bounds as in a file of requirements, ``{"stroke": "2 mm", "deflection": "at most 6
     mm"}``; ``result.kept`` is the share of the films that keep all of them, and ``result.wanted``
@@ -310,11 +310,11 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
          settings: Settings = Settings(), *, rate: float | str | None = None,
          to: float | str | None = None, fields: bool = False, **loads: Unpack[Loads]
          ) -> Result[PathResult | Responses]:
-    """Equilibria while one quantity grows from the loads on, and through limit points.
+    """Follow equilibria while one quantity grows from the loads on, through limit points.
 
     With a ``rate`` such as "100 V/s": a loop in time, up to a voltage ``to`` and down again, of a
     film with viscous branches; by default it turns at 95 % of the film's first limit. ``fields``:
-    with the film of every station, or at 25 moments of a loop.
+    include the film of every state, or at 25 moments of a loop.
     """
     from tympan import solving
 
@@ -328,14 +328,14 @@ def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
               mass: float | str | None = None, rest: float | str | None = None,
               swing: bool = False, films: Sequence[float | str] = (), rig: Rig = Rig(),
               settings: Settings = Settings(), **wave: Unpack[Waves]) -> Result[Responses]:
-    """A film, or several, in time under a step, ramp, sine, random voltages, or a CSV file's.
+    """Simulate one film or several under a step, ramp, sine, random voltages, or a CSV file's.
 
-    Before the signal it has rested under mass and first voltage for ``rest``: for ever unless the
-    film says when it was mounted. ``swing``: the plate has inertia; else it follows the film at
-    once. The mass suits the film where none is given. ``result.responses[0]`` has the numbers,
-    ``to_pandas()`` the samples, an ``interval`` apart; ``result.films[0]`` the film at each of the
-    times ``films``. Of the signal: ``low`` and ``high`` voltage, ``duration`` of step, ramp, a
-    random level or a period, ``count`` of levels or periods, and a ``seed``.
+    Before the signal the film rests under mass and first voltage for ``rest``, by default for ever,
+    unless the film states when it was mounted. ``swing``: the plate has inertia; else it follows
+    the film at once. The mass suits the film where none is given. ``result.responses[0]`` has the
+    numbers, ``to_pandas()`` the samples at ``interval``; ``result.films[0]`` the film at each of
+    the times ``films``. Arguments of the signal: ``low`` and ``high`` voltage, ``duration`` of
+    step, ramp, a random level or a period, ``count`` of levels or periods, and a ``seed``.
     """
     from tympan.studies.signals import Wave
     from tympan.studies.trace import sample_count
@@ -353,9 +353,9 @@ def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
 @one_thread()
 def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(), *,
           point_mass: float | str = 0.0, **loads: Unpack[Loads]) -> Result[ModesResult]:
-    """Small vibrations about an equilibrium, the voltage held constant.
+    """Solve small vibrations about an equilibrium at constant voltage.
 
-    ``point_mass`` of the mass sits in the plate's centre; the rest is spread over the plate.
+    ``point_mass``: part of the mass in the plate's centre; the rest is spread over the plate.
     """
     from tympan.studies.modes import modes
 
@@ -367,9 +367,9 @@ def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(), *
 @one_thread()
 def response(specimen: Specimen, *frequencies: float | str, settings: Settings = Settings(),
              **loads: Unpack[Loads]) -> Result[ResponseResult]:
-    """Amplitude and phase of the deflection under a small sine of the voltage, by frequency.
+    """Compute amplitude and phase of the deflection under a small sine of the voltage.
 
-    ``frequencies`` are numbers [Hz] or texts; left out, they suit the film.
+    ``frequencies`` are numbers [Hz] or texts; by default they suit the film.
     """
     from tympan.studies.response import response
 
@@ -381,7 +381,7 @@ def response(specimen: Specimen, *frequencies: float | str, settings: Settings =
 @one_thread()
 def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Settings(),
                 **loads: Unpack[Loads]) -> Result[SensitivityResult]:
-    """Derivatives of named quantities, "heave" if none is named, by all they depend on."""
+    """Differentiate named quantities, by default "heave", by all they depend on."""
     from tympan.studies.sensitivity import sensitivity
 
     return Result(sensitivity(_case(specimen, loads, settings), settings, quantities or ("heave",)))
@@ -392,10 +392,10 @@ def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Setti
 def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
           settings: Settings = Settings(), rig: Rig = Rig(), *, circles: int = 2,
           radii: str = "semi_axes", uncertainty: bool = False) -> Result[AlphaResult]:
-    """Weights of the circles that stand for a specimen in a lumped model.
+    """Compute weights of the circles that represent a specimen in a lumped model.
 
-    So many ``circles``, whose ``radii`` are semi_axes, sectors or fit; loads may be given by
-    ``alpha_settings``. ``uncertainty``: also how far the weights change with mesh, material, loads.
+    ``circles``: their number; ``radii``: semi_axes, sectors or fit; ``alpha_settings`` may give the
+    loads. ``uncertainty``: also compute how the weights change with mesh, material and loads.
     """
     from tympan.studies import alpha as study
 
@@ -413,16 +413,16 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
           settings: Settings = Settings(), at: float | str | None = None, *,
           scheduler: str | None = None, wait: float | str = 60.0, exact: bool = False,
           tolerances: Tolerances | File | None = None) -> Result[SweepResult]:
-    """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
+    """Solve all cases of SWEEP.toml; cases stored in a ``folder`` are not solved again.
 
     Many specimens that differ in numbers alone are solved by a reduced film, with its error in each
     row; ``exact``: all by finite elements. ``tolerances`` as for :func:`solve`: then the table also
     has ``deflection_low_m`` and ``deflection_high_m``, 5 and 95 % of films.
 
     Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films ``at``
-    one of its voltages, the highest where it is left out. With more than one worker the calling
-    script needs a main guard. ``scheduler``: the address of a Dask cluster that solves instead,
-    which is to have a worker within ``wait``.
+    one of its voltages, by default the highest. With more than one worker the calling script needs
+    a main guard. ``scheduler``: the address of a Dask cluster that solves instead; it must have a
+    worker within ``wait``.
     """
     from functools import partial
 
@@ -445,7 +445,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
 @one_thread()
 def study(file: File | None = None, *, tolerances: Tolerances | File | None = None
           ) -> Result[StudyResult]:
-    """The main job of STUDY.toml, or on the paper's three actuators.
+    """Run the study of STUDY.toml, by default of the paper's three actuators.
 
     ``tolerances`` as for :func:`solve`: then results, curves and forces have bands.
     """
@@ -458,7 +458,7 @@ def study(file: File | None = None, *, tolerances: Tolerances | File | None = No
 
 @names_arguments()
 def data(dataset: File) -> dict[str, Any]:
-    """Contents of a dataset, and what to beware of, as ``tympan data --json`` prints it."""
+    """Summarise a dataset with warnings, as ``tympan data --json`` prints it."""
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.evidence import registry  # noqa: F401  its kinds name the files
@@ -483,10 +483,10 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
 @one_thread()
 def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
              ) -> Result[Diagnosis]:
-    """Diagnosis of a dataset: what the simulation gets wrong, and which effect explains it.
+    """Compare a dataset with the simulation, and name the effect that explains the difference.
 
-    ``self_check``: errors are hidden in so many synthetic sets of such readings, and what is said
-    of them is counted. With more than one worker the calling script needs a main guard.
+    ``self_check``: number of synthetic sets of such readings with hidden errors; their verdicts are
+    counted. With more than one worker the calling script needs a main guard.
     """
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.diagnose import conclude
@@ -500,9 +500,9 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int 
 @one_thread()
 def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
          ) -> dict[str, Any]:
-    """Plan of measurements: what such readings can tell, as ``tympan diagnose --plan`` prints it.
+    """Plan measurements: list what such readings can show, as ``tympan diagnose --plan`` does.
 
-    What is read may be missing from the dataset. The rest is as for ``diagnose``.
+    Measured values may be missing from the dataset. All else is as for ``diagnose``.
     """
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.diagnose import plan_readings
@@ -523,17 +523,18 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
                  branches: int | None = None, constants: Sequence[str] = (),
                  film: Case | None = None, settings: Settings = Settings(),
                  **table: Unpack[CouponTable]) -> Result[MaterialFitResult | FilmFit]:
-    """Laws fitted to coupon tests, or a film fitted to readings of its actuators.
+    """Fit laws to coupon tests, or a film to readings of its actuators.
 
-    ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` all
-    of them. ``laws``: those to compare, all by default; ``noise``: standard deviation of one
-    stress; ``film``: what it does by the fitted laws is ``result.numbers.numbers["film"]``. Or one
-    folder of a dataset, whose law keeps its form: ``result.stiffness_factor`` and
-    ``result.permittivity_factor`` have 95 % limits, and ``result.not_told`` says what readings do
-    not tell. ``constants``: keys of its law, such as ``["mu"]``, or ``["all"]``, that are fitted
-    each by itself: ``result.law.constants``. ``branches``: how many viscous ones, by default as
-    many as the tests tell. ``table``: what a tester's headings leave open: ``mode``, ``unit`` of
-    stresses, ``area`` and ``length`` of the strip before the test, ``decimal`` mark.
+    ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` are
+    all laws. ``laws``: those to compare, by default all; ``noise``: standard deviation of one
+    stress; ``film``: a case that is solved with the fitted laws, in
+    ``result.numbers.numbers["film"]``. Or ``files`` is one folder of a dataset, whose law keeps its
+    form: ``result.stiffness_factor`` and ``result.permittivity_factor`` have 95 % limits, and
+    ``result.not_told`` names what the readings do not determine. ``constants``: keys of its law,
+    such as ``["mu"]``, or ``["all"]``, that are fitted individually: ``result.law.constants``.
+    ``branches``: number of viscous branches, by default as many as the tests determine. ``table``:
+    what the headings do not state: ``mode``, ``unit`` of stresses, ``area`` and ``length`` of the
+    strip before the test, ``decimal`` mark.
     """
     from tympan.base.units import quantity
     from tympan.studies.data.coupon import coupon_layout
@@ -564,14 +565,15 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
 @one_thread()
 def design(requirements: Requirements | File | None = None, settings: Settings = Settings(),
            workers: int = 1) -> Result[DesignResult]:
-    """The best films for requirements, which 95 % of the films with their tolerances keep.
+    """Find the best films for requirements that 95 % of the films within tolerances must meet.
 
     ``requirements``: a file, or :class:`Requirements`. ``result.films[0]`` is the best film, with
-    what it and the given one have, which bounds bind and what it costs to relax them;
-    ``result.specimens`` the films' specimens by file name. ``result.status`` is "impossible" where
-    no film keeps all bounds. Without a file the film is an ellipse with the largest stroke, its
-    frame at most as large as that of the paper's large one. Several kinds of films are searched
-    side by side by so many ``workers``; with more than one the calling script needs a main guard.
+    its numbers and those of the given film, the bounds that are active and the cost of relaxing
+    them; ``result.specimens`` are the films' specimens by file name. ``result.status`` is
+    "impossible" where no film meets all bounds. Without a file the film is an ellipse with the
+    largest stroke, its frame at most as large as that of the paper's large one. Several kinds of
+    films are searched in parallel by ``workers``; with more than one the calling script needs a
+    main guard.
     """
     from tympan.studies.design.design import design as best_films
     from tympan.studies.design.requirements import Requirements
@@ -586,13 +588,13 @@ def design(requirements: Requirements | File | None = None, settings: Settings =
 @names_arguments()
 def optimise(file: File | None = None, settings: Settings = Settings()
              ) -> Result[DesignResult]:
-    """The former name of :func:`design`, which takes its place."""
+    """Call :func:`design`, which replaces this former name."""
     return design(file, settings)
 
 
 @names_arguments()
 def materials() -> dict[str, LibraryMaterial]:
-    """Materials of the library by name, each with its source; those that :func:`material` takes.
+    """List the materials of the library by name, each with its source, for :func:`material`.
 
     Examples
     --------
@@ -606,7 +608,7 @@ def materials() -> dict[str, LibraryMaterial]:
 
 @names_arguments()
 def show_material(name: str, held: float | None = None) -> Examination:
-    """True stress of a material against stretch, and where its law fails.
+    """Tabulate a material's true stress against stretch, and find where its law fails.
 
     ``name``: of the library, or a specimen file. ``held``: the stretch across in the second column,
     by default as mounted.
@@ -623,7 +625,7 @@ def show_material(name: str, held: float | None = None) -> Examination:
 
 @names_arguments()
 def effects() -> dict[str, Any]:
-    """Effects a model may leave out, with units and priors, as ``tympan effects --json`` prints it.
+    """List effects a model may leave out, with units and priors, as ``tympan effects --json`` does.
 
     Examples
     --------
@@ -640,7 +642,7 @@ def export(specimen: Specimen, folder: File, *, inp: bool = False,
            masses: float | str | Sequence[float | str] = (),
            voltages: float | str | Sequence[float | str] = (), pressure: float | str = 0.0,
            settings: Settings = Settings(), **sizes: Unpack[PartSizes]) -> list[Path]:
-    """Write frame, clamp, plate, film and mesh into a folder, and answer the files.
+    """Write frame, clamp, plate, film and mesh into a folder, and return the files.
 
     As STEP, DXF, SVG and VTU; ``sizes`` are those of the parts. ``inp``: instead the film as input
     of CalculiX or Abaqus, a step for each of the ``masses``, then for each of the ``voltages``,
@@ -659,7 +661,7 @@ def export(specimen: Specimen, folder: File, *, inp: bool = False,
 
 @names_arguments()
 def report(folder: File) -> list[Path]:
-    """Rebuild the figures and pages of what was saved into a folder, and answer them."""
+    """Rebuild the figures and pages of what was saved into a folder, and return them."""
     from tympan.reports.rebuild import rebuild
 
     with alone(Path(folder) if Path(folder).is_dir() else None):

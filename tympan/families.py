@@ -1,4 +1,4 @@
-"""Many films at once from a script: the family of reduced films."""
+"""Families of reduced films: many films at once from a script."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lumped models with ``import tympan``: ``tympan.lumped.build`` and the commands beside it."""
+"""Lumped models with ``import tympan``: ``tympan.lumped.build`` and the commands for them."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def build(*specimens: Specimen, masses: float | str | Sequence[float | str] | No
           circles: int = 2, radii: Literal["semi_axes", "sectors", "fit"] = "semi_axes",
           viscous: Viscous | None = None, settings: Settings = Settings(), rig: Rig = Rig()
           ) -> Result[BuildResult]:
-    """Lumped models of specimens from their field models alone.
+    """Build lumped models of specimens from their field models alone.
 
-    ``result.models`` are what the other commands take. The first of the ``masses`` is fitted, the
-    others are tested; ``voltages`` are the ends of ``count`` voltages. Loads left out suit the
-    films. ``viscous``: the constants of films without branches.
+    ``result.models`` are the input of the other commands. The first of the ``masses`` is fitted,
+    the others are tested; ``voltages`` are the ends of ``count`` voltages. By default loads suit
+    the films. ``viscous``: the constants of films without branches.
     """
     from tympan.studies.lumped.build import BuildResult, BuildSettings, evenly
 
@@ -62,11 +62,11 @@ def simulate(*actuators: Specimen | LumpedModel | File, signal: str = "step",
              alpha: Sequence[float] | None = None, table_1: float | None = None,
              rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
              ) -> Result[Responses]:
-    """Response of lumped models to a step, ramp, sine, random voltages, or those of a CSV file.
+    """Simulate lumped models under a step, ramp, sine, random voltages, or those of a CSV file.
 
     ``actuators`` are specimens, whose models are built, or models: of ``build``, or files
-    NAME.lumped.toml. The rest is as for ``tympan.transient``. ``paper``: the source paper's cones
-    in place of membrane circles, with weights ``alpha`` and relative permittivity ``table_1``.
+    NAME.lumped.toml. All else is as for ``tympan.transient``. ``paper``: use the source paper's
+    cones, not membrane circles, with weights ``alpha`` and relative permittivity ``table_1``.
     """
     from tympan.studies.signals import Wave
     from tympan.studies.trace import sample_count
@@ -84,11 +84,11 @@ def linearise(*actuators: Specimen | LumpedModel | File, at: float | str = 3e3, 
               mass: float | str | None = None, paper: bool = False,
               alpha: Sequence[float] | None = None, table_1: float | None = None,
               rig: Rig = Rig(), settings: Settings = Settings()) -> Result[LinearResult]:
-    """Small motions about rest ``at`` a voltage: state space, named poles, gain.
+    """Linearise about the equilibrium ``at`` a voltage: state space, named poles, gain.
 
     ``result.to_control()`` is a state space of python-control, ``result.to_scipy()`` one of
-    scipy.signal. ``result.linear`` are all of several. What drives it is the voltage, or with
-    ``input="U2"`` its square. The rest is as for ``simulate``.
+    scipy.signal. With several actuators ``result.linear`` has all. The input is the voltage, or
+    with ``input="U2"`` its square. All else is as for ``simulate``.
     """
     voltage = number(at, "voltage", "at")
     case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
@@ -104,13 +104,14 @@ def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
             mass: float | str | None = None, paper: bool = False,
             alpha: Sequence[float] | None = None, table_1: float | None = None, rig: Rig = Rig(),
             settings: Settings = Settings(), **wave: Unpack[Voltages]) -> Result[ControlResult]:
-    """Closed loop of voltage and deflection: a controller with feed-forward, margins, a run.
+    """Design a closed loop of voltage and deflection with feed-forward, margins and a run.
 
-    The plate is to follow the deflections at rest of the ``signal``'s voltages. ``interval`` is the
-    sampling interval, ``supply`` the highest voltage (the lowest is 0), ``sensor_lag`` the time by
-    which the sensor lags (left out, the rig's), ``method`` how the controller is designed,
-    ``sensor`` what is read. ``high`` is half of the supply unless it is given. With ``fmu=True``
-    ``result.save(folder)`` also writes NAME-control.fmu. The rest is as for ``simulate``.
+    The plate must follow the equilibrium deflections of the ``signal``'s voltages. ``interval`` is
+    the sampling interval, ``supply`` the highest voltage (the lowest is 0), ``sensor_lag`` the time
+    by which the sensor lags (by default the rig's), ``method`` how the controller is designed,
+    ``sensor`` the quantity that is read. ``high`` is by default half of the supply. With
+    ``fmu=True`` ``result.save(folder)`` also writes NAME-control.fmu. All else is as for
+    ``simulate``.
     """
     from tympan.studies.lumped.control.run import ControlSettings, controlled, supplied
     from tympan.studies.signals import Wave
@@ -132,11 +133,11 @@ def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: 
              objective: Literal["deflection", "force", "printed"] = "deflection",
              limits: bool = True, nelder_mead: bool = False, settings: Settings = Settings()
              ) -> Result[IdentifyResult]:
-    """Constants of lumped models behind a dataset's readings, with 95 % limits.
+    """Identify constants of lumped models from a dataset's readings, with 95 % limits.
 
     ``dynamic``: also those of the responses in transient.csv. ``model``: models of its specimens,
-    in place of those found from the field model. ``law``: one factor on the films' own material, or
-    the paper's Eq. (8). ``limits=False``: linearised limits only, at once.
+    instead of those found from the field model. ``law``: one factor on the films' own material, or
+    the paper's Eq. (8). ``limits=False``: linearised limits only, without further computation.
     """
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.identify.identify import IdentifySettings
@@ -155,10 +156,10 @@ def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: 
 @one_thread()
 def export(model: LumpedModel | File, folder: File, *, fmu: bool = False, slow_fast: bool = False,
            mass: float | str | None = None) -> list[Path]:
-    """Write a lumped model for a controller, and answer the files.
+    """Write a lumped model for a controller, and return the files.
 
-    As C99; or with a ``mass`` on the plate as ``fmu`` (FMU 2.0), or ``slow_fast``, a polynomial of
-    the voltage before two transfer functions.
+    The format is C99; or, with a ``mass`` on the plate, ``fmu`` (FMU 2.0) or ``slow_fast``, a
+    polynomial of the voltage before two transfer functions.
     """
     from tympan.studies.lumped.export import export, require_form
 

@@ -22,22 +22,22 @@ if TYPE_CHECKING:
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Case, Settings
 
-#: Commas between quantities. One between digits is a decimal comma, of which the message says so.
+#: Commas between quantities. One between digits is a decimal comma, which is refused by name.
 _COMMAS = re.compile(r",(?!\d)|(?<!\d),")
 
-#: Adds one argument, or several of which one may be given, to a command's parser.
+#: Function that adds an argument, or several of which one may be given, to a command's parser.
 Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
-#: A file, and what draws moving pictures into it.
+#: A file, and the function that draws moving pictures into it.
 Moving: TypeAlias = tuple[Path, Callable[[Path], None]]
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command: ``name`` of one word, or of two where it is one of a group; what it does; how.
+    """A command: its ``name``, the function it runs, its arguments and an example.
 
-    ``example`` is what follows ``tympan`` and the name in a line that works; ``also`` what people
-    write instead of the name. Scripts go on by names that it had ``formerly``, in no list of
-    commands; with such a name one line says the new one.
+    ``name`` is one word, or two for a command of a group. ``example`` is what follows ``tympan``
+    and the name in a valid line; ``also``: what people write instead of the name. Scripts may still
+    use names that it had ``formerly``, which no list shows; then one line says the new name.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Command:
 
     @property
     def summary(self) -> str:
-        """Summary of the command, in a line of a list."""
+        """Summary of the command for a line of a list."""
         first = self.description.split(". ")[0].rstrip(".")
         return f"{first[:1].lower()}{first[1:]}"
 
@@ -77,14 +77,14 @@ class Command:
 def command(name: str, *arguments: Argument, example: str, also: tuple[str, ...] = (),
             formerly: tuple[str, ...] = ()
             ) -> Callable[[Callable[[argparse.Namespace], None]], Command]:
-    """Make a function a command of these arguments; its docstring is what ``--help`` says."""
+    """Make a function a command with these arguments; its docstring is what ``--help`` shows."""
     return lambda run: Command(name, run, arguments, example, also, formerly)
 
 
 def argument(*names: str, within: tuple[float, float] | None = None, **settings: Any) -> Argument:
-    """An argument as of ``ArgumentParser.add_argument``; its help says its default.
+    """Declare an argument as ``ArgumentParser.add_argument`` does; its help gives its default.
 
-    A number ``within`` its least and largest value, or an InputError that names the option.
+    A number must be ``within`` its limits, or an InputError names the option.
     """
     if within is not None:
         settings |= {"action": _Within, "limits": within}
@@ -111,7 +111,7 @@ class _Within(argparse.Action):
 
 
 def either(*arguments: Argument) -> Argument:
-    """Arguments of which only one may be given."""
+    """Combine arguments of which only one may be given."""
     def add(parser: argparse._ActionsContainer) -> None:
         group = parser.add_mutually_exclusive_group()
         for choice in arguments:
@@ -121,7 +121,7 @@ def either(*arguments: Argument) -> Argument:
 
 
 def output(help_text: str | None = None, **settings: Any) -> Argument:
-    """The folder for results, ``options.output``."""
+    """Declare the folder for results, ``options.output``."""
     return argument("-o", "--output", type=Path, metavar="DIR", help=help_text, **settings)
 
 
@@ -134,7 +134,7 @@ PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 
                                        "rig's)")
 MESH = argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
                 help="divide every element size by X")
-#: More processes than any machine has would end it.
+#: Limits of the number of processes. More than any machine has would overload it.
 PROCESSES = (1, 1024)
 WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes",
                    within=PROCESSES)
@@ -143,7 +143,7 @@ SEEDS = (0, 2**63 - 1)
 
 def case_arguments(*, mass: str = "of plate, hook and weight",
                    voltage: str = "across the film") -> tuple[Argument, ...]:
-    """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
+    """Declare the options that :func:`read_case` and :func:`read_settings` read."""
     return (SPECIMEN, argument("--mass", help=f'{mass}, such as "17.9 g"; none of a film without '
                                               "plate"),
             argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV", or "80 %" '
@@ -152,7 +152,7 @@ def case_arguments(*, mass: str = "of plate, hook and weight",
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
-    """Settings of the option that :data:`MESH` adds."""
+    """Read the settings of the option that :data:`MESH` adds."""
     from tympan.geometry.mesher import MeshSettings
     from tympan.studies.case import Settings
 
@@ -160,7 +160,7 @@ def read_settings(options: argparse.Namespace) -> Settings:
 
 
 def read_case(options: argparse.Namespace) -> Case:
-    """The case of the options that :func:`case_arguments` adds."""
+    """Read the case of the options that :func:`case_arguments` adds."""
     from tympan.fem.film.library import load_specimen
     from tympan.studies.case import Case
     from tympan.studies.limits import charged
@@ -177,7 +177,7 @@ def read_case(options: argparse.Namespace) -> Case:
 
 
 def read_specimens(files: Sequence[Path]) -> list[Specimen]:
-    """The specimens of files, of different names."""
+    """Read the specimens of files; their names must differ."""
     from tympan.fem.film.library import load_specimen
     from tympan.geometry.specimen import require_different_names
 
@@ -187,14 +187,14 @@ def read_specimens(files: Sequence[Path]) -> list[Specimen]:
 
 
 def read_rig(file: Path | None) -> Rig:
-    """The rig of a file, or an ideal one."""
+    """Read the rig of a file, or make an ideal one."""
     from tympan.fem.rig import Rig
 
     return Rig() if file is None else Rig.read(file)
 
 
 def read_pressed_rig(options: argparse.Namespace) -> Rig:
-    """The rig of :data:`RIG` with the gas of :data:`PRESSURE`."""
+    """Read the rig of :data:`RIG` with the gas of :data:`PRESSURE`."""
     pressure = (None if options.pressure is None
                 else parse_quantity(options.pressure, "stress", "--pressure"))
     with naming_options(options):
@@ -202,13 +202,13 @@ def read_pressed_rig(options: argparse.Namespace) -> Rig:
 
 
 def option_name(name: str) -> str:
-    """The option of a setting."""
+    """Name the option of a setting."""
     return f"--{name.replace('_', '-')}"
 
 
 @contextmanager
 def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
-    """Say what is wrong with a setting of the option of its name, or of that in ``names``."""
+    """Report errors in a setting under the option of its name, or under that in ``names``."""
     try:
         yield
     except InputError as error:
@@ -221,7 +221,7 @@ def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
 
 
 def _in_its_file(error: InputError, options: argparse.Namespace) -> InputError:
-    """The error with the file that its key is of: the rig's or the specimen's."""
+    """Add to an error the file that contains its key: the rig's or the specimen's."""
     part, _, key = str(error.key).partition(".")
     if part == "rig" and getattr(options, "rig", None) and not error.file:
         return InputError(error.allowed, file=options.rig, key=key, given=error.given)
@@ -233,7 +233,7 @@ def _in_its_file(error: InputError, options: argparse.Namespace) -> InputError:
 
 @contextmanager
 def naming_file(file: Path | None) -> Iterator[None]:
-    """Say what is wrong with what a file or folder says of it, if of no other or an option."""
+    """Add to errors the file or folder that they come from, unless they name their source."""
     try:
         yield
     except InputError as error:
@@ -243,7 +243,7 @@ def naming_file(file: Path | None) -> Iterator[None]:
 
 
 def parse_quantity(text: str, dimension: str, option: str) -> float:
-    """A quantity given to an option [SI]."""
+    """Read a quantity given to an option [SI]."""
     try:
         value = quantity(text, dimension)
     except InputError as error:
@@ -254,7 +254,7 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
 
 
 def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...]:
-    """Quantities given to an option with commas between them [SI]; none of no text."""
+    """Read quantities given to an option, separated by commas [SI]; none if the text is empty."""
     if ";" in text:
         raise InputError("must have commas between quantities, such as "
                          f'"{", ".join(part.strip() for part in text.split(";"))}"', key=option,
@@ -263,7 +263,7 @@ def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...
 
 
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
-    """Numbers given to an option with commas between them; None where it was not given."""
+    """Read numbers given to an option, separated by commas; None where it was not given."""
     if text is None:
         return None
     try:
@@ -275,9 +275,9 @@ def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
 
 def save_and_draw(options: argparse.Namespace, result: Any, moving: Sequence[Moving] = ()
                   ) -> list[Path]:
-    """Save and draw a result where a folder is given; answers what a person looks at first.
+    """Save and draw a result where a folder is given; return what a person looks at first.
 
-    Those that are ``moving`` come last.
+    Files that are ``moving`` come last.
     """
     if options.output is None:
         return []
@@ -295,16 +295,16 @@ def save_and_draw(options: argparse.Namespace, result: Any, moving: Sequence[Mov
 
 def finish(options: argparse.Namespace, result: Any, moving: Sequence[Moving] = (), **more: Any
            ) -> None:
-    """Store a result and print it; with ``more`` that its text needs besides the record."""
+    """Store a result and print it; ``more`` are values that its text needs besides the record."""
     drawn = save_and_draw(options, result, moving)
     print_record(options, result.json(), result=result, drawn=drawn, **more)
 
 
 def print_record(options: argparse.Namespace, record: dict[str, Any],
                  drawn: Sequence[Path] = (), **more: Any) -> None:
-    """Print a record as one JSON object, or as the command's template in commands/text says it.
+    """Print a record as one JSON object, or through the command's template in commands/text.
 
-    What was ``drawn`` comes last, file by file.
+    The files ``drawn`` come last, one by one.
     """
     raise_again()
     if options.json:
@@ -323,7 +323,7 @@ def print_record(options: argparse.Namespace, record: dict[str, Any],
 
 
 def _entries(record: dict[str, Any], *without: str) -> str:
-    """One line per entry that has a value, in units of the bench; a place has one for both axes."""
+    """Write one line for each entry with a value, in common units; a place takes one line."""
     from tympan.base.units import place_text
 
     rows = []
@@ -341,7 +341,7 @@ def _entries(record: dict[str, Any], *without: str) -> str:
 
 
 def _entry(key: str, value: object) -> tuple[str, str]:
-    """Name and value for people.
+    """Write name and value of an entry for people.
 
     Examples
     --------
@@ -360,5 +360,5 @@ def _entry(key: str, value: object) -> tuple[str, str]:
         value = f"{', '.join(f'{factor * number:.5g}' for number in numbers)} {unit}".rstrip()
     if isinstance(value, dict):
         value = ", ".join(f"{count} {word}" for word, count in value.items()).replace("_", " ")
-    # The path of a key of a file is written as there.
+    # The path of a key in a file is written as in the file.
     return name if "." in name else name.replace("_", " "), str(value)

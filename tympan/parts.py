@@ -1,4 +1,4 @@
-"""The parts of an actuator; type checkers read parts.pyi, which knows of texts with units."""
+"""The parts of an actuator; type checkers read parts.pyi, which also allows texts with units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A progress bar, and words, on standard error."""
+"""Progress bar and messages on standard error."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 from tympan.base.progress import PartsDone
 
 _EVERY = 30.0  #: seconds between lines in a log
-#: Of a share of a step that is shown.
+#: Digits of the share of a step that is shown.
 _DIGITS = 2
 _FORMAT = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]"
 
 
 def _bar(total: int, **settings: Any) -> Any:
-    """A bar where standard error is a terminal, otherwise none: logs stay readable."""
+    """Open a bar where standard error is a terminal, otherwise none: logs stay readable."""
     from tqdm import tqdm
 
     return tqdm(total=total, file=sys.stderr, disable=not sys.stderr.isatty(), leave=False,
@@ -26,9 +26,9 @@ def _bar(total: int, **settings: Any) -> Any:
 
 @contextmanager
 def bar(total: int) -> Iterator[Callable[..., None]]:
-    """Yields a function to call at the start of each of ``total`` steps with what is being done.
+    """Yield a function to call at the start of each of ``total`` steps, with words for the step.
 
-    ``share``: how much of a long step is over, as it goes on.
+    ``share``: finished part of a long step, as it goes on.
     """
     with _bar(total, bar_format=f"{_FORMAT} {{postfix}}", miniters=0) as progress:
         begun = 0
@@ -49,7 +49,7 @@ def bar(total: int) -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def shares(words: str) -> Iterator[PartsDone]:
-    """Yields a function to call with the parts done and their number, which may grow."""
+    """Yield a function to call with the parts done and their number, which may grow."""
     with _bar(1, desc=words, bar_format=_FORMAT) as progress:
 
         def done(parts: int, of: int) -> None:
@@ -62,9 +62,9 @@ def shares(words: str) -> Iterator[PartsDone]:
 
 @contextmanager
 def cases(total: int) -> Iterator[PartsDone]:
-    """Yields a function to call with the cases ready now and those ready from the start.
+    """Yield a function to call with the cases ready now and those ready from the start.
 
-    Shows the rate and the time left; where standard error is no terminal, as a line every half
+    It shows the rate and the time left; where standard error is no terminal, in a line every half
     minute.
     """
     if not sys.stderr.isatty():
@@ -81,7 +81,7 @@ def cases(total: int) -> Iterator[PartsDone]:
 
 
 def say(words: str) -> None:
-    """A line on standard error, above the bar where there is one."""
+    """Write a line on standard error, above the bar where there is one."""
     from tqdm import tqdm
 
     tqdm.write(f"tympan: {words}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Answers of the public door: a study's numbers with their picture, files and table."""
+"""Results of the public functions: a study's numbers with their picture, files and table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tympan.geometry.specimen import Specimen
     from tympan.studies.film_surface import FilmSurface
 
-#: How long to wait for another who saves into the same folder [s].
+#: Longest wait for another process that saves into the same folder [s].
 _PATIENCE = 10.0
 
 
@@ -38,12 +38,12 @@ Numbers = TypeVar("Numbers", bound=_Numbers)
 
 def file_writers(kind: type, file: Path, key: str = "file"
                  ) -> Mapping[str, Callable[[Any, Path], None]]:
-    """Writers of a kind of numbers, by the ending of a file's name.
+    """Find writers of a kind of numbers, by the ending of a file's name.
 
     Raises
     ------
     InputError
-        When the file's name ends in nothing that can be written of them.
+        When no writer exists for the ending of the file's name.
     """
     writers: Mapping[str, Callable[[Any, Path], None]] = getattr(kind, "writers", {})
     *others, last = dict.fromkeys((".json", ".csv", *writers))
@@ -55,9 +55,9 @@ def file_writers(kind: type, file: Path, key: str = "file"
 
 @dataclass(frozen=True)
 class Result(Generic[Numbers]):
-    """The ``numbers`` of a study; all their attributes are the result's own too.
+    """The ``numbers`` of a study; all their attributes are attributes of the result, too.
 
-    ``actuator``: what was solved, of a result that has fields.
+    ``actuator``: the solved actuator, for a result that has fields.
     """
 
     numbers: Numbers
@@ -72,7 +72,7 @@ class Result(Generic[Numbers]):
         return sorted({*super().__dir__(), *dir(self.numbers)})
 
     def plot(self, target: Axes | str | os.PathLike[str] | None = None, **choices: Any) -> Axes:
-        """Draw on matplotlib's axes, into a file it can write, or on new axes; answers the axes.
+        """Draw on matplotlib's axes, into a file it can write, or on new axes; return the axes.
 
         Modes, and films in time, move in a file NAME.gif. Of a sweep, ``of="stroke",
         over=("plate.radius", "mass"), at="5 kV"`` draws a map over two keys, at one voltage.
@@ -82,15 +82,15 @@ class Result(Generic[Numbers]):
         return plot(self.numbers, target, **choices)
 
     def __repr__(self) -> str:
-        """Table of a notebook as text."""
+        """Write the table of a notebook as text."""
         from tympan.reports.tables import text
 
         return f"{type(self.numbers).__name__}\n{text(self.numbers)}"
 
     def _repr_html_(self) -> str:
-        """Table of names, values and units for a notebook, with the picture where there is one.
+        """Write a table of names, values and units for a notebook, with a picture if there is one.
 
-        A long table is cut; a single row goes down.
+        A long table is cut; a single row is shown as a column.
         """
         from base64 import b64encode
 
@@ -104,7 +104,7 @@ class Result(Generic[Numbers]):
         return html(self.numbers) + picture
 
     def save(self, target: str | os.PathLike[str]) -> Path:
-        """Write what the command writes, into a folder: numbers, fields and pictures.
+        """Write the command's files into a folder: numbers, fields and pictures.
 
         Into NAME.json or NAME.csv go the numbers alone. The matrices of ``lumped.linearise`` also
         go into NAME.mat or NAME.npz.
@@ -136,7 +136,7 @@ class Result(Generic[Numbers]):
         return target
 
     def to_pandas(self) -> pd.DataFrame:
-        """The rows of the result's CSV; a single row where it is one state."""
+        """Convert the rows of the result's CSV to a table; one state has a single row."""
         from tympan.reports.tables import table
 
         return table(self.numbers)
@@ -154,10 +154,9 @@ class Result(Generic[Numbers]):
         return labelled(film.values, "point", x=x, y=y)
 
     def at(self, x: Any, y: Any) -> xr.Dataset:
-        """The fields at places of the flat film: numbers [m], texts with a unit, or arrays.
+        """Interpolate the fields at places of the flat film: numbers [m], texts or arrays.
 
-        Where there is no film they are nan. Interpolated linearly between the points of
-        :attr:`fields`.
+        They are nan outside the film, and linear between the points of :attr:`fields`.
         """
         import numpy as np
 
@@ -170,10 +169,10 @@ class Result(Generic[Numbers]):
         return labelled(self._film().at(places), "point", x=places[:, 0], y=places[:, 1])
 
     def line(self, along: Literal["x", "y"], points: int = 201) -> xr.Dataset:
-        """The fields on the line along x or y through the plate's centre, by distance from it [m].
+        """Interpolate the fields on the line along x or y through the plate's centre [m].
 
-        ``result.line("x")["stress_1"]`` has ``distance`` as its coordinate. Where the plate covers
-        it they are nan, so that a curve that is drawn has a gap there.
+        ``result.line("x")["stress_1"]`` has ``distance`` from the centre as its coordinate. Under
+        the plate the fields are nan, so that a drawn curve has a gap there.
         """
         import numpy as np
 
@@ -202,10 +201,10 @@ class Result(Generic[Numbers]):
         return film
 
     def to_xarray(self) -> xr.Dataset:
-        """The same as an xarray dataset, with dimensions and units.
+        """Convert the result to an xarray dataset, with dimensions and units.
 
-        The dimensions are what was varied: of a sweep specimen, mass and voltage, of a force curve
-        voltage and displacement. One state has numbers, and its fields by ``point``.
+        The dimensions are the varied quantities: specimen, mass and voltage of a sweep, voltage and
+        displacement of a force curve. One state has numbers, and its fields by ``point``.
         """
         from tympan.reports.tables import dataset
 

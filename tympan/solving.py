@@ -1,6 +1,6 @@
-"""One case, or a path from it on, in equilibrium or in time, for commands and for Python.
+"""One case, or a path that starts from it, in equilibrium or in time, for commands and Python.
 
-Quantities are SI numbers or texts with their unit; what is wrong with one is said of its name.
+Quantities are SI numbers or texts with their unit; errors name the quantity.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LONGEST = 1e9
 
 
 def solve(case: Case, settings: Settings, after: float | str | None, film: bool) -> CaseResult:
-    """A case in equilibrium with its limits, or so long ``after`` its voltage was switched on."""
+    """Solve a case in equilibrium with its limits, or ``after`` a time since its voltage step."""
     if after is None:
         from tympan.studies.limits import solve_within
 
@@ -37,9 +37,9 @@ def solve(case: Case, settings: Settings, after: float | str | None, film: bool)
 def follow(case: Case, settings: Settings, along: Literal["voltage", "charge", "mass", "pressure"],
            rate: float | str | None, to: float | str | None, fields: bool,
            progress: Progress = lambda words: None) -> PathResult | Responses:
-    """Equilibria from a case on; or, at a ``rate``, a loop in time that turns at a voltage ``to``.
+    """Follow equilibria from a case on, or at a ``rate`` a loop in time to a voltage ``to``.
 
-    ``fields``: with the film of every station, or at moments of the loop.
+    ``fields``: include the film of every state, or at moments of the loop.
     """
     if rate is None:
         from tympan.studies.path import path

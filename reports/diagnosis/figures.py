@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis: readings with both models through them, and what these leave."""
+"""The figures of a diagnosis: readings with both models, and their residuals."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ _LEGEND = 8.0
 _LEFT = 16.0
 #: Room on the right, for half of the last number [mm].
 _RIGHT = 3.0
-#: Room between two axes beside each other [mm].
+#: Room between two axes side by side [mm].
 _BETWEEN = 8.0
 
 _NAMED = 20.0  # left of panels with their specimen's name
 
-#: Panels of readings beside each other: more are too narrow on the page.
+#: Most panels of readings side by side: more are too narrow on the page.
 _ACROSS = 3
 #: Height of a panel of readings [mm].
 _TALL = 52.0
 #: Room below a panel of readings for its numbers and words [mm].
 _BELOW = 14.0
 
-#: Room beside the first and the last point of residuals, as a share of the axis.
+#: Room left and right of the residuals, as a share of the axis.
 _BESIDE = 0.05
-#: Where crosses of readings that are further off than the axis reaches stand, as a share of it.
+#: Place of crosses for readings beyond the axis, as a share of it.
 _EDGE = 0.95
 
 _SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)", "force": "force (mN)",
@@ -59,22 +59,22 @@ _PER_SI = {"voltage": 1e-3, "displacement": 1e3}
 
 
 def compose_readings(readings: Columns, curves: Columns) -> Figure:
-    """Readings of lengths and the curves of both models with their band, a panel a specimen."""
+    """Draw readings of lengths and the curves of both models with their band, by specimen."""
     return _compose(readings, curves, "voltage", "mass")
 
 
 def compose_channels(readings: Columns, channels: Columns) -> Figure:
-    """The same of other readings against the voltage, a panel for each specimen and kind."""
+    """Draw other readings against the voltage likewise, a panel for each specimen and kind."""
     return _compose(_in_units(readings), channels, "voltage", "mass")
 
 
 def compose_forces(readings: Columns, channels: Columns) -> Figure:
-    """Force–displacement curves, a panel a specimen and a colour a voltage."""
+    """Draw force–displacement curves, a panel for each specimen and a colour for each voltage."""
     return _compose(_in_units(readings), channels, "displacement", "voltage")
 
 
 def _compose(readings: Columns, curves: Columns, along: str, each: str) -> Figure:
-    """Readings and curves ``along`` an axis, ``each`` mass or voltage in its colour."""
+    """Draw readings and curves ``along`` an axis, ``each`` mass or voltage in its colour."""
     panels = list(dict.fromkeys(zip(readings["kind"].tolist(), readings["specimen"].tolist(),
                                     strict=True)))
     colours = np.unique(readings[each]).tolist()
@@ -92,13 +92,13 @@ def _compose(readings: Columns, curves: Columns, along: str, each: str) -> Figur
 
 
 def _in_units(readings: Columns) -> Columns:
-    """Readings of several kinds in the unit of each."""
+    """Convert readings of several kinds to the unit of each."""
     per_si = np.array([UNITS[kind].per_si for kind in readings["kind"].tolist()])
     return {**readings, "read": per_si * readings["read"]}
 
 
 def _panels_of(count: int) -> tuple[Figure, list[Axes]]:
-    """A figure of panels of readings, with room for a legend below."""
+    """Make a figure of panels of readings, with room for a legend below."""
     across = min(_ACROSS, count)
     rows = -(-count // across)
     figure = style.new_figure(_TITLE + rows * (_TALL + _BELOW) + _LEGEND - _TITLE / 2)
@@ -129,7 +129,7 @@ def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Colum
 
 def _models_legend(figure: Figure, points: list[str], models: Columns, band: bool = True,
                    slips: bool = False) -> None:
-    """Legend of points, lines and bands, below the panels."""
+    """Draw the legend of points, lines and bands, below the panels."""
     handles: list[Artist] = point_keys(points)
     if slips:
         handles.append(left_out_key())
@@ -143,27 +143,27 @@ def _models_legend(figure: Figure, points: list[str], models: Columns, band: boo
 
 
 def left_out_key() -> Artist:
-    """An entry of a legend: the crosses of readings that do not count."""
+    """Make a legend entry for the crosses of readings that do not count."""
     return Line2D([], [], marker="x", color=style.GREY, linestyle="", markersize=5,
                   label="left out")
 
 
 def point_keys(labels: Sequence[str]) -> list[Artist]:
-    """Entries of a legend: the points of these curves, in order."""
+    """Make legend entries for the points of these curves, in order."""
     return [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
                    linestyle="", markersize=3.5, label=label)
             for number, label in enumerate(labels)]
 
 
 def line_key(label: str, line: str) -> Artist:
-    """An entry of a legend: a model, whatever the curve's colour."""
+    """Make a legend entry for a model, whatever the curve's colour."""
     return Line2D([], [], color=style.GREY, linestyle=line, linewidth=0.9, label=label)
 
 
 def compose_transients(readings: Columns) -> Figure:
-    """Means of blocks of runs in time and the extended model, both less the baseline model.
+    """Draw means of blocks of runs in time and the extended model, both minus the baseline model.
 
-    A panel a specimen, over the time since the run began, on a logarithmic axis.
+    Each specimen has a panel, over the time since the run began, on a logarithmic axis.
     """
     names = list(dict.fromkeys(readings["specimen"].tolist()))
     masses = np.unique(readings["mass"]).tolist()
@@ -184,7 +184,7 @@ def compose_transients(readings: Columns) -> Figure:
 def _course(axes: Axes, colour: str, marker: str, readings: Columns) -> None:
     turn = np.argsort(readings["elapsed"], kind="stable")
     time = readings["elapsed"][turn]
-    # A time of 0 has no place on the axis.
+    # A time of 0 cannot be shown on a logarithmic axis.
     time = np.maximum(time, 0.5 * time[time > 0].min(initial=np.inf))
     read, nominal, extended, sigma = (1e6 * readings[name][turn] for name in
                                       ("read", "baseline", "extended", "sigma"))
@@ -196,10 +196,10 @@ def _course(axes: Axes, colour: str, marker: str, readings: Columns) -> None:
 
 def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6,
                       along: str = "voltage", each: str = "mass") -> Figure:
-    """Readings less what each model says: a row a specimen, all with one scale.
+    """Draw readings minus predictions of each model, a row for each specimen, all on one scale.
 
-    ``along`` an axis, ``each`` mass or voltage in its colour. Those that do not count are crosses
-    and leave the others their scale.
+    The abscissa is ``along`` an axis, and ``each`` mass or voltage has its colour. Readings that do
+    not count are crosses and do not affect the scale.
     """
     names = list(dict.fromkeys(readings["specimen"].tolist()))
     before, after = (per_si * (readings["read"] - readings[model])
@@ -222,7 +222,7 @@ def compose_residuals(readings: Columns, unit: str = "µm", per_si: float = 1e6,
                                     _TITLE + row * (_PANEL + _GAP), width, _PANEL)
             _panel(axes, readings, name, values if column == 0 or changed else None, along, each)
             axes.set_ylim(-reach, reach)
-            if right > left:  # the lowest row alone has numbers
+            if right > left:  # only the lowest row has numbers
                 axes.set_xlim(left - _BESIDE * (right - left), right + _BESIDE * (right - left))
             axes.set_title(title if row == 0 else "", loc="left", weight="bold")
             axes.set(ylabel=f"{name}\nread − model ({unit})" if column == 0 else "",

@@ -29,7 +29,7 @@ _BAR = 17.0
 _LEFT = 24.0
 #: Room on the right [mm].
 _RIGHT = 3.0
-#: Room between two plans beside each other [mm].
+#: Room between two plans side by side [mm].
 _BETWEEN = 6.0
 
 #: Width of the colour bar of the residuals [mm].
@@ -37,12 +37,12 @@ _BAR_WIDTH = 60.0
 #: Height of a colour bar [mm].
 _BAR_HEIGHT = 2.5
 
-#: Colours of what is above, below and at 0.
+#: Colours of values above, below and at 0.
 _COLOURS = "RdBu_r"
 #: Share of residuals within the scale, so that a few outliers do not make all others pale.
 _SHARE = 0.98
 
-#: What films are coloured by: as everywhere, and by what the extended model has more.
+#: Quantities that colour films: the common ones, and the difference of the extended model.
 FILM_COLOURINGS = {**COLOURINGS, "more": Colouring(
     "deflection, extended − nominal", "deflection, extended − nominal", "µm",
     lambda film: 1e6 * (film.values["displacement"][:, 2] - film.values["nominal_deflection"]),
@@ -51,15 +51,15 @@ _STILL = ("stress", "deflection", "more")
 
 
 def titled_films(films: Sequence[LoadedFilm]) -> dict[str, FilmSurface]:
-    """Films by specimen and load."""
+    """Name films by specimen and load."""
     return {f"{item.specimen}, {1e3 * item.mass_kg:.4g} g, {item.voltage_V / 1e3:.4g} kV": item.film
             for item in films if item.film is not None}
 
 
 def compose_loaded_films(films: Mapping[str, FilmSurface]) -> Figure:
-    """Films seen along the load: a row each, a column a quantity, each on one scale.
+    """Draw films in the direction of the load: a row for each, a column for each quantity.
 
-    What is nowhere different from the baseline model has no column.
+    A quantity has one scale. One that equals the baseline model everywhere has no column.
     """
     figure = style.new_figure(_TITLE + len(films) * (_PANEL + _GAP) + _BAR)
     shown = [quantity for quantity in (FILM_COLOURINGS[key] for key in _STILL)
@@ -84,9 +84,10 @@ def compose_loaded_films(films: Mapping[str, FilmSurface]) -> Figure:
 
 
 def compose_film_maps(readings: Columns, outlines: Mapping[str, Any]) -> Figure:
-    """Deflections less what each model says: a row a specimen and state, one scale about 0.
+    """Draw deflections minus each model's predictions: a row for each specimen and state.
 
-    ``outlines``: of each specimen by name the points of "frame" and "plate" [mm], (n, 2).
+    The scale is symmetric about 0. ``outlines``: for each specimen by name the points of "frame"
+    and "plate" [mm], (n, 2).
     """
     states = list(dict.fromkeys(zip(*(readings[name].tolist() for name in
                                       ("specimen", "mass", "voltage")), strict=True)))
@@ -119,7 +120,7 @@ def compose_film_maps(readings: Columns, outlines: Mapping[str, Any]) -> Figure:
 
 
 def _plan(axes: Axes, outlines: Mapping[str, Any]) -> None:
-    """Frame and plate, to scale."""
+    """Draw frame and plate, to scale."""
     for name in ("frame", "plate"):
         points = np.array([*outlines[name], outlines[name][0]])
         axes.plot(*points.T, color=style.GREY, linewidth=0.8)

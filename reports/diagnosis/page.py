@@ -56,36 +56,36 @@ from tympan.studies.files import write_text
 #: Standard deviations of the noise from which a ratio is clearly wrong.
 CLEARLY = 3.0
 
-#: Files of pictures that are not called as what they show.
+#: File names of pictures that differ from the picture's name.
 _FILES = {"readings": "curves", "loaded": "films"}
 
-#: What the page may have pictures of.
+#: Pictures that the page may have.
 _PICTURES = ("readings", "residuals", "forces", "channels", "frequencies", "transients", "film",
              "loaded", "strips")
-#: End of the names of pictures of what both models leave of a kind of readings beside lengths.
+#: End of the names of pictures with both models' residuals of a kind of readings, lengths excepted.
 _LEFT = "_residuals"
 
-#: Of maps of films within the pictures.
+#: Resolution of maps of films within the pictures [dpi].
 _DPI = 200
 
-#: Probability of none of the library from which the text tells it.
+#: Least probability of a cause outside the library that the text mentions.
 _UNKNOWN = 0.1
 
-#: Effects told of where none explains what is wrong.
+#: Most effects that are listed where none explains what is wrong.
 _TRIED = 4
-#: Share of the misfit that an effect must take away alone to be listed. One that takes away less is
-#: of no size.
+#: Least share of the misfit that an effect must explain alone to be listed. With less its size is
+#: zero within its error.
 _WORTH = 0.02
 
-#: Outliers in successive lines from which they may be a sensor that was moved: a typing error is of
-#: one line.
+#: Outliers in successive lines from which a moved sensor is suggested: a typing error affects one
+#: line.
 _SHIFTED = 3
-#: By what share of the first one's shift the others' may differ from it.
+#: Largest relative difference of their shifts from the first one's.
 _ALIKE = 0.5
 
 
 def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
-    """Write folder/diagnosis.html with its pictures, and that of coupons; answers the file."""
+    """Write folder/diagnosis.html with its pictures, and that of coupons; return the file."""
     tables = diagnosis.tables
     if STRIPS in tables:
         return _write(folder, diagnosis, {"strips": lambda: compose_strips(
@@ -123,7 +123,7 @@ def build_diagnosis_page(diagnosis: Diagnosis, folder: Path) -> list[Path]:
 
 def _of_channel(name: str, readings: Mapping[str, AnyArray], curves: Mapping[str, AnyArray]
                 ) -> dict[str, Callable[[], Figure]]:
-    """Pictures of forces or of channels: readings with curves, and what both models leave."""
+    """List pictures of forces or of channels: readings with curves, and both models' residuals."""
     if name == "forces":
         unit = UNITS["force"]
         return {"forces": lambda: compose_forces(readings, curves),
@@ -151,7 +151,7 @@ def _write(folder: Path, diagnosis: Diagnosis, pictures: Mapping[str, Callable[[
 
 
 def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: str = "") -> str:
-    """The page as text; pictures as data URIs by what they show, and films to turn as HTML."""
+    """Render the page as text; pictures are data URIs by name, rotatable films are HTML."""
     attempts = [one for one in diagnosis.attempts if one.explains >= _WORTH]
     tried = attempts[:_TRIED] if diagnosis.verdict == "unexplained" else []
     unit = _unit(diagnosis)
@@ -166,12 +166,12 @@ def render_diagnosis(diagnosis: Diagnosis, pictures: Mapping[str, str], viewer: 
 
 
 def gain_words(diagnosis: Diagnosis) -> str:
-    """Sentences on what the extended model predicts of readings that were held out."""
+    """Write sentences on the extended model's predictions of held-out readings."""
     return _said("gain", diagnosis, _unit(diagnosis))
 
 
 def verdict_words(diagnosis: Diagnosis) -> str:
-    """Sentences that follow the headline."""
+    """Write the sentences that follow the headline."""
     named = [cause for cause in diagnosis.causes if diagnosis.verdict == "named" and cause.named]
     words = _said("verdict", diagnosis, named, _suspects(diagnosis),
                   _worst_ratios(diagnosis.misfit), _unit(diagnosis),
@@ -180,7 +180,7 @@ def verdict_words(diagnosis: Diagnosis) -> str:
 
 
 def readings_words(diagnosis: Diagnosis) -> str:
-    """Number of readings and of the films or strips they are of, such as 56 readings of 3 films."""
+    """Count readings and their films or strips in words, such as 56 readings of 3 films."""
     counts = []
     for part in (diagnosis, diagnosis.coupons):
         for name, what in ((READINGS, "film"), (STRIPS, "strip")):
@@ -192,7 +192,7 @@ def readings_words(diagnosis: Diagnosis) -> str:
 
 
 def _unit(diagnosis: Diagnosis) -> str:
-    """The unit of errors for people."""
+    """Name the unit of errors as it is printed."""
     return diagnosis.unit.replace("u", "µ")
 
 
@@ -205,7 +205,7 @@ def _said(part: str, *values: Any) -> str:
 
 
 def _worst_ratios(misfit: Misfit) -> list[Ratio]:
-    """The worst ratio of strokes of each kind that is clearly wrong."""
+    """Find the worst ratio of strokes of each kind that is clearly wrong."""
     clear = [ratio for ratio in misfit.ratios if abs(ratio.off_by_noise) > CLEARLY]
     of_kind = [[ratio for ratio in clear if ratio.kind == kind] for kind in ("shape", "mass")]
     return [max(ratios, key=lambda ratio: abs(ratio.off_by_noise)) for ratios in of_kind if ratios]
@@ -220,13 +220,13 @@ def _template(name: str) -> Template:
 
 
 def cause_label(cause: FoundCause | Attempt) -> str:
-    """An effect, with the specimen it happens to."""
+    """Name an effect, with the specimen it acts on."""
     again = isinstance(cause, FoundCause) and cause.again
     return str(Cause(cause.effect, cause.which, again))
 
 
 def number(value: float | None) -> str:
-    """Three digits, without a power of ten up to a million; infinity where there is none.
+    """Write three digits, without a power of ten up to a million; infinity where there is none.
 
     >>> number(7912.0), number(0.0312)
     ('7910', '0.0312')
@@ -235,12 +235,12 @@ def number(value: float | None) -> str:
 
 
 def digits(value: float) -> str:
-    """Five digits, as readings are written."""
+    """Write five digits, as readings are written."""
     return f"{value:.5g}"
 
 
 def like(value: float, written: float) -> str:
-    """A value with as many decimals as what is written beside it, and three digits at least.
+    """Write a value with as many decimals as the written one has, and at least three digits.
 
     >>> like(3.25512, 2.844), like(0.31412, 0.3)
     ('3.255', '0.314')
@@ -251,12 +251,12 @@ def like(value: float, written: float) -> str:
 
 
 def error(value: float | None) -> str:
-    """An error; a dash where there is none."""
+    """Write an error; a dash where there is none."""
     return "–" if value is None else number(value)
 
 
 def times(factor: float) -> str:
-    """Words for a factor, such as "3 times".
+    """Write a factor in words, such as "3 times".
 
     >>> times(3.14), times(4001.1)
     ('3.1 times', '4000 times')
@@ -265,9 +265,9 @@ def times(factor: float) -> str:
 
 
 def shifted(off: Sequence[ReadingOff]) -> tuple[ReadingOff, ReadingOff, float] | None:
-    """First and last of the most outliers in successive lines that are off alike, and their shift.
+    """Find the longest series of outliers in successive lines with about the same shift.
 
-    None where there are no three.
+    Return its first and last outlier and the shift; None where fewer than three are in series.
     """
     most: list[tuple[ReadingOff, float]] = []
     shifts = [(reading, reading.read - reading.expected) for reading in off]
@@ -285,12 +285,12 @@ def shifted(off: Sequence[ReadingOff]) -> tuple[ReadingOff, ReadingOff, float] |
 
 
 def capitalised(words: str) -> str:
-    """Words with a capital at the beginning."""
+    """Capitalise the first letter of words."""
     return words[:1].upper() + words[1:]
 
 
 def chance(p_value: float) -> str:
-    """Frequency with which noise alone would look like that; the least said is once in a million.
+    """Write how often noise alone would look like that, at least once in a million.
 
     >>> chance(0.14), chance(0.0004), chance(1e-16)
     ('14 times in a hundred', 'at most once in 1 000 times', 'at most once in 1 000 000 times')

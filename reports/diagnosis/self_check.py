@@ -1,4 +1,4 @@
-"""The page of a self-check: what a design would make of errors hidden in readings like its own."""
+"""The page of a self-check: verdicts on errors hidden in readings like a dataset's own."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SAID = {"named": ("named rightly", "#117733"), "listed": ("listed among others",
 
 
 def build_self_check_page(check: SelfCheck, folder: Path) -> list[Path]:
-    """Draw folder/self-check.svg and write folder/self-check.html; answers the page."""
+    """Draw folder/self-check.svg and write folder/self-check.html; return the page."""
     picture, = style.save_figure(folder, "self-check", lambda: _compose(check.rows), ("svg",))
     page = folder / "self-check.html"
     write_text(page, template("reports/diagnosis/self_check.html").render(
@@ -42,7 +42,7 @@ def build_self_check_page(check: SelfCheck, folder: Path) -> list[Path]:
 
 
 def _compose(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw, for each hidden effect, the shares of what was said."""
+    """Draw the shares of the verdicts for each hidden effect."""
     height = _ROW * len(rows)
     figure = style.new_figure(_TOP + height + _AXIS + _LEGEND)
     axes = style.place_axes(figure, _LEFT, _TOP, style.WIDTH - _LEFT - style.RIGHT, height)

@@ -1,4 +1,4 @@
-"""The picture of a diagnosis of coupons: stress with both models, and what these leave."""
+"""The picture of a diagnosis of coupons: stress with both models, and their residuals."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ _BETWEEN = 14.0
 
 
 _SHOWN = {"stress": "stress (kPa)", "drop": "drop of the stress (kPa)"}
-#: Entries of the legend beside each other.
+#: Entries of the legend side by side.
 _ACROSS = 4
 
 
 def compose_strips(readings: Columns, reading: str = "stress") -> Figure:
-    """A column for each film and mode: readings and models above, what these leave below.
+    """Draw a column for each film and mode: readings and models above, residuals below.
 
-    ``readings`` has the columns of a diagnosis of coupons, in SI, ``reading`` is what was judged:
-    the "stress" or its "drop". Colours are conditions and runs.
+    ``readings`` has the columns of a diagnosis of coupons, in SI; ``reading`` is the judged
+    quantity: the "stress" or its "drop". Colours are conditions and runs.
     """
     labels = _conditions(readings)
     conditions = list(dict.fromkeys(labels))
@@ -68,7 +68,7 @@ def compose_strips(readings: Columns, reading: str = "stress") -> Figure:
 
 
 def _conditions(readings: Columns) -> list[str]:
-    """Conditions that tell the runs apart, in words, of each reading."""
+    """List the conditions that distinguish the runs, in words, for each reading."""
     parts = []
     if np.ptp(readings["voltage"]) > 0:
         parts.append([f"{value / 1e3:g} kV" for value in readings["voltage"].tolist()])

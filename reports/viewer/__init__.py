@@ -1,4 +1,4 @@
-"""Films that can be turned within a page, without network: data, and a script that draws them."""
+"""Rotatable films within a page, without network: data, and a script that draws them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from tympan.studies.film_surface import FilmSurface
 
 def viewer(films: Mapping[str, FilmSurface],
            colourings: Mapping[str, Colouring] = COLOURINGS) -> str:
-    """HTML of films by what they are called, for a page that has the common style.
+    """Write HTML of films by their names, for a page that has the common style.
 
-    Where scripts or WebGL are missing it shows nothing: a picture in the page says the same.
+    Without scripts or WebGL it shows nothing, so the page also needs a static picture.
     """
     return template("reports/viewer/viewer.html").render(
         films=payload(films, colourings), script=text_of("reports/viewer/viewer.js"),

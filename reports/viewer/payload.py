@@ -1,4 +1,4 @@
-"""Films as the viewer of a page takes them: whole numbers in base64, with their scales."""
+"""Films in the format of a page's viewer: whole numbers in base64, with their scales."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from tympan.reports.colouring import (
 from tympan.reports.scales import bar_length
 from tympan.studies.film_surface import FilmSurface, lattice
 
-#: Points of all films of a page; of more, elements are cut into fewer triangles.
+#: Most points of all films of a page; beyond, elements are cut into fewer triangles.
 _MOST_POINTS = 40_000
 
-#: Largest whole number of 16 bits with a sign.
+#: Largest signed whole number of 16 bits.
 _SIGNED = 2**15 - 1
-#: Largest whole number of 16 bits without one.
+#: Largest unsigned whole number of 16 bits.
 _UNSIGNED = 2**16 - 1
 
-#: Points so near to each other, of the film's extent, are one. No multiple of a round length.
+#: Distance over the film's extent below which points are one. No multiple of a round length.
 _SAME = 0.9137e-6
 
 
 def payload(films: Mapping[str, FilmSurface],
             colourings: Mapping[str, Colouring] = COLOURINGS) -> str:
-    """The record of films as JSON, to be put into a script element."""
+    """Write the record of films as JSON for a script element."""
     # A "<" could end the element.
     return json.dumps(record_of(films, colourings), allow_nan=False).replace("<", r"\u003c")
 
 
 def record_of(films: Mapping[str, FilmSurface], colourings: Mapping[str, Colouring] = COLOURINGS,
               even: bool = False) -> dict[str, Any]:
-    """Films by what they are called, all on one scale of each quantity.
+    """Build the record of films by their names, all on one scale of each quantity.
 
-    What is the same everywhere is left out, unless ``even`` that is to be shown.
+    Quantities that are the same everywhere are left out, unless ``even`` those are to be shown.
     """
     thin = coarsened(list(films.values()), _MOST_POINTS)
     values = {key: [quantity.of(film) for film in thin] for key, quantity in colourings.items()}
@@ -69,7 +69,7 @@ def record_of(films: Mapping[str, FilmSurface], colourings: Mapping[str, Colouri
 
 
 def coarsened(films: Sequence[FilmSurface], most: int) -> list[FilmSurface]:
-    """Films of at most so many points together, or as few as their elements allow."""
+    """Coarsen films to at most ``most`` points together, or to as few as their elements allow."""
     for divisor in (1, 2, 3, 6):
         thin = [_coarser(film, divisor) for film in films]
         if sum(len(film.points) for film in thin) <= most:
@@ -78,9 +78,9 @@ def coarsened(films: Sequence[FilmSurface], most: int) -> list[FilmSurface]:
 
 
 def _coarser(film: FilmSurface, divisor: int) -> FilmSurface:
-    """A film whose elements' edges are cut into ``divisor`` times fewer parts, where they may be.
+    """Divide the edges of a film's elements into ``divisor`` times fewer parts, where possible.
 
-    Points of an element stand together, in the order of :func:`lattice`.
+    The points of an element are consecutive, in the order of :func:`lattice`.
     """
     parts = next((parts for parts in range(1, 25) if len(film.triangles) * (parts + 1) * (parts + 2)
                   == 2 * len(film.points) * parts**2), 1)
@@ -119,13 +119,13 @@ def _film(film: FilmSurface) -> dict[str, Any]:
 
 
 def _steps(values: AnyArray) -> dict[str, Any]:
-    """Numbers [mm] as multiples of a step."""
+    """Convert numbers [mm] to multiples of a step."""
     step = max(float(np.abs(values).max()), 1e-9) / _SIGNED
     return {"step": step, **_encoded(np.round(values / step).astype(np.int16))}
 
 
 def _scaled(values: AnyArray, dtype: str, quantity: Colouring) -> dict[str, Any]:
-    """Values as parts of the way from their smallest to their largest."""
+    """Scale values to the range from their smallest to their largest."""
     low, high = float(values.min()), float(values.max())
     parts = (values - low) / (high - low) if high > low else np.zeros(len(values))
     scale = quantity.scale(low, high)
@@ -134,17 +134,17 @@ def _scaled(values: AnyArray, dtype: str, quantity: Colouring) -> dict[str, Any]
 
 
 def _encoded(values: AnyArray) -> dict[str, str]:
-    """An array's numbers, little-endian, rows one after another."""
+    """Encode an array's numbers, little-endian, row by row."""
     little = values.astype(values.dtype.newbyteorder("<"))
     return {"type": values.dtype.name, "data": b64encode(little.tobytes()).decode()}
 
 
 def rim_edges(film: FilmSurface) -> list[AnyArray]:
-    """Edges that belong to one triangle only, (n, 2) each: the frame's, then those of holes."""
+    """Find edges that belong to one triangle only, (n, 2) each: the frame's, then the holes'."""
     mounted = film.mounted[:, :2]
     tolerance = _SAME * float(np.abs(mounted).max())
     places, size = np.round(mounted / tolerance), len(mounted)
-    # A pair as one number: rows are compared far more slowly.
+    # A pair as one complex number: comparing rows is far slower.
     _, first, number = np.unique(places @ [1, 1j], return_index=True, return_inverse=True)
     edges = first[number][film.triangles][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first_edge, count = np.unique(np.sort(edges, axis=1) @ [size, 1], return_index=True,
@@ -157,14 +157,14 @@ def rim_edges(film: FilmSurface) -> list[AnyArray]:
 
 
 def plate_triangles(mounted: AnyArray, edges: AnyArray) -> AnyArray:
-    """Triangles that fill the loop of some edges between points, (n, 3)."""
+    """Triangulate the loop of some edges between points, (n, 3)."""
     corners = np.unique(edges)
     triangles = corners[Delaunay(mounted[corners]).simplices]
     return np.asarray(triangles[_inside(mounted[triangles].mean(axis=1), mounted[edges])])
 
 
 def _inside(points: AnyArray, edges: AnyArray) -> Mask:
-    """Whether points, (n, 2), lie within closed edges, (m, 2, 2): a ray crosses an odd number."""
+    """Check if points, (n, 2), are within closed edges, (m, 2, 2), by counting crossings."""
     (x, y), start, end = points.T[..., None], edges[:, 0], edges[:, 1]
     crossed = (start[:, 1] > y) != (end[:, 1] > y)
     rise = np.where(end[:, 1] == start[:, 1], np.inf, end[:, 1] - start[:, 1])

@@ -1,4 +1,4 @@
-"""Runs in time as they are judged: without what hums in them, with their clocks right."""
+"""Runs in time as they are judged: without steady hum, and with corrected clocks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Hum:
 
 @dataclass(frozen=True, kw_only=True)
 class LateRun:
-    """A run whose displacement is later than its voltage, or earlier, as no film makes it."""
+    """A run whose displacement lags or leads its voltage by more than a film can explain."""
 
     specimen: Annotated[str, Key("name of the specimen")]
     mass_kg: Annotated[float, Key("nominal load on the plate")]
@@ -47,7 +47,7 @@ class LateRun:
 
 @dataclass(frozen=True, eq=False)
 class CheckedRun:
-    """A run: as it is judged, what is wrong with it, what hummed in it, how late it was."""
+    """A run: as it is judged, its faults, its hum, and its delay."""
 
     record: SampledRun
     faults: Faults
@@ -77,7 +77,7 @@ class CheckedRun:
 
 
 def checked_runs(transients: Sheet) -> tuple[CheckedRun, ...]:
-    """The runs of a file; those that cannot be used as they are."""
+    """Check the runs of a file; include those that cannot be used, as they are."""
     runs = [CheckedRun(record, faults(record)) for record in runs_of(transients)]
     usable = [number for number, run in enumerate(runs) if not run.faults.fatal]
     quiet = list[SampledRun]()

@@ -1,4 +1,4 @@
-"""Content of a dataset, and what to beware of before anything is concluded from it."""
+"""Summary of a dataset, and warnings before anything is concluded from it."""
 
 from __future__ import annotations
 
@@ -23,47 +23,46 @@ from tympan.studies.data.noise import coarse_step, repeat_groups, repeat_noise, 
 from tympan.studies.data.outliers import outliers
 from tympan.studies.files import to_json, words_beside
 
-#: What to beware of, by key.
+#: Warnings by key.
 WORDS = words_beside(__file__)
 
-#: Fields in the mounted film between which the largest voltage is no slip of a unit [V/m]. Below,
-#: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far before
+#: Fields in the mounted film [V/m] between which the largest voltage is not in a wrong unit. Below,
+#: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far below
 #: the upper one (tympan.fem.film.breakdown).
 _FIELDS = (1e5, 1e9)
 
-#: Factor beyond which a capacitance is none of a film with an electrode over its whole frame, flat
-#: as it is mounted.
+#: Ratio of a capacitance to that of the mounted, flat film with electrodes over its whole frame,
+#: beyond which it is in a wrong unit.
 _CAPACITIES = 50.0
 
-#: Stretch below which a strip is pressed and does not pull, with room for zeros that are a little
-#: off.
+#: Stretch below which a strip would be compressed, with room for small errors of the zero.
 _SHORT = 0.95
-#: Temperature above which no film was at all times [°C]. In kelvins rooms are at 290.
+#: Temperature above which a film is never tested [°C]. Room temperature in kelvins is about 290.
 _HOT = 200.0
 
-#: How many readings tell a slip.
+#: Number of readings that show a wrong unit.
 _SEVERAL = 3
 
-#: Factor beyond which a frequency is none of a weight on a spring that gives way so far: films
-#: stiffen, and mass is missing, by less.
+#: Factor from the frequency of a mass on a spring of that deflection beyond which a frequency is
+#: wrong: the stiffening of films and missing mass change it by less.
 _APART = 4.0
 
-#: Share of a line's frequency by which it is seen elsewhere from which that is told: clocks are off
-#: by less.
+#: Relative shift of a line's frequency by aliasing from which the shift is mentioned: clock errors
+#: are smaller.
 _FOLDED = 0.02
 
 #: Correlation of readings with the voltage's square below which they fall, so that scatter alone
 #: does not count.
 _FALLS = -0.9
-#: Different voltages that a fall needs: a few readings fall by chance.
+#: Fewest different voltages for a fall: a few readings fall by chance.
 _FEWEST = 4
-#: Share of a deflection by which it must fall as the voltage rises, to be the wrong way: drift of a
-#: sensor makes less.
+#: Share of a deflection by which it must fall as the voltage rises to have the wrong sign: sensor
+#: drift is smaller.
 _LIFTED = 0.05
 
 
 def summary(dataset: Dataset) -> dict[str, Any]:
-    """Content of a dataset, as plain values for JSON, SI; voltages of transients are left out."""
+    """Summarise a dataset as plain values for JSON, SI, without voltages of transients."""
     static, ranges = dataset.static, dataset.ranges
     voltages = [table.voltage for table in (static, dataset.frequencies, dataset.fields)
                 if table is not None]
@@ -100,7 +99,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 
 
 def dataset_warnings(dataset: Dataset) -> list[str]:
-    """One sentence for each thing that limits, or may spoil, what the data can tell."""
+    """Write one sentence for each fact that limits, or may spoil, conclusions from the data."""
     return [*dataset.remarks, *_too_little(dataset), *_static_warnings(dataset),
             *_frequency_warnings(dataset), *_run_warnings(dataset), *slips_of_unit(dataset),
             *slips_of_sign(dataset), *dataset.rig.remarks]
@@ -158,9 +157,10 @@ def _static_warnings(dataset: Dataset) -> Iterator[str]:
 
 
 def clock_runs_back(static: Sheet) -> int | None:
-    """The first reading that a clock says was made before the one that order says was before it.
+    """Find the first reading that the clock puts before the reading that precedes it by order.
 
-    Of one specimen under one mass in one run, for others may have a clock of their own.
+    Only readings of one specimen under one mass in one run are compared: others may have another
+    clock.
     """
     if not (np.isfinite(static.order).all() and np.isfinite(static.elapsed).all()):
         return None
@@ -175,7 +175,7 @@ def clock_runs_back(static: Sheet) -> int | None:
 
 
 def findings(dataset: Dataset) -> Iterator[Finding]:
-    """Faults of rows, sensor or clock, what is made of them and what to do about them."""
+    """Yield faults of rows, sensor or clock, how they are handled and what to do about them."""
     if dataset.static is None:
         return
     for found in FINDERS:
@@ -184,7 +184,7 @@ def findings(dataset: Dataset) -> Iterator[Finding]:
 
 
 def _pasted(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
-    """Rows that are copies of others."""
+    """Yield rows that are copies of others."""
     file = static.file.name
     for rows, of in _blocks(dataset.copies):
         lines = static.line[rows]
@@ -194,7 +194,7 @@ def _pasted(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
 
 
 def _off_their_ramps(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
-    """Readings far off the curve of their ramp."""
+    """Yield readings far off the curve of their ramp."""
     file = static.file.name
     used = np.flatnonzero(np.isfinite(static.displacement) & ~dataset.unused)
     for one in outliers(static, used, dataset.noise):
@@ -207,7 +207,7 @@ def _off_their_ramps(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
 
 
 def _at_the_end(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
-    """Readings of a sensor at its end."""
+    """Yield readings of a sensor at the end of its range."""
     stuck = at_sensor_end(static)
     if not stuck.any():
         return
@@ -220,7 +220,7 @@ def _at_the_end(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
 
 
 def _backwards(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
-    """The reading from which a clock runs back."""
+    """Yield the reading from which a clock runs back."""
     row = clock_runs_back(static)
     if row is not None:
         line = int(static.line[row])
@@ -229,7 +229,7 @@ def _backwards(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
 
 
 def _moved_zeros(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
-    """Runs whose zeros differ from the first one's."""
+    """Yield runs whose zeros differ from that of the first run."""
     moved = dataset.run_zeros
     if moved is None:
         return
@@ -242,14 +242,14 @@ def _moved_zeros(dataset: Dataset, static: Sheet) -> Iterator[Finding]:
             tuple(static.line[static.run == run].tolist()))
 
 
-#: Whatever finds faults in static readings before a film is solved, in the order in which they are
-#: told. A new one is a function here, and its kind in :class:`Finding`.
+#: Functions that find faults in static readings before a film is solved, in the order of reporting.
+#: A new one is a function here, and its kind in :class:`Finding`.
 FINDERS: tuple[Callable[[Dataset, Sheet], Iterator[Finding]], ...] = (
     _pasted, _off_their_ramps, _at_the_end, _backwards, _moved_zeros)
 
 
 def _blocks(copies: CopiedRows) -> Iterator[tuple[Numbers, Numbers]]:
-    """Copies one after the other, and what they are copies of."""
+    """Yield blocks of consecutive copies, and the rows they are copies of."""
     rows, of = copies.rows, copies.of
     breaks = np.flatnonzero((np.diff(rows) != 1) | (np.abs(np.diff(of)) > 1)) + 1
     for part in np.split(np.arange(len(rows)), breaks):
@@ -258,7 +258,7 @@ def _blocks(copies: CopiedRows) -> Iterator[tuple[Numbers, Numbers]]:
 
 
 def lines_of(lines: Numbers) -> str:
-    """Lines in words: "line 12", "lines 12 to 21"."""
+    """Write lines in words: "line 12", "lines 12 to 21"."""
     low, high = int(lines.min()), int(lines.max())
     return f"line {low}" if low == high else f"lines {low} to {high}"
 
@@ -276,7 +276,7 @@ def _frequency_warnings(dataset: Dataset) -> Iterator[str]:
 
 
 def _run_warnings(dataset: Dataset) -> Iterator[str]:
-    """Warnings of hum in runs in time, by its frequency, and of clocks that are off."""
+    """Yield warnings of hum in runs in time, by its frequency, and of clocks that are off."""
     if dataset.transients is None:
         return
     file, count = dataset.transients.file.name, len(dataset.runs)
@@ -304,7 +304,7 @@ def _run_warnings(dataset: Dataset) -> Iterator[str]:
 
 
 def _only_up(static: Sheet) -> bool:
-    """Whether no voltage of a specimen, mass, run and repeat is below the one read before."""
+    """Check that no voltage of a specimen, mass, run and repeat is below the one before."""
     when = static.order if np.isfinite(static.order).all() else static.elapsed
     last: dict[tuple[object, ...], float] = {}
     for row in np.argsort(when, kind="stable"):
@@ -316,7 +316,7 @@ def _only_up(static: Sheet) -> bool:
 
 
 def slips_of_unit(dataset: Dataset) -> Iterator[str]:
-    """Numbers a thousand times too large or small for actuators of this size."""
+    """Find numbers a thousand times too large or small for actuators of this size."""
     for name, table in dataset.tables.items():
         if not isinstance(table, Sheet):
             continue
@@ -332,9 +332,9 @@ def slips_of_unit(dataset: Dataset) -> Iterator[str]:
 
 def _slips_of_column(table: Sheet, file: str, column: str, specimen: str,
                      limits: tuple[float, float, str, float]) -> Iterator[str]:
-    """A slip of all readings of a specimen, else of those under one mass.
+    """Find a wrong unit of all readings of a specimen, else of those under one mass.
 
-    What is read under a small mass may be as much smaller than the least that can be.
+    The lower limit scales with the mass for readings under a small mass.
     """
     low, high, unit, factor = limits
     here, masses = table.specimen == specimen, table.values.get("mass", np.zeros(len(table)))
@@ -352,7 +352,7 @@ def _slips_of_column(table: Sheet, file: str, column: str, specimen: str,
 
 
 def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
-    """Strains for stretches, kelvins for degrees Celsius."""
+    """Find strains given as stretches, and kelvins given as degrees Celsius."""
     short = coupons.stretch < _SHORT
     if short.sum() >= _SEVERAL and np.mean(coupons.stress[short] > 0) > 0.5:
         yield WORDS["strain"].format(count=int(short.sum()), short=_SHORT)
@@ -361,11 +361,11 @@ def _slips_of_coupons(coupons: Coupons) -> Iterator[str]:
 
 
 def slips_of_sign(dataset: Dataset) -> Iterator[str]:
-    """Deflections that fall wherever the voltage of their film rises.
+    """Find deflections that fall wherever the voltage of their film rises.
 
-    If they fall under heavier masses, too, it is a sensor's distance from the plate, or an axis
-    that points up; else no film that a weight pulls does so. Said of all films, or of one that is
-    so among others.
+    If they fall under heavier masses too, the readings are a sensor's distance from the plate, or
+    on an axis that points up. If not, no film loaded by a weight behaves so. The warning is given
+    for all films, or for one film among others.
     """
     yield from _against_gas(dataset)
     static, rig = dataset.static, dataset.rig
@@ -392,12 +392,12 @@ def slips_of_sign(dataset: Dataset) -> Iterator[str]:
 
 
 def _loaded(dataset: Dataset) -> bool:
-    """Whether some film has a plate, on which masses hang."""
+    """Check whether some film has a plate, which can carry masses."""
     return any(specimen.plate is not None for specimen in dataset.specimens)
 
 
 def _against_gas(dataset: Dataset) -> Iterator[str]:
-    """Films without plate whose centres, wherever they were read, go against gas and weight."""
+    """Find films without plate whose centres always move against gas pressure and weight."""
     read = [(sheet, sheet.values[name]) for sheet, name in (
         (dataset.static, "displacement"), (dataset.ranges, "range")) if sheet is not None]
     for specimen in dataset.specimens:
@@ -416,7 +416,7 @@ def _against_gas(dataset: Dataset) -> Iterator[str]:
 
 
 class _Ramp(NamedTuple):
-    """Voltages [V] and deflections [m] read of a specimen under a mass [kg]."""
+    """Voltages [V] and deflections [m] of a specimen under a mass [kg]."""
 
     name: str
     mass: float
@@ -431,7 +431,7 @@ class _Ramp(NamedTuple):
 
 
 def _ramps(static: Sheet) -> list[_Ramp]:
-    """Ramps by specimen and, of each, by mass."""
+    """List ramps by specimen and mass."""
     loads = sorted(set(zip(static.specimen.tolist(), static.mass.tolist(), strict=True)))
     rows = [(static.specimen == name) & (static.mass == mass) for name, mass in loads]
     return [_Ramp(*load, static.voltage[there], static.displacement[there])
@@ -439,9 +439,9 @@ def _ramps(static: Sheet) -> list[_Ramp]:
 
 
 def _slips_of_frequency(dataset: Dataset) -> Iterator[str]:
-    """Frequencies that a plate at rest so far down cannot have.
+    """Find frequencies that a plate with that static deflection cannot have.
 
-    A weight on a spring has 2πf = √(g/y); rad/s for Hz are 6.3 times as many, rpm 60.
+    A mass on a spring has 2πf = √(g/y); rad/s read as Hz are 6.3 times as many, rpm 60 times.
     """
     read, static, rig = dataset.frequencies, dataset.static, dataset.rig
     if read is None or static is None or rig.gas_pressure or rig.biases:
@@ -459,7 +459,7 @@ def _slips_of_frequency(dataset: Dataset) -> Iterator[str]:
 
 
 def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:
-    """Largest possible number of a column [SI], a unit to say it in, and its factor."""
+    """Give the largest possible number of a column [SI], a unit to print it in, and its factor."""
     film, size = specimen.membrane, max(specimen.frame.semi_axes)
     thickness = film.thickness / film.area_prestretch
     voltage = _FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3

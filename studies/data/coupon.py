@@ -31,7 +31,7 @@ from tympan.tables.meanings import (
 
 #: The second in-plane stretch of each mode as a power of the first.
 MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}
-#: The name of a file that ends with the mode of its tests.
+#: Name of a file that ends with the mode of its tests.
 OF_MODE = re.compile(rf"(?P<specimen>.*?)[_ -]*(?P<mode>{'|'.join(MODES)})", re.IGNORECASE)
 _STRETCH: Rule = (lambda x: 0.05 <= x <= 20, "must be a stretch from 0.05 to 20")
 _STRESS: Rule = (lambda x: abs(x) <= 1e12, "must be within 1e9 kPa")
@@ -39,7 +39,7 @@ _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film'
                                             "sign: write voltages without one")
 _CELSIUS: Rule = (lambda x: -200 <= x <= 500, "must be from -200 to 500 degrees Celsius")
 
-#: Temperature at which constants of films hold, and coupons are where none is given [°C].
+#: Temperature at which material constants are stated, assumed for coupons without one [°C].
 USUAL_CELSIUS = 20.0
 
 #: The columns of coupon.csv. ``voltage`` is on the film, ``sigma`` the standard deviation of the
@@ -61,12 +61,12 @@ _OPTIONAL = {"voltage": "voltage", "celsius": "temperature_C", "sigma": "sigma"}
 
 @dataclass(frozen=True, eq=False)
 class Coupons:
-    """Readings, one entry per reading: mode, stretch, nominal stress [Pa].
+    """Readings of coupon tests, one entry each: mode, stretch, nominal stress [Pa].
 
-    Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis.
-    ``time`` [s] is nan where not given, specimen and run are "". ``voltage`` [V] on the film,
-    ``celsius`` [°C] of the film and ``sigma`` [Pa], standard deviation of the stress, are None
-    where a file has no such column, nan where a cell is blank.
+    Nominal stress is force over virgin cross-section; in equibiaxial tests it is that of one axis.
+    ``time`` [s] is nan, ``specimen`` and ``run`` are "" where not given. ``voltage`` [V] on the
+    film, ``celsius`` [°C] of the film and ``sigma`` [Pa], standard deviation of the stress, are
+    None where a file has no such column, nan where a cell is blank.
     """
 
     mode: NDArray[np.str_]
@@ -78,16 +78,16 @@ class Coupons:
     voltage: Array | None = None
     celsius: Array | None = None
     sigma: Array | None = None
-    #: Lines of the file, where there is one.
+    #: Lines of the readings in their files, if there are files.
     lines: Numbers | None = None
-    #: Names of the files that the readings stand in.
+    #: Names of the files of the readings.
     files: NDArray[np.str_] | None = None
-    #: Which headings of the files were read as what, where they are not ours.
+    #: Remarks on headings of the files that were read as one of these columns, if they differ.
     remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, sheet: Sheet) -> Coupons:
-        """The readings of a file with the columns of :data:`COLUMNS`."""
+        """Build the readings of a file with the columns of :data:`COLUMNS`."""
         more = {name: sheet[column] if np.isfinite(sheet[column]).any() else None
                 for name, column in _OPTIONAL.items()}
         return cls(mode=sheet["mode"], stretch=sheet["stretch"], stress=sheet["nominal_stress"],
@@ -105,7 +105,7 @@ class Coupons:
 
     @classmethod
     def joined(cls, parts: Sequence[Coupons]) -> Coupons:
-        """The readings of several files."""
+        """Join the readings of several files."""
         if len(parts) == 1:
             return parts[0]
         every = {item.name: [getattr(part, item.name) for part in parts] for item in fields(cls)
@@ -127,12 +127,12 @@ class Coupons:
 
     @property
     def line(self) -> Numbers:
-        """Line of the file that each reading stands in, 0 where there is no file."""
+        """Line of each reading in its file, 0 where there is no file."""
         return np.zeros(len(self), np.int64) if self.lines is None else self.lines
 
     @property
     def file(self) -> NDArray[np.str_]:
-        """Name of the file that each reading stands in."""
+        """Name of the file of each reading."""
         return np.full(len(self), "coupon.csv") if self.files is None else self.files
 
     @property
@@ -143,7 +143,7 @@ class Coupons:
 
     @property
     def degrees(self) -> Array:
-        """Temperature [°C], the usual one where none is given."""
+        """Temperature [°C], :data:`USUAL_CELSIUS` where none is given."""
         usual = np.full(len(self), USUAL_CELSIUS)
         return usual if self.celsius is None else np.where(
             np.isnan(self.celsius), USUAL_CELSIUS, self.celsius)
@@ -190,10 +190,10 @@ class Coupons:
         return runs
 
     def thinned(self, most: int = 150) -> Coupons:
-        """Coupons with about so many readings in each timed run, all others as they are.
+        """Thin each timed run to about ``most`` readings, and keep all other readings.
 
-        Two thirds of them are evenly spaced, others where the stretch drawn straight between them
-        in time is farthest off, down to 0.5 % of its range.
+        Two thirds of them are evenly spaced. The others are where the stretch deviates most from
+        linear interpolation in time, down to 0.5 % of its range.
         """
         kept = np.ones(len(self), bool)
         for run in self.timed_runs.values():
@@ -204,19 +204,19 @@ class Coupons:
 
     @property
     def in_time(self) -> bool:
-        """Whether any run has readings at several times."""
+        """Whether some run has readings at several times."""
         return any(np.ptp(self.time[run]) > 0 for run in self.timed_runs.values())
 
     @property
     def stretch_range(self) -> tuple[float, float]:
-        """Smallest and largest principal stretch of the tests, thickness and virgin state too."""
+        """Smallest and largest principal stretch of the tests, with thickness and virgin state."""
         l1, l2 = self.in_plane
         every = np.concatenate([l1, l2, 1 / (l1 * l2), [1.0]])
         return float(every.min()), float(every.max())
 
 
 def _corners(time: Array, stretch: Array, most: int) -> Mask:
-    """Points of a history to keep; see :meth:`Coupons.thinned`."""
+    """Select points of a history to keep; see :meth:`Coupons.thinned`."""
     kept = np.zeros(len(time), bool)
     kept[np.linspace(0, len(time) - 1, 2 * most // 3).round().astype(int)] = True
     for _ in range(most // 3):
@@ -229,10 +229,10 @@ def _corners(time: Array, stretch: Array, most: int) -> Mask:
 
 
 def read_coupons(*files: Path | str, layout: Layout = Layout()) -> Coupons:
-    """The readings of files with the columns of :data:`COLUMNS`, in any of the formats.
+    """Read files with the columns of :data:`COLUMNS`, in any of the formats.
 
-    ``layout`` says what the headings of others leave open, such as the length of the strip. A mode
-    that ends a file's name is that of its readings where they do not say theirs.
+    ``layout`` adds what the headings of a file do not state, such as the length of the strip. A
+    mode at the end of a file's name holds for its readings where they do not state one.
     """
     return Coupons.joined([Coupons.of(read_sheet(file, COLUMNS, layout=layout,
                                                  usual=named_mode(Path(file)))) for file in files])
@@ -241,7 +241,7 @@ def read_coupons(*files: Path | str, layout: Layout = Layout()) -> Coupons:
 def coupon_layout(mode: str | None = None, unit: str | None = None,
                   area: float | str | None = None, length: float | str | None = None,
                   decimal: Literal[",", "."] | None = None) -> Layout:
-    """Statements that are possible on a table whose headings leave it open.
+    """Build the layout of a table from what its headings do not state.
 
     ``unit`` is that of stresses; ``area`` and ``length`` are the strip's before the test.
     """
@@ -257,6 +257,6 @@ def coupon_layout(mode: str | None = None, unit: str | None = None,
 
 
 def named_mode(file: Path) -> dict[str, str]:
-    """The mode that a file's name ends with, if it does."""
+    """Find the mode that a file's name ends with, if any."""
     match = OF_MODE.fullmatch(file.stem)
     return {"mode": match["mode"].lower()} if match else {}

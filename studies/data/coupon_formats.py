@@ -1,4 +1,4 @@
-"""Coupon tests as others publish them: formats that know their files by more than a suffix."""
+"""Published formats of coupon tests, which are recognised by more than the suffix of a file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tympan.tables.formats import (
     text_rows,
 )
 
-#: First lines of digitised tables of VHB tape. Beside stretch and stress [Pa] a table may have
+#: First lines of digitised tables of VHB tape. Besides stretch and stress [Pa] a table may have
 #: temperatures [K], times [s], rates of the stretch [1/s] and voltages [V].
 _DIGITISED = (
     "id stretch stress",
@@ -28,7 +28,7 @@ _DIGITISED = (
     "id description temp vel stretch stress",
     "id description temp voltage vel stretch stress",
 )
-#: Columns of such a table that stand in coupon.csv as they are, but for their names.
+#: Columns of such a table that are taken over into coupon.csv under another name.
 _RENAMED = {"stretch": "stretch", "stress": "nominal_stress_Pa", "time": "t_s",
             "voltage": "voltage_V"}
 _RATES = ("vel", "rate")
@@ -38,7 +38,7 @@ _PAIR = re.compile(r"\s*[-+.\d][-+.\deE]*\s+[-+.\d][-+.\deE]*\s*", re.ASCII)
 
 
 def _named_mode(file: Path) -> tuple[str, str] | None:
-    """Part of a file's name before the mode that it ends with, and that mode."""
+    """Split a file's name into the part before the mode it ends with, and that mode."""
     match = OF_MODE.fullmatch(file.stem)
     return (match["specimen"], match["mode"].lower()) if match else None
 
@@ -48,7 +48,7 @@ def _is_pairs(file: Path, content: bytes) -> bool:
 
 
 def pair_rows(file: Path, content: bytes) -> list[Row]:
-    """Rows of lines with a nominal stress in MPa and a stretch, without names of columns."""
+    """Read rows of lines with a nominal stress in MPa and a stretch, without headings."""
     specimen, mode = _named_mode(file) or ("", "")
     rows: list[Row] = [(1, ["specimen", "mode", "nominal_stress_MPa", "stretch"])]
     for number, line in enumerate(decoded(content, file).split("\n"), start=1):
@@ -62,9 +62,9 @@ def _is_digitised(file: Path, content: bytes) -> bool:
 
 
 def digitised_rows(file: Path, content: bytes) -> list[Row]:
-    """Rows of a digitised table: a run for each id, uniaxial unless the file's name has a mode.
+    """Read a digitised table: a run for each id, uniaxial unless the file's name has a mode.
 
-    Of a test at a rate the time is the way of the stretch over it.
+    In a test at a rate, the time is the path of the stretch over the rate.
     """
     (top, titles), *below = text_rows(file, content)
     mode = (_named_mode(file) or ("", "uniaxial"))[1]
@@ -85,7 +85,7 @@ def digitised_rows(file: Path, content: bytes) -> list[Row]:
 
 
 def _times(file: Path, titles: Sequence[str], below: Sequence[Row]) -> list[float]:
-    """Times of the readings of a table with rates [s]; none of one without."""
+    """Compute times of the readings of a table with rates [s]; empty for one without rates."""
     rate = next((title for title in titles if title in _RATES), None)
     return [] if rate is None else list(_passed(file, titles, below, rate))
 

@@ -56,7 +56,7 @@ _FREQUENCY: Rule = (lambda x: 0 < x <= 1e6, "must be above 0 Hz, to 1 MHz")
 _QUALITY: Rule = (lambda x: x > 0.5, "must be above 0.5: a plate more damped does not swing")
 _TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
 _STRIPS: Rule = (lambda x: 0 <= x < 1, "must be a share from 0 (all alike) to below 1")
-#: The column every file but coupon.csv has.
+#: Column that every file but coupon.csv has.
 SPECIMEN = Column.labels("specimen", also=SPECIMENS)
 #: Columns of a film under a load.
 LOAD_COLUMNS: tuple[Column, ...] = (
@@ -68,10 +68,10 @@ _RUN = Column.labels("run", required=False, also=RUNS)
 _SIGMA = Column("sigma", "mm", POSITIVE, required=False)
 _DWELL = Column("dwell", "s", NON_NEGATIVE, required=False)
 
-#: The columns of static.csv. ``run``: which mounting or ramp a reading belongs to; ``direction``:
-#: the way the voltage got there; ``sigma``: standard deviation of the displacement; ``dwell``: the
-#: time the state was held before it was read; ``film_voltage``: that of a probe on the film;
-#: ``tilt``: the plate's.
+#: Columns of static.csv. ``run``: mounting or ramp of a reading; ``direction``: way in which the
+#: voltage got there; ``sigma``: standard deviation of the displacement; ``dwell``: time for which
+#: the state was held before the reading; ``film_voltage``: that of a probe on the film; ``tilt``:
+#: the plate's.
 STATIC: tuple[Column, ...] = (
     *LOAD_COLUMNS,
     VOLTAGE_COLUMN,
@@ -87,8 +87,8 @@ STATIC: tuple[Column, ...] = (
     Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
     Column("tilt", "mrad", FINITE, required=False),
 )
-#: The columns of range.csv: largest minus smallest displacement between two voltages; ``sigma`` is
-#: that of the range, √2 of a reading's where it is left out; ``dwell``: the time each of the
+#: Columns of range.csv: largest minus smallest displacement between two voltages; ``sigma``: that
+#: of the range, √2 of a reading's where it is left out; ``dwell``: time for which each of the
 #: voltages was held.
 RANGE: tuple[Column, ...] = (
     *LOAD_COLUMNS,
@@ -98,9 +98,9 @@ RANGE: tuple[Column, ...] = (
     _SIGMA,
     _DWELL,
 )
-#: The columns of transient.csv; ``rest``: how long the mass hung under the first voltage before,
-#: for ever where it is left out; ``film_voltage`` across the film and ``current`` into its
-#: electrodes are kept and not judged.
+#: Columns of transient.csv; ``rest``: how long the mass hung under the first voltage before, for
+#: ever where it is left out; ``film_voltage`` across the film and ``current`` into its electrodes
+#: are kept but not judged.
 TRANSIENT: tuple[Column, ...] = (
     *LOAD_COLUMNS,
     replace(_RUN, required=True),
@@ -112,9 +112,10 @@ TRANSIENT: tuple[Column, ...] = (
     Column("current", "uA", required=False),
 )
 
-#: The columns of frequency.csv: natural frequencies of small vibrations at rest under mass and
-#: voltage. ``mode``: only the lowest one of the plate up and down is known; ``quality``: the
-#: resonance's, f over the width at half the power; ``sigma``: standard deviation of the frequency.
+#: Columns of frequency.csv: natural frequencies of small oscillations about equilibrium under mass
+#: and voltage. ``mode``: only the lowest one of the plate up and down can be predicted;
+#: ``quality``: quality factor, f over the width at half the power; ``sigma``: standard deviation of
+#: the frequency.
 FREQUENCY: tuple[Column, ...] = (
     *LOAD_COLUMNS,
     VOLTAGE_COLUMN,
@@ -124,10 +125,10 @@ FREQUENCY: tuple[Column, ...] = (
     Column("sigma", "Hz", POSITIVE, required=False),
 )
 
-#: The columns of field.csv: the film at places, from a laser line or image correlation.
-#: ``x``, ``y``: along the frame's axes from its centre, or from the plate's (``field_frame``);
-#: where ``u`` or ``v``, displacements along x and y, were read they are of what moved from there,
-#: else of what stands there; ``repeat``: which line or picture of several in one state.
+#: Columns of field.csv: the film at places, from laser line or digital image correlation. ``x``,
+#: ``y``: along the frame's axes from its centre, or from the plate's (``field_frame``). Where
+#: displacements ``u`` or ``v`` along x and y were read, these are places of the undeformed film;
+#: else they are fixed places. ``repeat``: number of the line or picture in one state.
 FIELD: tuple[Column, ...] = (
     *LOAD_COLUMNS,
     VOLTAGE_COLUMN,
@@ -140,9 +141,9 @@ FIELD: tuple[Column, ...] = (
     _SIGMA,
 )
 
-#: The columns of force.csv: the plate held by a tester, with the force on the film, positive along
-#: the deflection; ``sigma``: standard deviation of the force. ``direction``, ``t`` and ``tilt`` are
-#: kept and not judged.
+#: Columns of force.csv: the plate held by a tester, with the force on the film, positive along the
+#: deflection; ``sigma``: standard deviation of the force. ``direction``, ``t`` and ``tilt`` are
+#: kept but not judged.
 FORCE: tuple[Column, ...] = (
     SPECIMEN,
     VOLTAGE_COLUMN,
@@ -158,19 +159,19 @@ FORCE: tuple[Column, ...] = (
 #: Mark of a line in a draft that is to be corrected.
 GUESS = "CORRECT THIS:"
 
-#: The files of readings a dataset may hold, and their columns. Kinds of evidence may add theirs.
+#: Files of readings that a dataset may contain, and their columns. Kinds of evidence may add more.
 FILES: dict[str, tuple[Column, ...]] = {
     "static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
     "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,
     "force.csv": FORCE}
-#: Those that have a field of their own in a dataset.
+#: Files that have a field of their own in a dataset.
 _WITH_FIELD = tuple(FILES)
 
-#: How far outside the frame places may lie that are read on the film's edge, and where the plate
-#: may sit elsewhere, as shares of the frame's larger half extent.
+#: How far outside the frame places may lie, as shares of the frame's larger half extent: when read
+#: at the film's edge, and when counted from a plate that may be off centre.
 _OUTSIDE = {"table": 5e-3, "plate": 0.1}
 
-#: Columns of static.csv with what else may be measured besides the displacement.
+#: Columns of static.csv with quantities measured besides the displacement.
 CHANNELS = ("capacitance", "film_voltage", "tilt")
 
 
@@ -181,7 +182,7 @@ class Dataset:
     ``static``, ``ranges``, ``transients``, ``frequencies``, ``fields`` and ``forces`` have the
     columns of :data:`STATIC`, :data:`RANGE`, :data:`TRANSIENT`, :data:`FREQUENCY`, :data:`FIELD`
     and :data:`FORCE`.
-    ``files`` are those read, with the SHA-256 of their bytes; ``remarks`` what reading found odd.
+    ``files``: those that were read, with the SHA-256 of their bytes; ``remarks``: oddities found.
     """
 
     name: Annotated[str, Key("what messages call it")]
@@ -232,7 +233,7 @@ class Dataset:
 
     @property
     def sheets(self) -> tuple[Sheet, ...]:
-        """The files there are of readings of actuators."""
+        """The tables of readings of actuators that the dataset has."""
         return tuple(table for table in self.tables.values() if isinstance(table, Sheet))
 
     @cached_property
@@ -250,7 +251,7 @@ class Dataset:
 
     @property
     def unused(self) -> Mask:
-        """Mask of static readings that tell nothing: copies, and those of a sensor at its end."""
+        """Mask of static readings without information: copies, and those of a sensor at its end."""
         if self.static is None:
             return np.empty(0, bool)
         unused = at_sensor_end(self.static)
@@ -264,7 +265,7 @@ class Dataset:
 
     @property
     def masses(self) -> Array:
-        """Those under which anything was read [kg], row by row."""
+        """Masses under which anything was read [kg], row by row."""
         masses = (sheet.mass for sheet in self.sheets if "mass" in sheet.values)
         return np.concatenate([np.empty(0), *masses])
 
@@ -272,9 +273,9 @@ class Dataset:
 def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     """Read a dataset by its folder, or by the dataset.toml in it.
 
-    The specimen of a coupon names its strip and need not be one of dataset.toml. Of readings that
-    are only ``planned`` static.csv and range.csv may leave out what was read. An
-    :class:`InputError` names file and key, or line and column, of what cannot be used.
+    The specimen of a coupon names its strip and need not be one of dataset.toml. For readings that
+    are only ``planned``, static.csv and range.csv may leave out the measured values. Raise an
+    :class:`InputError` that names file and key, or line and column, of what cannot be used.
     """
     folder = _dataset_folder(Path(folder))
     about = folder / "dataset.toml"
@@ -366,7 +367,7 @@ def _checked_sheet(file: Path, name: str, dataset: Dataset, planned: bool
     """Read one of FILES, check its specimens, masses and copies, and list remarks on it."""
     later: tuple[str, ...] = ("displacement", "range", "frequency") if planned else ()
     names = [specimen.name for specimen in dataset.specimens]
-    # Nothing hangs on a film without plate.
+    # A film without plate carries no mass.
     alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
     later += ("mass",) if alone else ()
     columns = [replace(column, required=column.required and column.name not in later,
@@ -384,7 +385,7 @@ def _checked_sheet(file: Path, name: str, dataset: Dataset, planned: bool
 
 
 def _check_ranges(ranges: Sheet, rig: Rig) -> None:
-    """Refuse ranges between voltages that do not ascend, and negative ones of a mere load."""
+    """Refuse ranges between voltages that do not ascend, and negative ones of mere loads."""
     for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
         raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
     if rig.gas_pressure > 0 or rig.biases:
@@ -396,7 +397,7 @@ def _check_ranges(ranges: Sheet, rig: Rig) -> None:
 
 
 def _unloaded(sheet: Sheet, alone: Sequence[str]) -> Sheet:
-    """The same table with no mass on some films: they have no plate."""
+    """Set the mass to zero on films that have no plate."""
     bare = np.isin(sheet.specimen, alone)
     for row in np.flatnonzero(bare & (np.nan_to_num(sheet.mass) != 0)):
         raise sheet.error(int(row), "mass", "must be 0 or left out: a mass hangs on a plate, and "
@@ -407,7 +408,7 @@ def _unloaded(sheet: Sheet, alone: Sequence[str]) -> Sheet:
 
 
 def _guesses(about: Path) -> list[str]:
-    """Lines of a draft that were to be corrected, and still say so."""
+    """List lines of a draft that were to be corrected, and still say so."""
     lines = about.read_text(encoding="utf-8").splitlines()
     return [f"{about.name}, line {number}: {line.partition(GUESS)[0].strip(' #')!r} is a guess of "
             f"the draft: {line.partition(GUESS)[2].strip()}. Correct the line, then delete the "
@@ -416,7 +417,7 @@ def _guesses(about: Path) -> list[str]:
 
 
 def _layouts(table: Table, key: str) -> dict[str, Layout]:
-    """The layouts of files by their names without suffix."""
+    """Read the layouts of files by their names without suffix."""
     part, kinds = table.table(key, {}), [Path(name).stem for name in FILES]
     layouts = {kind: _layout(part.table(kind)) for kind in kinds if kind in part}
     part.asked.update(kinds)
@@ -425,14 +426,14 @@ def _layouts(table: Table, key: str) -> dict[str, Layout]:
 
 
 def _layout(table: Table) -> Layout:
-    """A layout whose file stands near the dataset."""
+    """Read a layout; its file is relative to the dataset."""
     if "file" in table:
         table.beside("file")
     return Layout.from_table(table)
 
 
 def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
-    """Statements that hold of a file that does not say so."""
+    """List statements that hold for a file unless it says otherwise."""
     usual = {"run": "1"}
     if len(dataset.specimens) == 1:
         usual["specimen"] = dataset.specimens[0].name
@@ -440,23 +441,23 @@ def _usual(dataset: Dataset, file: Path) -> dict[str, str]:
 
 
 def _published(file: Path) -> Format | None:
-    """The format of a file that holds coupons whatever its name, None of any other file."""
+    """Recognise a coupon format that is independent of the file's name; None for other files."""
     kind = format_of(file, file_bytes(file))
     return kind if kind is not None and kind.table else None
 
 
 def _publications() -> str:
-    """Formats of files that may have any name, in words."""
+    """Describe formats of files that may have any name, in words."""
     return "; ".join(kind.explanation for kind in FORMATS.values() if kind.table)
 
 
 def channels(static: Sheet) -> tuple[str, ...]:
-    """Quantities that were measured besides the displacement."""
+    """List quantities that were measured besides the displacement."""
     return tuple(name for name in CHANNELS if np.isfinite(static[name]).any())
 
 
 def _specimen_files(about: Path) -> list[str]:
-    """The files of specimens and rig that a dataset names."""
+    """List the files of specimens and rig that a dataset names."""
     table = Table.read(about)
     rig = [table.text("rig")] if isinstance(table.value("rig", None), str) else []
     return rig + [entry.text("file") for entry in table.tables("specimen") if "file" in entry]
@@ -475,7 +476,7 @@ def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
 
 
 def _specimen_table(entry: Table) -> Table:
-    """The table itself, or that of the ``file`` it names, relative to the dataset."""
+    """Read the table of the ``file`` that an entry names, relative to the dataset; else itself."""
     if "file" not in entry:
         entry.knows("file", ("specimen", "path"), "the name of a specimen's own file")
         return entry
@@ -505,7 +506,7 @@ def _check_specimens(sheet: Sheet, names: list[str]) -> None:
 
 
 def _check_times(transients: Sheet) -> None:
-    """Refuse times of a run that are, but for rounding, one."""
+    """Refuse times of a run that are equal within rounding."""
     runs = [np.unique(transients[name], return_inverse=True)[1].ravel()
             for name in ("specimen", "mass", "run")]
     order = np.lexsort((transients.t, *runs))
@@ -535,7 +536,7 @@ def _check_places(fields: Sheet, dataset: Dataset) -> None:
 
 
 def _identical(sheet: Sheet) -> list[str]:
-    """Refuse rows that stand twice where a row has a mark of its own; remark on them elsewhere."""
+    """Refuse equal rows where rows have a distinguishing column; remark on them elsewhere."""
     first: dict[tuple[str, ...], int] = {}
     earlier_rows = [first.setdefault(tuple(cells), row) for row, cells in enumerate(sheet.cells)]
     pairs = [(row, earlier) for row, earlier in enumerate(earlier_rows) if row != earlier]

@@ -1,4 +1,4 @@
-"""Doubts about numbers of a table: which way they count, from where, and what their rows are."""
+"""Doubts about numbers of a table: their sign, their zero, and what its rows are."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from tympan.studies.circles import MembraneCircle
 
 #: Correlation from which numbers rise or fall with others.
 _CORRELATED = 0.5
-#: Share of the largest reading of a ramp that is nothing.
+#: Share of the largest reading of a ramp that counts as zero.
 _NOTHING = 0.02
 #: Ratio of two masses from which the deflections under them must differ.
 _HEAVIER = 1.5
-#: Power of the mass with which deflections grow at least: films stiffen up to their cube.
+#: Least power of the mass with which deflections grow: films stiffen at most to a cubic force.
 _STIFFENS = 1 / 3
-#: Deflections at which a film's force is looked at.
+#: Number of deflections at which a film's force is computed.
 _PLACES = 1001
-#: Largest deflection that is looked at, over the frame's radius: no film goes as far.
+#: Largest of these deflections, over the frame's radius: no film goes as far.
 _WIDTHS = 3.0
 #: Readings of one state from which a range of frequencies is a sweep: repeats are fewer.
 _SWEEP = 4
-#: Share of the largest frequency by which those of one state do not differ: noise is less.
+#: Share of the largest frequency below which readings of one state may differ by noise.
 _SCATTERED = 0.3
-#: Times from which even ones are a recorder's: a few are even by chance.
+#: Fewest evenly spaced times that come from a recorder: a few are even by chance.
 _EVEN = 8
-#: Share of a step within which times are even: a clock's last digit.
+#: Share of a step within which times count as evenly spaced: a clock's last digit.
 _EVENLY = 0.01
-#: A list of states has no two of them within so many seconds.
+#: Least time between two states in a list of states [s].
 _QUICK = 2.0
 
 
 def groups_of(columns: Sequence[Sequence[str]], count: int) -> Numbers:
-    """Groups of rows that have the same cells in each of some columns."""
+    """Assign numbers to groups of rows that have the same cells in each of some columns."""
     if not columns:
         return np.zeros(count, np.int64)
     rows = list(zip(*columns, strict=True))
@@ -45,7 +45,7 @@ def groups_of(columns: Sequence[Sequence[str]], count: int) -> Numbers:
 
 
 def rises(values: Array, along: Array, groups: Numbers) -> bool | None:
-    """Whether numbers rise along others within groups, or fall; None where that is not clear."""
+    """Check if numbers rise along others within groups, or fall; None where this is unclear."""
     ok = np.isfinite(values) & np.isfinite(along)
     if ok.sum() < 2:
         return None
@@ -62,7 +62,7 @@ def rises(values: Array, along: Array, groups: Numbers) -> bool | None:
 
 
 def swept(values: Array, groups: Numbers) -> bool:
-    """Whether readings of one state go over a range, as those of a drive do."""
+    """Check if readings of one state cover a range, as in a sweep of a drive."""
     for number in np.unique(groups):
         here = values[(groups == number) & np.isfinite(values)]
         if len(here) >= _SWEEP and np.ptp(here) > _SCATTERED * np.abs(here).max():
@@ -71,13 +71,13 @@ def swept(values: Array, groups: Numbers) -> bool:
 
 
 def all_negative(values: Array) -> bool:
-    """Whether no number is positive and some are negative."""
+    """Check that no number is positive and some are negative."""
     finite = values[np.isfinite(values)]
     return bool(len(finite) and finite.max() <= 0 > finite.min())
 
 
 def from_rest(values: Array, voltage: Array, groups: Numbers) -> bool:
-    """Whether readings are nothing at the lowest of several voltages, though a mass hangs there."""
+    """Check if readings are zero at the lowest of several voltages, although a mass hangs there."""
     for number in np.unique(groups):
         here = (groups == number) & np.isfinite(values) & np.isfinite(voltage)
         if not here.any() or not np.ptp(voltage[here]):
@@ -89,7 +89,7 @@ def from_rest(values: Array, voltage: Array, groups: Numbers) -> bool:
 
 
 def hardly_grow(values: Array, mass: Array, groups: Numbers) -> bool:
-    """Whether readings grow less with the mass than those of a film that is flat without one."""
+    """Check if readings grow less with the mass than those of a film that is flat without mass."""
     said = []
     for number in np.unique(groups):
         here = np.flatnonzero((groups == number) & np.isfinite(values) & (mass > 0))
@@ -104,9 +104,9 @@ def hardly_grow(values: Array, mass: Array, groups: Numbers) -> bool:
 
 
 def usual_deflections(film: Specimen, masses: Array) -> Array:
-    """Deflections [m] of a film without voltage under masses [kg], as of a circle of its area.
+    """Compute deflections [m] of a film without voltage under masses [kg], as a circle of its area.
 
-    Beyond three times the film's width they are inf, and of no mass nothing.
+    They are inf beyond three times the film's width, and zero without a mass.
     """
     radius = float(np.sqrt(np.prod(film.frame.semi_axes)))
     circle = MembraneCircle(film, radius)
@@ -116,7 +116,7 @@ def usual_deflections(film: Specimen, masses: Array) -> Array:
 
 
 def run_back(times: Array, groups: Numbers) -> int | None:
-    """The first row whose time is before that of the row above in its group."""
+    """Find the first row whose time is before that of the row above in its group."""
     for number in np.unique(groups):
         rows = np.flatnonzero((groups == number) & np.isfinite(times))
         back = np.flatnonzero(np.diff(times[rows]) < 0)
@@ -126,7 +126,7 @@ def run_back(times: Array, groups: Numbers) -> int | None:
 
 
 def even(times: Array) -> bool:
-    """Whether times are a recorder's: many, and evenly spaced but for where it began again."""
+    """Check if times are a recorder's: many, and evenly spaced but for where it restarted."""
     steps = np.diff(times[np.isfinite(times)])
     steps = steps[steps > 0]
     return len(steps) >= _EVEN - 1 and bool(
@@ -134,16 +134,16 @@ def even(times: Array) -> bool:
 
 
 def quick(times: Array) -> bool:
-    """Whether the times [s] are closer than states at rest are read."""
+    """Check if the times [s] are closer than readings of equilibria."""
     steps = np.diff(times[np.isfinite(times)])
     steps = steps[steps > 0]
     return bool(len(steps)) and float(np.median(steps)) < _QUICK
 
 
 def numbers_rows(cells: Sequence[str], states: Sequence[tuple[str, ...]]) -> bool:
-    """Whether cells of a column of names number the rows: each once, while the states change.
+    """Check if cells of a column of names number the rows: each once, while the states change.
 
-    Numbers with decimals name nothing either.
+    Numbers with decimals are no names either.
     """
     if any(not cell.lstrip("+-").replace(".", "", 1).isdigit() for cell in cells):
         return False
@@ -153,7 +153,7 @@ def numbers_rows(cells: Sequence[str], states: Sequence[tuple[str, ...]]) -> boo
 
 
 def numbered(cells: Sequence[str]) -> bool:
-    """Whether cells number rows one after the other, and a few are blank."""
+    """Check if cells number rows one after the other, where a few may be blank."""
     said = [cell for cell in cells if cell]
     return (len(said) > 2 and 0 < len(cells) - len(said) < len(said)
             and all(cell.isdigit() for cell in said)
@@ -161,7 +161,7 @@ def numbered(cells: Sequence[str]) -> bool:
 
 
 def held(forces: Sequence[str], voltages: Sequence[str]) -> bool:
-    """Whether the same few forces stand at several voltages each: weights, which nobody reads."""
+    """Check if the same few forces occur at several voltages each: then they are weights."""
     by_force: dict[str, set[str]] = {}
     for force, voltage in zip(forces, voltages, strict=True):
         by_force.setdefault(force, set()).add(voltage)

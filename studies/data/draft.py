@@ -1,4 +1,4 @@
-"""A first dataset.toml for somebody's table: every line a guess with its reason, to correct."""
+"""A first dataset.toml for a user's table: every line is a guess with its reason, to correct."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from tympan.tables.column import NUMBER, Column
 from tympan.tables.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
 from tympan.tables.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
 
-#: Kinds of files that are guessed, of those that explain as much the first.
+#: Kinds of files that are guessed; of equally good ones the first is taken.
 _KINDS = ("static", "transient", "force", "coupon", "frequency", "range")
-#: Rows by which the kind of a table is judged: more of them take seconds.
+#: Most rows by which the kind of a table is judged: more of them take seconds.
 _JUDGED = 20_000
 _CORRECT = f"{GUESS} "
-#: Columns of what is set, which holds on until it is changed; what is read is not there if blank.
+#: Columns of settings, where a blank repeats the value above; in other columns a blank is missing.
 _SET = ("specimen", "mass", "voltage", "run", "mode")
-#: Marks of cells that have the value above.
+#: Marks of cells that repeat the value above.
 _DITTO = frozenset(('"', "''", "″", "”", "〃", "dito", "ditto", "idem", "id.", "do."))
-#: Blanks between columns, as in tables that are printed.
+#: Blanks between columns, as in printed tables.
 _BLANKS = re.compile(r"\S(?:\s{2,}|\t)\S")
-#: A heading that is a load, as tables have that are wide.
+#: Heading that is a load, as in wide tables.
 _LOAD = re.compile(r"\d+(?:[.,]\d+)?\s*k?g")
 
 
 class Decimal(NamedTuple):
-    """A decimal mark that has to be stated, and why."""
+    """A decimal mark that has to be stated, and the reason."""
 
     mark: str
     why: str
@@ -53,8 +53,8 @@ class Decimal(NamedTuple):
 class Draft:
     """Lines for a table: its :class:`Guesses`, and the decimal mark if stated.
 
-    ``folder`` is where its dataset.toml will stand, ``stated`` whether the kind is no guess;
-    ``unread`` says what of the file has no rows.
+    ``folder``: where its dataset.toml will be; ``stated``: whether the user states the kind;
+    ``unread``: parts of the file that have no rows.
     """
 
     guesses: Guesses
@@ -75,7 +75,7 @@ class Draft:
 
     @property
     def specimens(self) -> Mapping[Path, Specimen]:
-        """Specimens whose files stand near."""
+        """Specimens whose files are near."""
         return self.guesses.specimens
 
     @property
@@ -95,7 +95,7 @@ class Draft:
         Raises
         ------
         InputError
-            Where a heading that is read stands twice: no line could name one of them.
+            Where a heading that is read occurs twice: no line could name one of them.
         """
         self._require_one_of_each()
         lines = ["# A draft: every line is a guess. Correct it, then run: tympan data .",
@@ -105,7 +105,7 @@ class Draft:
         return "\n".join(lines) + "\n"
 
     def _gas(self) -> Iterator[str]:
-        """The gas that holds films without plate, for who drafts to write."""
+        """Write the gas under films without plate, for the user to correct."""
         if self.guesses.bare:
             yield ""
             yield "[rig]"
@@ -124,7 +124,7 @@ class Draft:
                                  given=titles[choice.place])
 
     def _other(self) -> Iterator[str]:
-        """Other things that the table may be, where its headings do not decide."""
+        """Write other kinds that the table may be, where its headings do not decide."""
         if self.unread:
             yield f"# {_CORRECT}{self.unread}."
         for doubt, question, kind in () if self.stated else self.guesses.doubts_of_kind():
@@ -152,7 +152,7 @@ class Draft:
             yield f"ignore = [{', '.join(map(_quoted, left))}]  # no column is known by these names"
 
     def _skipped(self) -> Iterator[str]:
-        """Lines that sum others up, and such as another column says not to count."""
+        """Write the lines that are summaries, and those that another column excludes."""
         sums, uncounted = self.guesses.summaries, self.guesses.uncounted
         said = list(dict.fromkeys(sums.values()))[:SHOWN]
         why = f"lines that sum others up: {', '.join(said)}" if said else ""
@@ -180,7 +180,7 @@ class Draft:
                 yield self._absent(column)
 
     def _chosen(self, choice: ColumnChoice, source: Source | None) -> str:
-        """The line that reads a column from a heading, with its sign where it may have one."""
+        """Write the line that reads a column from a heading, with a sign where it may have one."""
         column, title = choice.column, self.header.titles[choice.place]
         unit = self.guesses.unit_of(choice)
         why = (f"{title!r} is known as {column.name}" if choice.by == "words"
@@ -206,17 +206,17 @@ class Draft:
 
     @cached_property
     def _naming(self) -> int | None:
-        """Place of the column of specimens: by its heading, else by cells that name films here."""
+        """Index of the column of specimens: by its heading, else by cells that name films here."""
         by_heading = self.guesses.sources.get("specimen")
         by_cells = [place for place in self.guesses.unknown if any(
             self._file_of(name) for name in self.guesses.labels(place))]
         return by_heading.place if by_heading else next(iter(by_cells), None)
 
     def _of_all_rows(self, column: Column) -> str:
-        """The line of the specimen where no heading says it: a column whose cells do, or one film.
+        """Write the line of the specimen without a known heading: a column of names, or one film.
 
-        One film is a guess that a second film, a column of labels, or what stands above the
-        headings may contradict; that, or the file's name, may say which one.
+        One film is a guess that a second film, a column of labels, or text above the headings may
+        contradict; that text, or the file's name, may say which one.
         """
         if self._naming is not None:
             title = self.header.titles[self._naming]
@@ -243,7 +243,7 @@ class Draft:
 
     @cached_property
     def _labels(self) -> dict[int, list[str]]:
-        """Place and labels of the first unknown column that may name several films, if any."""
+        """Index and labels of the first unknown column that may name several films, if any."""
         if self._naming is not None:
             return {}
         found = ((place, self.guesses.labels(place)) for place in self.guesses.unknown)
@@ -252,19 +252,19 @@ class Draft:
 
     @cached_property
     def _film(self) -> Path | None:
-        """The file of the specimen that stands above the table or in its name."""
+        """The file of the specimen that is named above the table or in its file name."""
         files = (self._file_of(label) for _, label in self._told)
         return next((file for file in files if file is not None), None)
 
     @cached_property
     def _told(self) -> list[tuple[str, str]]:
-        """Places outside the columns that may name the specimen, and the names; the file's last."""
+        """Places outside the columns that may name the specimen, and the names; file name last."""
         above = stated_specimen(self.guesses.above)
         of_file = [("the file's name", self.file.stem)]
         return of_file if above is None else [(f"line {above[0]}", above[1]), *of_file]
 
     def _absent(self, column: Column) -> str:
-        """The line of a column that no heading is known for: what stands outside, or a question."""
+        """Write the line of a column without a known heading: a value outside it, or a question."""
         if column.choices is not None:
             value = {"specimen": self.name, "run": "1"}.get(column.name, tuple(column.choices)[:1])
             value = named_mode(self.file).get(column.name, value)
@@ -299,7 +299,7 @@ class Draft:
         return f'{size} = "{usual}"  # {_CORRECT}of the test piece before it is stretched'
 
     def _words(self) -> list[str]:
-        """Cells of columns of numbers that are none, and marks of a value above."""
+        """List cells in columns of numbers that are no numbers, and marks of a value above."""
         choices = self.guesses.choices.values()
         needed = any(choice.column.required for choice in choices)
         words = {cell for choice in choices for cell in set(self.guesses.cells(choice.place))
@@ -307,7 +307,7 @@ class Draft:
         return sorted(words | self.header.missing)
 
     def _specimens(self) -> Iterator[str]:
-        """A file for each name in the table's column of specimens, else the first that is near."""
+        """Write a file for each name in the table's column of specimens, else the first near."""
         place = self._naming
         said = [self.specimens[self._film].name] if self._film is not None else []
         if place is not None:
@@ -329,9 +329,10 @@ class Draft:
             else "the only specimen in its folder")
 
     def _file_of(self, name: str) -> Path | None:
-        """The file of the specimen of that name, else the file that is called so.
+        """Find the file of the specimen of that name, else the file with that name.
 
-        Else the only one whose name, or its file's, is a word of it: kreis.toml of "Kreis 1".
+        Else take the only file whose name, or whose specimen's, is a word of it: kreis.toml for
+        "Kreis 1".
         """
         called = {file.stem.casefold(): file for file in self.specimens}
         exact = next((file for file, film in self.specimens.items() if film.name == name),
@@ -342,7 +343,7 @@ class Draft:
         return exact or (near[0] if len(near) == 1 else None)
 
     def _entry(self, name: str, file: Path | None) -> str:
-        """The line that names the file of a specimen that the table names."""
+        """Write the line that names the file of a specimen in the table."""
         if file is None:
             return (f"file = {_quoted(f'{name}.toml')}  # {_CORRECT}no file of a specimen "
                     f"{name!r} stands here")
@@ -353,7 +354,7 @@ class Draft:
             f"{_CORRECT}its name is {own!r}, in the table it is {name!r}: write one in both")
 
     def _named(self, file: Path) -> str:
-        """A file's name as dataset.toml has to write it: from its own folder, near enough."""
+        """Write a file's name for dataset.toml: relative to its folder, if near enough."""
         name = Path(os.path.relpath(file, self.folder)).as_posix()
         try:
             beside(self.folder, name)
@@ -363,14 +364,14 @@ class Draft:
 
 
 def draft(file: Path | str, kind: str | None = None, folder: Path | None = None) -> Draft:
-    """Guess of a table; ``kind`` is the file of a dataset it stands for, such as "force".
+    """Guess the meaning of a table; ``kind`` is the file of a dataset it is, such as "force".
 
-    ``folder``: where dataset.toml will stand, if not beside the table.
+    ``folder``: where dataset.toml will be, if not next to the table.
 
     Raises
     ------
     InputError
-        Where no line has headings that are known, or the file is no table.
+        Where no line has known headings, or the file is no table.
     """
     file = Path(file)
     if kind is not None and f"{kind}.csv" not in FILES:
@@ -383,7 +384,7 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
     left = unread(file, file_bytes(file))
 
     def guessed(kinds: Sequence[str], some: Sequence[Row]) -> list[Draft]:
-        """Drafts of the kinds that rows of the table may be of."""
+        """List drafts of the kinds that rows of the table may be."""
         return [Draft(Guesses(file, name, header, tuple(some), specimens), decimal, folder,
                       name in (kind, file.stem.lower()), left)
                 for name in kinds if (header := _header(file, name, some)) is not None]
@@ -397,7 +398,7 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
 
 
 def _hint(rows: Sequence[Row]) -> str:
-    """Further advice on a table whose headings are not known, "" without any."""
+    """Advise on a table whose headings are not known; "" without any advice."""
     first = [cells for _, cells in rows[:SEARCHED]]
     if sum(len(cells) == 1 and bool(_BLANKS.search(cells[0])) for cells in first) > len(first) / 2:
         return ("; blanks stand between them: save the table with commas, semicolons or tabs "
@@ -410,7 +411,7 @@ def _hint(rows: Sequence[Row]) -> str:
 
 def write_draft(file: Path | str, target: Path | str | None = None, kind: str | None = None
                 ) -> Path:
-    """Write the draft of a table beside it, or to a ``target``; nothing is overwritten."""
+    """Write the draft of a table next to it, or to a ``target``; nothing is overwritten."""
     file = Path(file)
     target = file.parent / "dataset.toml" if target is None else Path(target)
     text = draft(file, kind, target.parent).text
@@ -421,7 +422,7 @@ def write_draft(file: Path | str, target: Path | str | None = None, kind: str | 
 
 
 def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
-    """The rows of a table, with a decimal mark where the reader does not find it by itself."""
+    """Read the rows of a table, with a decimal mark where the reader does not recognise it."""
     content = file_bytes(file)
     try:
         rows = tuple(read_rows(file, content))
@@ -438,7 +439,7 @@ def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
 
 
 def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
-    """The header of a table if it is of that kind, whatever is missing."""
+    """Find the header of a table if it is of that kind, even if columns are missing."""
     columns = [replace(column, required=False) for column in FILES[f"{kind}.csv"]]
     whole = Layout(area=1.0, length=1.0)
     reader = Reader(file, columns, whole, lenient=True)
@@ -464,7 +465,7 @@ def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
 
 
 def _specimens_in(folder: Path) -> dict[Path, Specimen]:
-    """The specimens in a folder by their files."""
+    """Read the specimens in a folder by their files."""
     found = {}
     for file in sorted(folder.glob("*.toml")):
         with suppress(InputError):

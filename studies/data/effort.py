@@ -1,4 +1,4 @@
-"""Cost of readings for whoever makes them."""
+"""Work that readings take."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
 @dataclass(frozen=True)
 class Effort:
-    """Time that work on a bench takes [s]; the defaults are guesses, for one's own to replace."""
+    """Time that work on a test bench takes [s]; the defaults are guesses, for users to replace."""
 
     reading: Annotated[float, Key("one more reading, its voltage set", "time", POSITIVE)] = 20.0
     load: Annotated[float, Key("a run under another mass, or once more", "time",

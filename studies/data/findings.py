@@ -1,4 +1,4 @@
-"""Faults that people make in rows, found without a film: copies, a sensor's end, a moved zero."""
+"""Mistakes in rows that are found without a film: copies, a saturated sensor, a moved zero."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from tympan.studies.estimation.noise import Noise
 
 #: Probability by noise alone below which equal readings are copies: a table has many pairs of rows.
 _CHANCE = 1e-6
-#: Share of the noise within which readings are equal, where they are written with more digits.
+#: Share of the noise within which readings written with more digits count as equal.
 _EQUAL = 3e-3
-#: Chance from which equal readings tell nothing: the noise is hardly more than a display's step.
+#: Chance of equal readings from which they prove nothing: the noise is hardly a display's step.
 _OFTEN = 0.15
-#: Fewest rows one after the other that are a copy of as many others.
+#: Fewest consecutive rows that count as a copy of as many others.
 _BLOCK = 3
-#: Mask up to which blocks are sought: that takes time as their square.
+#: Most rows in which copied blocks are searched: the time grows with their square.
 _MANY = 3000
 
-#: How many states tell a sensor's end, and how many times as many as any other such interval has.
+#: Fewest states at a sensor's end, and least ratio of them to the states in any other interval.
 _SEVERAL = 3
 #: Share of the largest rise of a ramp within which all states at the sensor's end must lie.
 _NARROW = 0.02
 
 #: Probability by chance below which the zero of a run has moved.
 _MOVED = 1e-4
-#: Zeros over the scatter about them, standard deviations, from which a zero is all that differs.
+#: Ratio of zeros to the scatter about them from which only the zeros differ.
 _ALL = 2.0
 
-#: How far from a multiple of a step a value may be, over the step: the rounding of a decimal number
+#: Distance of a value from a multiple of a step, over the step: the rounding of a decimal number
 #: in a file.
 _ROUNDED = 1e-6
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something in a dataset that is none of the film's doing."""
+    """A fault in a dataset that is not caused by the film."""
 
     kind: Annotated[Literal["copies", "outlier", "sensor_end", "clock", "run_zero", "labels",
                             "quantity", "film"], Key(
@@ -59,9 +59,9 @@ class Finding:
 
 
 def step_of(values: Array) -> float:
-    """The largest round step, 1, 2 or 5 times a power of ten, of which all values are multiples.
+    """Find the largest round step, 1, 2 or 5 times a power of ten, that divides all values.
 
-    0 where there is none, or all are one value.
+    0 where there is none, or all values are equal.
     """
     if not np.ptp(values):
         return 0.0
@@ -73,7 +73,7 @@ def step_of(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CopiedRows:
-    """Rows that are copies, by their numbers, and which rows they are copies of."""
+    """Rows that are copies, by their numbers, and the rows they are copies of."""
 
     rows: Numbers
     of: Numbers
@@ -82,8 +82,8 @@ class CopiedRows:
     def among(cls, static: Sheet, noise: float | None) -> CopiedRows:
         """Find later rows of a file that equal earlier ones more closely than the noise permits.
 
-        Mask of one state, or several rows one after the other, of whatever states, in the same or
-        the opposite order. ``noise``: the one stated [m], if any. A display's steps make readings
+        They are rows of one state, or several consecutive rows of any states, in the same or the
+        opposite order. ``noise``: the stated one [m], if any. A display's steps make readings
         equal by chance, and so do zeros that are set: neither are copies.
         """
         seen = np.isfinite(static.displacement) & (static.displacement != 0)
@@ -95,7 +95,7 @@ class CopiedRows:
         step, sigma = step_of(read), _quietest(static, rows, state, noise)
         copies = dict[int, int]()
         for near in {0.5 * step, max(0.5 * step, _EQUAL * sigma)} - {0.0}:
-            # Two readings of one state differ by a normal number of √2 times their noise.
+            # The difference of two readings of one state is normal, with √2 times their noise.
             chance = min(1.0, near / (np.pi**0.5 * max(sigma, 1e-300)))
             if chance > _OFTEN:
                 continue
@@ -107,12 +107,12 @@ class CopiedRows:
 
 
 def _quietest(static: Sheet, rows: Numbers, state: Numbers, noise: float | None) -> float:
-    """The least of what may be the noise of a reading [m]: quiet readings are equal more often."""
+    """Find the least possible noise of a reading [m]: quiet readings are equal more often."""
     read = static.displacement[rows]
     least = min(_rough(static, rows), np.inf if noise is None else noise)
     order = np.lexsort((read, state))
     apart = np.diff(read[order])[np.diff(state[order]) == 0]
-    # What may be copies says nothing of the noise.
+    # Possible copies say nothing about the noise.
     apart = apart[apart > _EQUAL * (least if np.isfinite(least) else 0.0)]
     if len(apart) >= _SEVERAL:
         least = min(least, float(np.median(apart)))
@@ -120,9 +120,9 @@ def _quietest(static: Sheet, rows: Numbers, state: Numbers, noise: float | None)
 
 
 def _rough(static: Sheet, rows: Numbers) -> float:
-    """Scatter of readings about smooth curves of the voltage, each on one way up or down [m].
+    """Compute the scatter of readings about smooth curves of the voltage, each on one way [m].
 
-    inf where no way is long enough.
+    inf where no way up or down is long enough.
     """
     left = [np.abs(ramp.off) * (len(ramp.rows) / (len(ramp.rows) - ramp.columns.shape[1])) ** 0.5
             for ramp in ramps(static, rows)]
@@ -130,7 +130,7 @@ def _rough(static: Sheet, rows: Numbers) -> float:
 
 
 def _repeated(read: Array, state: Numbers, near: float, chance: float) -> dict[int, int]:
-    """Rows that equal another of the same state, by the first of these; none if chance does it."""
+    """Map rows to the first equal row of the same state; empty if chance explains them."""
     order = np.lexsort((np.arange(len(read)), read, state))
     same = (np.diff(state[order]) == 0) & (np.abs(np.diff(read[order])) <= near)
     sizes = np.bincount(state)
@@ -148,7 +148,7 @@ def _repeated(read: Array, state: Numbers, near: float, chance: float) -> dict[i
 
 
 def _blocks(read: Array, near: float, chance: float) -> dict[int, int]:
-    """Rows one after the other that equal as many others, in the same or the opposite order."""
+    """Map consecutive rows to as many equal ones, in the same or the opposite order."""
     count, copies = len(read), dict[int, int]()
     numbers = np.arange(count)
     for later in [numbers + lag for lag in range(1, count)] + [
@@ -160,7 +160,7 @@ def _blocks(read: Array, near: float, chance: float) -> dict[int, int]:
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             if end - begin < _BLOCK:
                 continue
-            # One value again and again is a sensor that stands still.
+            # The same value again and again comes from a sensor that does not move.
             different = 1 + int(np.sum(np.diff(np.sort(read[begin:end])) > near))
             if different >= _BLOCK and count**2 * chance**different < _CHANCE:
                 copies |= {int(later[row]): row for row in range(begin, end)}
@@ -168,10 +168,9 @@ def _blocks(read: Array, near: float, chance: float) -> dict[int, int]:
 
 
 def at_sensor_end(static: Sheet) -> Mask:
-    """Readings in a narrow interval at the largest, which has far more states than any other.
+    """Mark readings in a narrow interval at the maximum, which has far more states than any other.
 
-    Of other states those count that have made half of their ramp's rise: low voltages hardly move
-    a plate.
+    Other states count only above half of their ramp's rise: low voltages hardly move a plate.
     """
     keys = groups(static.specimen, static.mass, static.voltage)
     ramp = groups(static.specimen, static.mass)
@@ -202,7 +201,8 @@ class RunZeros:
     """Zeros of runs that read the same states, by the runs' names.
 
     ``zeros`` [m] about their mean; ``error``: standard deviation of their differences [m];
-    ``states``: how many several runs have read; ``scatter`` of readings about states and zeros.
+    ``states``: number of states read in several runs; ``scatter``: of readings about states and
+    zeros.
     """
 
     runs: tuple[str, ...]
@@ -213,9 +213,9 @@ class RunZeros:
 
     @classmethod
     def of(cls, static: Sheet, skipped: Mask) -> RunZeros | None:
-        """Find zeros by states that several runs have read; None if they moved no more than noise.
+        """Find zeros from states that several runs have read; None if they moved only by noise.
 
-        Nor where more than a zero differs.
+        None as well where more than a zero differs.
         """
         rows = np.flatnonzero(np.isfinite(static.displacement) & ~skipped)
         state = groups(static.specimen[rows], static.mass[rows], static.voltage[rows],
@@ -232,7 +232,7 @@ class RunZeros:
         means = np.bincount(state, read) / np.bincount(state)
 
         def about(values: Array) -> Array:
-            """Values less the mean of each state."""
+            """Subtract the mean of each state from values."""
             return np.asarray(values - (np.bincount(state, values) / np.bincount(state))[state])
 
         columns = np.stack([about((run == number).astype(float))
@@ -260,9 +260,9 @@ class RunZeros:
         return float(np.sqrt(np.sum(self.zeros**2) / (count - 1)))
 
     def columns(self, run: NDArray[np.str_]) -> Array:
-        """Effect of each run's zero on readings of these runs at its standard deviation."""
+        """Build the effect of each run's zero on readings at its standard deviation."""
         return self.size * np.stack([run == name for name in self.runs], axis=1)
 
     def pairs(self) -> Iterator[tuple[str, float]]:
-        """Each run but the first, with its zero over that one's [m]."""
+        """Yield each run but the first, with its zero minus that of the first one [m]."""
         yield from zip(self.runs[1:], (self.zeros[1:] - self.zeros[0]).tolist(), strict=True)

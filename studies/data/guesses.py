@@ -1,4 +1,4 @@
-"""Guesses of what each column of somebody's table is, and what speaks against them."""
+"""Guesses of the meaning of each column of a user's table, and doubts about them."""
 
 from __future__ import annotations
 
@@ -40,37 +40,37 @@ from tympan.tables.meanings import (
     sums_up,
 )
 
-#: Readings below which a table with times is a list of states and no run in time.
+#: Fewest readings of a run in time; a shorter table with times is a list of states.
 _RUN = 30
 #: Different voltages from which a table is a list of states rather than steps of a run in time.
 _STEPS = 3
-#: What one missing column of numbers counts against one that was found.
+#: Penalty of a missing column of numbers, relative to the score of a column that was found.
 _MISSED = 1.0
-#: What a column counts by what it is chosen by, besides what one counts that the reader finds.
+#: Score of a column by what it is recognised by; a column that the reader finds counts 1.
 _HALF = {"words": 0.0, "no unit": 0.6, "other unit": 0.6, "unit": 0.5}
-#: What an unlikely reading of a table counts against it: more than a missing column.
+#: Penalty of a table of an unlikely kind: more than that of a missing column.
 _UNLIKELY = 1.5
-#: Headings and lines that a doubt shows.
+#: Most headings and lines that a doubt lists.
 SHOWN = 3
-#: Words that leave no choice where other columns have the same unit.
+#: Words that decide even where other columns have the same unit.
 _SURE = TOTALS.words | SET_VOLTAGES.words
-#: What people call specimens.
+#: Words for specimens.
 _SPECIMENS = Meaning.of(SPECIMENS)
 #: A factor in a heading: "x100", "1/100 mm", "10^3".
 _FACTOR = re.compile(r"[x×*]\s*10|10\s*\^|1/10|/\s*10|\b1?[eE][+-]?\d\b")
-#: Words of headings for a range, also behind a unit: "kVpp".
+#: Words in headings of a range, also after a unit: "kVpp".
 _PEAKS = re.compile(r"(?:\b|V)pp\b|\bp-p\b|pk-pk|peak.to.peak|spitze.spitze|crête.à.crête",
                     re.IGNORECASE)
-#: Strains above which per cent may be meant: twice the length is 1 or 100.
+#: Strains above which per cent may be meant: double length is 1 or 100.
 _STRAINED = 2.0
-#: Factor beyond which a deflection is none of this film and mass. Laws, creep and shapes that are
-#: no circles make less.
+#: Factor beyond which a deflection is not that of this film and mass. Laws, creep and shapes other
+#: than circles change it by less.
 _UNUSUAL = 3.0
-#: Readings from which on numbers of each are those of rows.
+#: Fewest readings in which a number for each row is taken as the row's number.
 _NUMBERED = 20
 #: Stretch below which strains may be meant.
 _SHORT = 0.95
-#: Columns of numbers that make a state.
+#: Columns of numbers that define a state.
 _STATE = ("mass", "voltage", "voltage_min", "voltage_max", "t")
 #: Columns along which the numbers of another one rise, by kind of table, the surest first.
 _RISES = {("static", "displacement"): ("voltage", "mass"),
@@ -82,10 +82,10 @@ _FROM_FLAT = ("static", "transient")
 
 @dataclass(frozen=True)
 class ColumnChoice:
-    """A column of numbers that is taken for one of ours: its place, and by what.
+    """A column of numbers that is taken for one of ours: its index, and by what.
 
-    "words": those of its heading and its unit, "no unit": its words alone, "unit": its unit alone,
-    "other unit": its words, though its unit does not fit.
+    "words": words and unit of its heading, "no unit": its words alone, "unit": its unit alone,
+    "other unit": its words, although its unit does not fit.
     """
 
     column: Column
@@ -95,9 +95,9 @@ class ColumnChoice:
 
 @dataclass(frozen=True)
 class Guesses:
-    """Guesses of a table of a ``kind``, by its header and rows.
+    """Guesses of a table of a ``kind``, from its header and rows.
 
-    ``specimens`` are those whose files stand near it.
+    ``specimens`` are those whose files are near.
     """
 
     file: Path
@@ -113,33 +113,33 @@ class Guesses:
 
     @cached_property
     def _every(self) -> list[Row]:
-        """The rows below the headings, also those that lack a reading."""
+        """The rows below the headings, including those that lack a reading."""
         return list(self.header.below(lambda: self.rows))
 
     @cached_property
     def below(self) -> list[Row]:
-        """The rows below the headings, without those that sum others up."""
+        """The rows below the headings, without summaries."""
         return [row for row in self._every if row[0] not in self.summaries]
 
     @cached_property
     def summaries(self) -> dict[int, str]:
-        """Lines that sum others up, such as means, and the cells that say so."""
+        """Lines that are summaries, such as means, and the cells that say so."""
         found: dict[int, str] = {}
         for place in range(len(self.header.titles)):
             cells = {cell for _, cells in self._every for cell in (cells[place],)
                      if cell and not cell[0].isdigit()}
             sums = {cell for cell in cells if sums_up(cell)}
             lines = {line: cells[place] for line, cells in self._every if cells[place] in sums}
-            if 2 * len(lines) <= len(self._every):  # else it is what all readings are
+            if 2 * len(lines) <= len(self._every):  # else the mark is on most readings
                 found |= lines
         return dict(sorted(found.items()))
 
     def cells(self, place: int) -> list[str]:
-        """The cells of a column."""
+        """List the cells of a column."""
         return [cells[place] for _, cells in self.below]
 
     def numbers(self, place: int) -> Array:
-        """The numbers of a column, nan where there is none."""
+        """Read the numbers of a column, nan where there is none."""
         if place not in self._numbers:
             self._numbers[place] = np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan
                                              for cell in self.cells(place)])
@@ -147,23 +147,23 @@ class Guesses:
 
     @cached_property
     def _numbers(self) -> dict[int, Array]:
-        """The numbers of columns that were asked for."""
+        """The numbers of columns that were read before."""
         return {}
 
     def labels(self, place: int) -> list[str]:
-        """The cells of a column, each once, if they are words."""
+        """List the cells of a column, each once, if they are words."""
         return [cell for cell in dict.fromkeys(self.cells(place))
                 if cell and not NUMBER.fullmatch(cell)]
 
     @cached_property
     def sources(self) -> dict[str, Source]:
-        """Columns that the reader finds by itself, by name, without those of something else."""
+        """Columns that the reader finds by itself, by name, if their cells fit."""
         return {source.column.name: source for source in self.header.sources
                 if source.place not in self.others}
 
     @cached_property
     def others(self) -> frozenset[int]:
-        """Places of known headings whose cells are something else: numbers of rows, clocks."""
+        """Indices of known headings whose cells do not fit: numbers of rows, clocks."""
         numeric = [source.place for source in self.header.sources
                    if source.place is not None and source.column.name in _STATE]
         return frozenset(
@@ -178,7 +178,7 @@ class Guesses:
 
     @cached_property
     def uncounted(self) -> dict[int, str]:
-        """Lines that may be no readings, as another column has it: and why."""
+        """Lines that another column marks as no readings, with the reason."""
         found: dict[int, str] = {}
         for place in self.unknown:
             cells, title = self.cells(place), self.header.titles[place]
@@ -193,7 +193,7 @@ class Guesses:
         return dict(sorted(found.items()))
 
     def _is_reading(self, row: Sequence[str]) -> bool:
-        """Whether a row has a number in each needed column."""
+        """Check whether a row has a number in each needed column."""
         return all(NUMBER.fullmatch(row[choice.place]) for choice in self.choices.values()
                    if choice.column.required)
 
@@ -207,7 +207,7 @@ class Guesses:
 
     @property
     def unnamed(self) -> list[int]:
-        """Places of unknown columns of numbers that may be the needed one that is not there."""
+        """Indices of unknown columns of numbers that may be the needed one that is missing."""
         absent = any(column.name not in self.choices for column in self._missing)
         return [place for place in self.unknown if absent and not self._is_no_number(place)
                 and np.isfinite(self.numbers(place)).any()]
@@ -218,7 +218,7 @@ class Guesses:
 
     @cached_property
     def unknown(self) -> list[int]:
-        """Places of the columns whose headings are not known."""
+        """Indices of the columns whose headings are not known."""
         known = {source.place for source in self.header.sources}
         return [place for place, title in enumerate(self.header.titles)
                 if title and place not in known]
@@ -240,7 +240,7 @@ class Guesses:
 
     @cached_property
     def possible(self) -> list[int]:
-        """Places of unknown columns in a unit of a needed one, but for sizes and scatters."""
+        """Indices of unknown columns in a unit of a needed one, but for sizes and scatters."""
         wanted = {column.dimension for column in self.columns
                   if column.required and column.dimension}
         return [place for place in self.unknown
@@ -267,33 +267,33 @@ class Guesses:
         return found
 
     def _named(self, column: Column, free: Sequence[int]) -> list[int]:
-        """Places of columns that are known by words and not by a unit, exact words first."""
+        """List columns that are recognised by words and not by a unit, exact words first."""
         exact = [place for place in free if column.knows(self._headings[place].words)]
         like = [place for place in free if column.alludes(self._headings[place].words)
                 and not self._dimensions[place] and self._reads(place)]
         return [*exact, *like] if column.unit else []
 
     def _reads(self, place: int) -> bool:
-        """Whether a heading may be that of readings: not of sizes, nor of their scatter."""
+        """Check whether a heading may be that of readings: not of sizes, nor of their scatter."""
         return not NO_READINGS.alluded(self._headings[place].words)
 
     def _by_unit(self, column: Column, free: Sequence[int]) -> int | None:
-        """The only unknown column in a unit of its kind, or the only one with words like it."""
+        """Find the only unknown column in a unit of its kind, or with words like it."""
         places = self.candidates(column, free)
         same = [other.name for other in self._missing if other.dimension == column.dimension]
-        if len(same) > 1:  # of two voltages the one that changes is the higher one
+        if len(same) > 1:  # two voltages: the one that changes is meant
             return places[0] if len(places) == 1 and column.name == "voltage_max" else None
         likely = [place for place in places if column.alludes(self._headings[place].words)
                   and not self._of_something_else(place)]
         return (places[0] if len(places) == 1 else likely[0] if len(likely) == 1 else None)
 
     def candidates(self, column: Column, free: Sequence[int] | None = None) -> list[int]:
-        """Places of unknown columns in a unit of the column's kind."""
+        """List unknown columns in a unit of the column's kind."""
         return [place for place in self.possible if self._dimensions[place] == column.dimension
                 and (free is None or place in free)]
 
     def _of_something_else(self, place: int) -> str:
-        """Words on a heading that makes another reading of the column, "" if it does not."""
+        """Find words in a heading that mark another quantity than the column's, "" if none."""
         title = self.header.titles[place]
         if _FACTOR.search(title):
             return "the heading has a factor, which is not read: write numbers without it"
@@ -303,7 +303,7 @@ class Guesses:
 
     @cached_property
     def score(self) -> float:
-        """Score of the kind by how well it explains the headings."""
+        """Score of the kind: how well it explains the headings."""
         needed = [column.name for column in self.columns
                   if column.required and column.choices is None]
         found = sum(name in self.sources for name in needed)
@@ -318,7 +318,7 @@ class Guesses:
 
     @cached_property
     def _times(self) -> Array:
-        """Times [s], or in an unknown unit, of the column that is known as such by its words."""
+        """Times [s], or in an unknown unit, of the column that is recognised by its words."""
         place = next((place for place, heading in enumerate(self._headings)
                       if heading.words in TIMES.words and not self._is_no_number(place)), None)
         if place is None:
@@ -327,20 +327,20 @@ class Guesses:
 
     @property
     def of_a_tester(self) -> bool:
-        """Whether it has forces and displacements, which strips and plates have."""
+        """Whether it has forces and displacements, as tests of strips and of plates have."""
         return ({"displacement", "force"} <= {*self.sources} if self.kind == "force"
                 else any(source.per == "area" for source in self.sources.values()))
 
     @property
     def of_a_strip(self) -> bool:
-        """Whether its sizes stand above the headings, or its mode in the file's name."""
+        """Whether sizes are above the headings, or a mode is in the file's name."""
         return bool(self.sizes or named_mode(self.file))
 
     @cached_property
     def of_a_plate(self) -> bool:
-        """Whether forces may be those on the specimen's plate, and nothing speaks of a strip.
+        """Whether forces may be those on the specimen's plate, and nothing indicates a strip.
 
-        A strip may be pulled further than the plate is from the frame.
+        A strip may be pulled further than the distance from plate to frame.
         """
         if not self.of_a_tester or len(self.specimens) != 1 or self.of_a_strip:
             return False
@@ -357,11 +357,11 @@ class Guesses:
 
     @cached_property
     def sizes(self) -> dict[str, float]:
-        """Sizes of the test piece [m] that stand above the headings."""
+        """Sizes of the test piece [m] that are above the headings."""
         return stated_sizes(self.above)
 
     def stated(self, dimension: str) -> list[Statement]:
-        """Quantities that stand outside the columns: in the name, above, and between blocks."""
+        """List quantities outside the columns: in the name, above, and between blocks."""
         between = [row for row in self.below if not self._is_reading(row[1])]
         titles = [(self.header.line, [self.header.titles[choice.place]])
                   for choice in self.choices.values()]
@@ -369,7 +369,7 @@ class Guesses:
                 *named_quantities(self.file, dimension)]
 
     def unit_beside(self, choice: ColumnChoice) -> tuple[str, str]:
-        """The unit of a column without one in its heading that stands in it, and where."""
+        """Find the unit in the cells of a column without one in its heading, and where it is."""
         rows = [*self.above[-1:], *(row for row in self.below
                                     if row[1][choice.place] in self.labels(choice.place))]
         for line, cells in rows:
@@ -380,12 +380,12 @@ class Guesses:
         return "", ""
 
     def unit_of(self, choice: ColumnChoice) -> str:
-        """The unit of a column's numbers, "" where only the key says it."""
+        """Find the unit of a column's numbers, "" where only the key gives it."""
         return (usual_unit(self._headings[choice.place].unit) or ""
                 if choice.by in ("words", "unit") else self.unit_beside(choice)[0])
 
     def doubts(self, choice: ColumnChoice) -> Iterator[str]:
-        """Reasons against a choice, or for another one."""
+        """Yield reasons against a choice, or for another one."""
         column, place = choice.column, choice.place
         title, words = self.header.titles[place], self._headings[place].words
         if choice.by in ("no unit", "other unit"):
@@ -416,7 +416,7 @@ class Guesses:
             yield from self._doubts_of_zero(choice)
 
     def _rivals(self, choice: ColumnChoice) -> Iterator[int]:
-        """Places of other columns in a unit of the same kind that may be meant."""
+        """Yield other columns in a unit of the same kind that may be meant."""
         dimension = self._dimensions[choice.place]
         taken = {other.place for other in self.choices.values()}
         for place in self.unknown if dimension else ():
@@ -428,7 +428,7 @@ class Guesses:
                 yield place
 
     def _doubts_of_mass(self, choice: ColumnChoice) -> Iterator[str]:
-        """A mass that stands outside of the column, and is none of it."""
+        """Yield doubts about a mass outside the column that does not occur in it."""
         factor = choice.column.also[0].factor(self._headings[choice.place].unit) or 1.0
         values = factor * self.numbers(choice.place)
         for one in self.stated("mass"):
@@ -447,7 +447,7 @@ class Guesses:
                    "write (%) into its heading")
 
     def _doubts_of_zero(self, choice: ColumnChoice) -> Iterator[str]:
-        """Doubts whether deflections are counted from the flat film."""
+        """Yield doubts whether deflections are counted from the flat film."""
         values, mass = self.numbers(choice.place), self._of("mass")
         loaded = values if mass is None else np.where(mass == 0, np.nan, values)
         voltage = self._of("voltage")
@@ -463,7 +463,7 @@ class Guesses:
             yield from self._doubts_of_size(choice)
 
     def _doubts_of_size(self, choice: ColumnChoice) -> Iterator[str]:
-        """Deflections that the masses cannot make of any of the films, whatever is uncertain."""
+        """Yield doubts about deflections that the masses cannot cause in any of the films."""
         heavy = self.choices["mass"]
         voltage = self._of("voltage")
         still = np.zeros(len(self.below)) if voltage is None else np.abs(np.nan_to_num(voltage))
@@ -484,18 +484,18 @@ class Guesses:
                    f"{1e3 * usual[0][first]:.2g} mm: look at zero, unit and mass")
 
     def _si(self, choice: ColumnChoice) -> Array:
-        """Numbers of a choice in SI."""
+        """Convert numbers of a choice to SI."""
         unit = self.unit_of(choice)
         title = f"{choice.column.name}_{unit}" if unit.isalpha() else choice.column.title
         return self.numbers(choice.place) * choice.column.factor(title)
 
     def _of(self, name: str) -> Array | None:
-        """The numbers of a chosen column."""
+        """Read the numbers of a chosen column."""
         choice = self.choices.get(name)
         return None if choice is None else self.numbers(choice.place)
 
     def _states(self, along: str) -> Numbers:
-        """Numbers of rows that differ in one column of what is set alone."""
+        """Assign numbers to groups of rows that differ in only one column of settings."""
         places = [source.place for name, source in self.sources.items()
                   if name in ("specimen", "run") and source.place is not None]
         places += [choice.place for name, choice in self.choices.items()
@@ -504,11 +504,11 @@ class Guesses:
 
     @cached_property
     def bare(self) -> bool:
-        """Whether no film near has a plate: gas holds them, and no mass hangs on one."""
+        """Whether no film near has a plate: gas loads them, and no mass hangs on one."""
         return bool(self.specimens) and all(film.plate is None for film in self.specimens.values())
 
     def sign(self, choice: ColumnChoice) -> tuple[str, str]:
-        """The sign of a column's numbers, and a doubt about it.
+        """Find the sign of a column's numbers, and a doubt about it.
 
         Deflections rise with the voltage and with the mass, forces with the deflection.
         """
@@ -531,7 +531,7 @@ class Guesses:
         return "down", ""
 
     def _rising(self, choice: ColumnChoice) -> bool | None:
-        """Whether the numbers rise with what they rise along; None where that is not clear."""
+        """Check if the numbers rise along their independent column; None where this is unclear."""
         values = self.numbers(choice.place)
         for along in _RISES.get((self.kind, choice.column.name), ()):
             other = self._of(along)
@@ -548,12 +548,12 @@ class Guesses:
         return None
 
     def _up(self, name: str) -> bool:
-        """Whether a chosen column counts the other way."""
+        """Check whether a chosen column has the opposite sign."""
         choice = self.choices.get(name)
         return choice is not None and self.sign(choice)[0] == "up"
 
     def doubts_of_kind(self) -> Iterator[tuple[str, str, str]]:
-        """Doubts about the kind: how it is taken, a question, and the kind if the answer is yes."""
+        """Yield doubts about the kind: its reading, a question, the kind if the answer is yes."""
         if self.of_a_tester and "voltage" not in self.choices and not self.of_a_strip:
             what, kind, of = (("the plate of an actuator", "coupon", "a strip of film")
                               if self.kind == "force"
@@ -584,7 +584,7 @@ class Guesses:
                    "If each line is a state at rest", "static")
 
     def run_back(self) -> int | None:
-        """The line where time runs back, though nothing says that another run begins there."""
+        """Find the line where time runs back, although no new run is marked there."""
         if self.kind != "transient" or "t" not in self.choices or "run" in self.sources:
             return None
         row = doubts.run_back(self.numbers(self.choices["t"].place), self._states(""))

@@ -1,9 +1,9 @@
-"""Runs whose voltage and displacement are not of one clock: a late trigger, a dead time.
+"""Runs whose voltage and displacement have different clocks: a late trigger, a dead time.
 
-What a voltage moves begins to move at once, however slowly: with inertia its deflection grows as
-the square of time, and each stage that follows late, a filter or a film that charges, adds a power.
-So a deflection that long stays within its noise and then rises steeply began late, and one that
-rises before the voltage does began early: no effect does that.
+A film starts to move as soon as the voltage changes, however slowly: with inertia its deflection
+grows as the square of time, and each lag in series, a filter or a film that charges, adds a power.
+So a deflection that stays within its noise for long and then rises steeply began late, and one that
+rises before the voltage does began early. No effect does that.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.studies.data.sampled_run import SampledRun
 
-#: Samples of the run before the voltage jumps that tell what it is to stand still.
+#: Samples before the first voltage jump that show the scatter at standstill.
 _STILL = 16
-#: Standard deviations of these from which a deflection has begun to move.
+#: Standard deviations of this scatter from which a deflection has begun to move.
 _MOVED = 6.0
-#: And the least share of the largest deflection from then on.
+#: Least share of the largest deflection that it must then have reached.
 _SHARE = 0.05
-#: Samples in a row that must have moved: a single one is an outlier.
+#: Consecutive samples that must have moved: a single one is an outlier.
 _ROW = 3
-#: Factor between two levels of a rise. Each must be within the deflection.
+#: Ratio of two levels of a rise. Both must be within the deflection.
 _STEEP = 3.0
-#: Time to the first level over that from there to the second at most: y ~ tⁿ takes 1/(3^(1/n) − 1),
-#: 4.1 with inertia, a film that charges and a sensor that is late (n = 5).
+#: Largest ratio of the time to the first level to the time from there to the second: y ~ tⁿ takes
+#: 1/(3^(1/n) − 1), 4.1 with inertia, a film that charges and a sensor that lags (n = 5).
 _GROWS = 4.1
 
 
 @dataclass(frozen=True)
 class ClockShift:
-    """Delay of a displacement after its voltage [s], with limits; below 0 it is earlier."""
+    """Delay of a displacement after its voltage [s], with limits; negative if it is earlier."""
 
     value: float
     low: float
@@ -41,14 +41,15 @@ class ClockShift:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation [s] of a delay that is anywhere within its limits."""
+        """Standard deviation [s] of a delay uniform within its limits."""
         return (self.high - self.low) / 12**0.5
 
 
 def with_clocks(records: Sequence[SampledRun]) -> list[tuple[SampledRun, ClockShift | None]]:
-    """Runs with the voltages of late ones moved by whole samples, and how late each was.
+    """Shift the voltages of late runs by whole samples; give the delay of each run.
 
-    A run that is late begins to move as the others do but for its delay; alone, within limits.
+    A late run begins to move as the others do but for its delay; if it is alone, the delay has
+    limits.
     """
     onsets = [onset(record) for record in records]
     off = [None if found is None or found.low <= 0 <= found.high else found for found in onsets]
@@ -68,10 +69,10 @@ def with_clocks(records: Sequence[SampledRun]) -> list[tuple[SampledRun, ClockSh
 
 
 def onset(record: SampledRun) -> ClockShift | None:
-    """Time at which the deflection begins to move after the first jump of the voltage [s].
+    """Find when the deflection begins to move after the first jump of the voltage [s].
 
-    ``value``: as it is seen; the limits allow for the slow begin of any rise, and for all times
-    between samples. None where it is not clear: before the jump too few samples stand still.
+    ``value`` is the observed time. The limits allow for the slow begin of any rise, and for the
+    time between samples. None where it is unclear: too few samples before the jump stand still.
     """
     jumps = record.jumps
     if not len(jumps) or not record.even:
@@ -95,12 +96,12 @@ def onset(record: SampledRun) -> ClockShift | None:
 
 
 def _crossing(off: Array, level: float) -> int | None:
-    """The first of some samples in a row beyond a level."""
+    """Find the first of some consecutive samples beyond a level."""
     beyond = np.lib.stride_tricks.sliding_window_view(off > level, _ROW).all(axis=1)
     return int(beyond.argmax()) if beyond.any() else None
 
 
 def _moved(record: SampledRun, count: int) -> SampledRun:
-    """Record with voltages so many samples later."""
+    """Shift the voltages of a record by ``count`` samples to later times."""
     places = np.clip(np.arange(len(record.time)) - count, 0, len(record.time) - 1)
     return replace(record, voltage=record.voltage[places])

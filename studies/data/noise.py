@@ -1,4 +1,4 @@
-"""Noise of a dataset's readings: as it is stated, of repeats, and what a display rounds."""
+"""Noise of a dataset's readings: as stated, from repeats, and from the rounding of a display."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from tympan.studies.data.findings import step_of
 from tympan.studies.data.ramps import groups, ramps
 from tympan.studies.estimation.noise import Noise
 
-#: Steps of a display over the noise from which on rounding counts: a finer step adds less than a
-#: third of the noise's variance.
+#: Step of a display over the noise from which rounding counts: a finer step adds less than a third
+#: of the noise's variance.
 _COARSE = 2.0
 
 
 def repeat_groups(readings: Sheet) -> Numbers:
-    """Each reading's group: those of the same specimen, mass, voltage, direction and run."""
+    """Assign group numbers to readings of equal specimen, mass, voltage, direction and run."""
     return groups(readings.specimen, readings.mass, readings.voltage, readings.direction,
                   readings.run)
 
 
 def repeat_noise(dataset: Dataset) -> Noise | None:
-    """Standard deviation of one reading [m] from the repeats among those without their own sigma.
+    """Estimate the standard deviation of a reading [m] from repeats of those without a sigma.
 
-    From those within a run; where there are none, from those of several runs, without the zeros of
-    these if they have moved. None where nothing repeats, and where repeats agree to the last digit,
-    which is rounding and no measure of noise.
+    Repeats are those within a run; without any, those of several runs are used, without the zeros
+    of these if they have moved. None where nothing repeats, and where repeats agree to the last
+    digit: that is rounding and no measure of noise.
     """
     readings = dataset.static
     if readings is None:
@@ -41,9 +41,9 @@ def repeat_noise(dataset: Dataset) -> Noise | None:
 
 
 def ramp_scatter(dataset: Dataset) -> Noise | None:
-    """Standard deviation of one reading [m] about the curves of ramps, no less than rounding.
+    """Estimate the standard deviation of a reading [m] about ramps' curves; at least rounding.
 
-    None where no ramp has more readings than its curve takes.
+    None where no ramp has more readings than its curve has coefficients.
     """
     readings = dataset.static
     if readings is None:
@@ -58,7 +58,7 @@ def ramp_scatter(dataset: Dataset) -> Noise | None:
 
 
 def coarse_step(dataset: Dataset) -> float:
-    """The step of the display [m] in which static readings come, where that outdoes their noise.
+    """Find the step of the display [m] of static readings, where it exceeds their noise.
 
     0 where it does not, or their noise is not known.
     """
@@ -68,7 +68,7 @@ def coarse_step(dataset: Dataset) -> float:
 
 
 def stated_ratio(dataset: Dataset) -> Noise | None:
-    """Scatter of repeats over the standard deviation stated for them; ideally 1."""
+    """Compute the scatter of repeats over the standard deviation stated for them; ideally 1."""
     readings = dataset.static
     if readings is None:
         return None
@@ -79,10 +79,10 @@ def stated_ratio(dataset: Dataset) -> Noise | None:
 
 
 def stated_noise(dataset: Dataset) -> float | None:
-    """Standard deviation of one deflection that a dataset's files state [m]; None if they do not.
+    """Find the standard deviation of a deflection that the files state [m]; None if they do not.
 
-    The root mean square where readings have several; that of a range is as it is written, or that
-    of the difference of two readings.
+    It is the root mean square where readings have several. That of a range is used as written, or
+    computed as that of the difference of two readings.
     """
     noise = dataset.noise or np.nan
     sigmas = [np.empty(0)]
@@ -98,18 +98,18 @@ def stated_noise(dataset: Dataset) -> float | None:
 
 
 def reading_sigma(dataset: Dataset) -> Array:
-    """Standard deviation of each static reading [m]: its own, the dataset's, of repeats, or nan."""
+    """Find each static reading's standard deviation [m]: stated, of repeats, or nan."""
     return np.empty(0) if dataset.static is None else _own_or(dataset.static, _of_one(dataset))
 
 
 def range_sigma(dataset: Dataset) -> Array:
-    """Standard deviation of each range [m]: its own, or that of the difference of two readings."""
+    """Find each range's standard deviation [m]: its own, or that of a difference of readings."""
     difference = np.sqrt(2) * _of_one(dataset)
     return np.empty(0) if dataset.ranges is None else _own_or(dataset.ranges, difference)
 
 
 def _of_one(dataset: Dataset) -> float:
-    """Standard deviation of a reading without its own [m]: the dataset's, of repeats, or nan."""
+    """Find the standard deviation of other readings [m]: the dataset's, of repeats, or nan."""
     if dataset.noise is not None:
         return dataset.noise
     estimated = repeat_noise(dataset)

@@ -1,4 +1,4 @@
-"""Readings far off the smooth curve of their ramp, before any film is solved."""
+"""Readings far off the smooth curve of their ramp, found before any film is solved."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from tympan.base.arrays import Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.ramps import MEDIAN, ramps
 
-#: Standard deviations from which a reading is an outlier. Of 10,000 normal readings none is.
+#: Standard deviations from which a reading is an outlier: none of 10,000 normal readings is.
 _FAR = 6.0
-#: Most outliers of a ramp, as a share: of more the others do not tell the curve.
+#: Largest share of outliers in a ramp: with more the others do not determine the curve.
 _MOST = 0.25
-#: Fewest readings of a ramp that tell a curve and one that is off it.
+#: Fewest readings of a ramp that determine a curve and one outlier.
 _FEWEST = 6
-#: Least scatter, over the largest reading: no sensor resolves so little, and a computer's rounding
-#: is less.
+#: Least scatter over the largest reading: no sensor resolves less, and rounding in a computer is
+#: smaller.
 _LEAST = 1e-6
-#: Share of a reading within which it is another one times ten, or with the other sign.
+#: Share of a reading within which it equals ten times, a tenth or the negative of another value.
 _SAME = 0.05
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A reading by the number of its row, with what the curve of the others has there [m].
+    """A reading by the number of its row, with the value of the others' curve there [m].
 
-    ``how``: what makes it right, "factor" or "sign", else "".
+    ``how``: the correction that makes it fit, "factor" or "sign", else "".
     """
 
     row: int
@@ -37,12 +37,12 @@ class Outlier:
 
 
 def outliers(static: Sheet, rows: Numbers, noise: float | None) -> list[Outlier]:
-    """Those among some rows; ``noise`` is the standard deviation of a reading [m], if stated.
+    """Find outliers among some rows; ``noise``: standard deviation of a reading [m], if stated.
 
-    The scale is the median of what all curves miss, or the noise if that is more, or a millionth of
-    the largest reading. The readings are taken away one by one, the farthest first, for one moves
-    the curve of its neighbours. The last one before the ramp's end counts only if its sign or a
-    factor of ten makes it right: a film near pull-in moves more than any smooth curve foretells.
+    The scale is the largest of three: median residual of all curves, noise, a millionth of the
+    largest reading. Outliers are removed one by one, the farthest first, since each one moves the
+    curve at its neighbours. The last reading before a ramp's end counts only if its sign or a
+    factor of ten corrects it: near pull-in a film moves more than any smooth curve predicts.
     """
     every = [ramp for ramp in ramps(static, rows) if len(ramp.rows) >= _FEWEST]
     if not every:
@@ -66,7 +66,7 @@ def outliers(static: Sheet, rows: Numbers, noise: float | None) -> list[Outlier]
 
 
 def _slip(read: float, expected: float) -> str:
-    """Kind of change that makes a reading right."""
+    """Find the kind of change that corrects a reading."""
     for how, factors in (("sign", (-1.0,)), ("factor", (10.0, 0.1))):
         if any(abs(factor * read - expected) <= _SAME * abs(expected) for factor in factors):
             return how

@@ -14,7 +14,7 @@ from tympan.tables.column import NUMBER, Heading, Meaning, plain_words, quantity
 from tympan.tables.formats import Row, decimal_point
 from tympan.tables.meanings import SIZES, SPECIMENS
 
-#: A number and what may be its unit.
+#: A number and its possible unit.
 _QUANTITY = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([A-Za-zµμ]+)(?![A-Za-z])")
 #: A blank between digits.
 _SPLIT = re.compile(r"(?<=\d) (?=\d)")
@@ -27,7 +27,7 @@ _SHOWN = 40
 
 @dataclass(frozen=True)
 class Statement:
-    """A quantity that stands outside the columns: where, in which words, and its SI value."""
+    """A quantity outside the columns: its place, its words, and its SI value."""
 
     where: str
     words: str
@@ -40,7 +40,7 @@ class Statement:
 
 
 def stated_quantities(rows: Sequence[Row], dimension: str) -> Iterator[Statement]:
-    """Quantities of a dimension in rows that are no readings."""
+    """Yield quantities of a dimension in rows that are no readings."""
     for line, cells in rows:
         # A decimal comma may have split a number.
         words = _SPLIT.sub(",", " ".join(cell for cell in cells if cell))
@@ -54,22 +54,22 @@ def stated_quantities(rows: Sequence[Row], dimension: str) -> Iterator[Statement
 
 
 def named_quantities(file: Path, dimension: str) -> Iterator[Statement]:
-    """Quantities of a dimension in the name of a file: 20 g of "oval_20g.csv"."""
+    """Yield quantities of a dimension in the name of a file: 20 g in "oval_20g.csv"."""
     for value, unit in _QUANTITY.findall(file.stem.replace("_", " ")):
         if (read := _read(value, unit, dimension)) is not None:
             yield Statement("the file's name", file.stem, read)
 
 
 def _read(value: str, unit: str, dimension: str) -> float | None:
-    """SI value of a number in a unit, None of another dimension."""
+    """Convert a number in a unit to SI; None if the dimension differs."""
     if quantity_of(unit) == dimension:
-        with suppress(InputError):  # a number of some thirty digits
+        with suppress(InputError):  # a number with about 30 digits
             return quantity(f"{decimal_point(value)} {usual_unit(unit)}", dimension)
     return None
 
 
 def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
-    """Line and name of the specimen that stands above a table."""
+    """Find line and name of the specimen that is named above a table."""
     for line, cells in rows:
         name, _, rest = cells[0].strip(_AROUND).partition(":")
         values = [cell for cell in (rest.strip(), *cells[1:]) if cell]
@@ -79,7 +79,7 @@ def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
 
 
 def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
-    """Sizes of a test piece [m] by name; a symbol may stand behind, as in "Probendicke a0"."""
+    """Read sizes of a test piece [m] by name; a symbol may follow, as in "Probendicke a0"."""
     sizes: dict[str, float] = {}
     for _, cells in rows:
         heading = Heading.of(cells[0].rstrip(":"))

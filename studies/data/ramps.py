@@ -1,4 +1,4 @@
-"""Readings at rest, ramp by ramp, and the smooth curve of each."""
+"""Static readings, ramp by ramp, and the smooth curve of each."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from tympan.studies.columns import Sheet
 
 #: Highest degree of the smooth curves about which rows scatter, in the voltage's square.
 DEGREE = 4
-#: The median of what is normal without its sign, over the standard deviation.
+#: Median of the absolute value of a normal variable, over its standard deviation.
 MEDIAN = 0.6745
-#: Share of a reading's variance below which a curve meets it whatever it is: rounding.
+#: Share of a reading's variance below which a curve passes through it in any case: rounding.
 _MET = 1e-6
 
 
 def groups(*columns: Array) -> Numbers:
-    """Number of each row's group: of those that have all columns alike, as they come."""
+    """Assign group numbers to rows that are equal in all columns, in order of appearance."""
     numbers: dict[tuple[object, ...], int] = {}
     keys = zip(*(column.tolist() for column in columns), strict=True)
     return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
@@ -28,7 +28,7 @@ def groups(*columns: Array) -> Numbers:
 
 @dataclass(frozen=True, eq=False)
 class VoltageRamp:
-    """Readings on one way up or down: their rows, what was read [m] and smooth columns."""
+    """Readings on one way up or down: their rows, their values [m] and smooth columns."""
 
     rows: Numbers
     read: Array
@@ -45,7 +45,7 @@ class VoltageRamp:
 
     @property
     def studentised(self) -> Array:
-        """The same over what noise of 1 leaves of each; 0 of a reading that is met by any curve."""
+        """Residuals over their deviations for noise of 1; 0 where any curve meets the reading."""
         left = 1 - np.sum(self._basis**2, axis=1)
         return np.where(left > _MET, self.off / np.sqrt(np.maximum(left, _MET)), 0.0)
 
@@ -54,13 +54,13 @@ class VoltageRamp:
         return VoltageRamp(self.rows[keep], self.read[keep], self.columns[keep])
 
     def expected(self, place: int) -> float:
-        """Value of the curve of all others at a reading's place [m]."""
+        """Evaluate the curve of all other readings at a reading [m]."""
         left = 1 - float(np.sum(self._basis[place] ** 2))
         return float(self.read[place] - self.off[place] / left)
 
 
 def ramps(static: Sheet, rows: Numbers) -> Iterator[VoltageRamp]:
-    """The ways up or down that have more readings than a smooth curve takes."""
+    """Yield the ways up or down that have more readings than a smooth curve has coefficients."""
     ramp = groups(static.specimen[rows], static.mass[rows], static.run[rows], static.repeat[rows])
     for number in range(int(ramp.max(initial=-1)) + 1):
         some = rows[ramp == number]

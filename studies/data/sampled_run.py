@@ -1,8 +1,8 @@
-"""A run's samples as they were taken, and what is wrong with them before any physics is asked.
+"""Samples of a run as recorded, and faults that are found without any physics.
 
-A voltage that is one value in a sample and another in the next jumped at any time between the two,
-each as probable. The middle stands for it (:meth:`SampledRun.switched`); what half a sample either
-way does to readings is an error in common (:meth:`SampledRun.unsure`).
+A voltage with one value in a sample and another in the next jumped at any time between the two, all
+equally probable. The middle is used (:meth:`SampledRun.switched`); the effect of half a sample
+either way on readings is a common error (:meth:`SampledRun.unsure`).
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from tympan.studies.files import words_beside
 #: Sentences on runs, by key.
 WORDS = words_beside(__file__)
 
-#: A jump of the voltage between samples, over its peak: smaller ones are a ramp or noise.
+#: Least jump of the voltage between samples, over its peak: smaller ones are a ramp or noise.
 _JUMP = 0.02
-#: Samples that are enough to say how a record is sampled.
+#: Fewest samples that show how a record is sampled.
 _MANY = 50
-#: Share of its steps that must be alike for it to be evenly sampled.
+#: Share of equal steps from which a record is evenly sampled.
 _EVEN = 0.9
-#: How nearly they must be alike.
+#: Relative difference within which steps count as equal.
 _ALIKE = 0.02
-#: Missing samples in a row that are no harm.
+#: Most consecutive missing samples that do no harm.
 _HARMLESS = 5
 
-#: Equal values at an extreme from which a sensor is at its end.
+#: Number of equal values at an extreme from which a sensor is saturated.
 _OFTEN = 10
-#: And so many times as often as any other value, since a display rounds.
+#: Least ratio of this number to that of any other value, since a display rounds.
 _MORE = 8
 
 
@@ -42,8 +42,8 @@ _MORE = 8
 class SampledRun:
     """A run's samples: times since its first [s], nominal voltages [V], displacements [m].
 
-    ``rest`` before the first [s]; ``line`` of each in its file; ``specimen``, ``mass`` [kg] and
-    ``run`` as the file says.
+    ``rest``: time before the first sample [s]; ``line``: that of each in its file; ``specimen``,
+    ``mass`` [kg] and ``run``: as in the file.
     """
 
     time: Array
@@ -57,24 +57,24 @@ class SampledRun:
 
     @property
     def name(self) -> str:
-        """Specimen, mass and run, as people say them."""
+        """Specimen, mass and run in words."""
         return f"{self.specimen}, {1e3 * self.mass:.4g} g, {self.run}"
 
     @property
     def step(self) -> float:
-        """The usual time between samples [s], 0 of a single one."""
+        """Median time between samples [s], 0 for a single one."""
         return float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
 
     @property
     def even(self) -> bool:
-        """Whether the samples are many and nearly all as far apart."""
+        """Whether there are many samples, nearly all evenly spaced."""
         step = np.diff(self.time)
         return len(step) >= _MANY and self.step > 0 and bool(
             np.mean(np.abs(step / self.step - 1) < _ALIKE) >= _EVEN)
 
     @property
     def holds(self) -> list[tuple[int, int]]:
-        """First samples and those behind the last of what is between jumps."""
+        """First sample of each hold between jumps, and the sample after its last."""
         return list(pairwise([0, *self.jumps.tolist(), len(self.time)]))
 
     @property
@@ -86,16 +86,16 @@ class SampledRun:
         return np.flatnonzero(large & (slow < 0.1 * change)) + 1
 
     def switched(self, jump: int) -> float:
-        """Time of a jump of the voltage [s], by the first sample after it: the middle."""
+        """Estimate the time of a jump [s], given the first sample after it: the middle."""
         return float(0.5 * (self.time[jump - 1] + self.time[jump]))
 
     def unsure(self, jump: int) -> float:
-        """Standard deviation of that: of what is anywhere between two samples [s]."""
+        """Compute the standard deviation of that: uniform between two samples [s]."""
         return float(self.time[jump] - self.time[jump - 1]) / 12**0.5
 
 
 def runs_of(transients: Sheet) -> Iterator[SampledRun]:
-    """The runs of a file, by specimen, mass and run; a rest that is not said lasted for ever."""
+    """Yield the runs of a file, by specimen, mass and run; an unstated rest is infinite."""
     keys = np.unique(np.stack([np.unique(transients[name], return_inverse=True)[1].ravel()
                                for name in ("specimen", "mass", "run")]), axis=1,
                      return_inverse=True)[1].ravel()
@@ -118,7 +118,7 @@ class Faults:
 
 
 def faults(record: SampledRun) -> Faults:
-    """A clock that runs back or jumps, a sensor at its end, samples that are missing."""
+    """Find a clock that runs back or jumps, a saturated sensor, and missing samples."""
     step = np.diff(record.time)
     back = np.flatnonzero(step <= 0)
     if len(back):
@@ -143,7 +143,7 @@ def faults(record: SampledRun) -> Faults:
 
 
 def _saturated(value: Array) -> tuple[int, int] | None:
-    """First and last sample at an extreme that far more samples have than any other value."""
+    """Find the first and last sample at an extreme that far more samples have than any other."""
     if len(value) < _MANY or np.ptp(value) == 0:
         return None
     _, counts = np.unique(value, return_counts=True)

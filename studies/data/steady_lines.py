@@ -1,11 +1,11 @@
-"""Steady lines in the spectrum of a run in time: the hum of the mains, and what else never rests.
+"""Steady lines in the spectrum of a run in time: mains hum, and other permanent vibrations.
 
-Curves through each hold take the slow course away, a window over each keeps the swings after jumps
-out of other frequencies. What stands above its neighbours in the spectrum by more than noise may is
-fitted: frequency, amplitude and phase, and how the last two wander. It is a steady line if every
-part of the run has it as strong: a film that swings after a jump does so neither before nor for
-ever. A line at no multiple of the mains' frequency, or where this plate may swing itself, must be
-seen before the first jump, where nothing happens.
+Curves through each hold remove the slow course, and a window over each hold keeps the oscillations
+after jumps out of other frequencies. A peak that exceeds its neighbours in the spectrum by more
+than noise may is fitted: frequency, amplitude and phase, and how the last two change slowly. It is
+a steady line if it is equally strong in every part of the run: a film that oscillates after a jump
+does so neither before nor for ever. A line at no multiple of the mains' frequency, or where this
+plate may oscillate itself, must be seen before the first jump, where nothing happens.
 """
 
 from __future__ import annotations
@@ -28,51 +28,52 @@ Spans = Sequence[tuple[int, int]]
 
 #: Frequencies of mains [Hz].
 _MAINS = (50.0, 60.0)
-#: Multiples of these that are known: motors and rectifiers make the first few.
+#: Highest multiple of these that counts as hum: motors and rectifiers make the first few.
 _MULTIPLES = 4
-#: How far mains and clocks together are off, each multiple as much more [Hz]: grids keep 0.2 Hz.
+#: Largest error of mains and clocks together, for each multiple [Hz]: grids keep within 0.2 Hz.
 _OFF = 0.25
 
-#: Samples of a hold without which it says nothing.
+#: Fewest samples of a hold that is used.
 _FEWEST = 16
-#: Most curves for a hold's slow course: as many as take what creeps out of a spectrum of noise.
+#: Most curves for a hold's slow course: enough to remove creep from a spectrum of noise.
 _CURVES = 6
-#: Samples for each curve, so that what is faster is left.
+#: Samples for each curve, so that faster changes remain.
 _EACH = 8
-#: Periods that a line must have in the run. Fewer are a bend of the slow course.
+#: Fewest periods of a line in the run. Fewer are a bend of the slow course.
 _PERIODS = 8
 
-#: The probability that noise makes a line of any frequency of a run.
+#: Probability that noise makes a line at any frequency of a run.
 _CHANCE = 1e-3
-#: Frequencies on either side whose median is the noise about a line.
+#: Number of frequencies on either side whose median is the noise about a line.
 _NEIGHBOURS = 32
-#: By how much more than the chance asks a line must stand out: such a median is known to a fifth.
+#: Safety factor on the height of a line above noise: such a median has an error of a fifth.
 _SAFE = 1.25
-#: Frequencies on either side that are a line's own, by its window.
+#: Number of frequencies on either side that belong to a line, by its window.
 _WIDTH = 4
-#: Lines that are looked at, steady or not. A bound of the cost.
+#: Most lines that are examined, steady or not. It limits the cost.
 _MOST = 24
-#: Highest power of time by which a line's amplitude and phase wander.
+#: Highest power of time in a line's amplitude and phase.
 _WANDERS = 6
-#: χ² that two powers more, four numbers, must take away: noise does by chance once in a thousand.
+#: χ² that two more powers, four numbers, must remove: noise does so once in a thousand.
 _WANDERED = 18.5
 
-#: Parts after the first jump, each of which must have a line; one more where none jumps.
+#: Parts after the first jump, each of which must have a line; one more without jumps.
 _PARTS = 3
-#: How far a part's amplitude may be from the whole line's, as a factor. Grids wander in phase, what
-#: is none of theirs must keep that, too: to what changes half of its amplitude.
+#: Largest ratio of a part's amplitude to the whole line's. The phase of grids changes slowly. Other
+#: lines must also keep their phase: its change may be worth half of the amplitude.
 _ALIKE = 2.0
-#: Standard deviations by which noise may move a part's amplitude besides.
+#: Standard deviations by which noise may change a part's amplitude in addition.
 _CLEAR = 3.0
-#: And those by which a line must be clear in a part to have been seen there.
+#: Standard deviations from which a line counts as seen in a part.
 _SEEN = 4.0
-#: How near to half the samples' rate, in periods of the whole run, amplitude and phase are one: of
-#: the amplitude no more is known than what is seen.
+#: Distance from half the sampling rate, in periods of the whole run, within which amplitude and
+#: phase cannot be separated: only the visible part of the amplitude is known.
 _FOLDED = 4.0
 
-#: Factor on the frequency of a weight that hangs so low, below which its plate may swing itself.
+#: Factor on the frequency of a mass with such a static deflection below which its plate may
+#: oscillate itself.
 _SWINGS = 4.0
-#: How far the squared voltage goes off its slow course, over its peak, where it drives the film.
+#: Deviation of the squared voltage from its slow course, over its peak, that drives the film.
 _DRIVES = 0.01
 
 
@@ -80,9 +81,9 @@ _DRIVES = 0.01
 class SteadyLine:
     """A line of a run's spectrum.
 
-    ``frequency``: of the mains, or as it is seen where it is none of theirs; ``seen``: where
-    samples show it, folded at half their rate [Hz]; ``amplitude`` [m], known within ``sigma``, inf
-    where only a part of it may be seen.
+    ``frequency``: of the mains, else as seen; ``seen``: where samples show it, folded at half their
+    rate [Hz]; ``amplitude`` [m], with standard deviation ``sigma``, inf where only a part of it may
+    be seen.
     """
 
     frequency: float
@@ -93,7 +94,7 @@ class SteadyLine:
 
 
 def steady_lines(record: SampledRun) -> tuple[tuple[SteadyLine, ...], Array]:
-    """The steady lines of a run, the strongest first, and what they add to its samples [m]."""
+    """Find the steady lines of a run, strongest first, and what they add to its samples [m]."""
     nothing = np.zeros(len(record.time))
     course = _Course(record)
     if not record.even or not course.spans:
@@ -120,7 +121,7 @@ def steady_lines(record: SampledRun) -> tuple[tuple[SteadyLine, ...], Array]:
 
 
 def _mains(seen: float, record: SampledRun) -> float | None:
-    """The multiple of the mains' frequency that samples show there [Hz], the lowest; else None."""
+    """Find the lowest multiple of the mains' frequency that samples show there [Hz], or None."""
     rate, length = 1 / record.step, record.time[-1] - record.time[0]
     for multiple in range(1, _MULTIPLES + 1):
         for base in _MAINS:
@@ -133,7 +134,7 @@ def _mains(seen: float, record: SampledRun) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class _Wave:
-    """A sinusoid whose amplitude and phase may wander: its columns, (n, 2 (power + 1))."""
+    """A sinusoid with slowly changing amplitude and phase: its columns, (n, 2 (power + 1))."""
 
     frequency: float
     columns: Array
@@ -141,13 +142,13 @@ class _Wave:
 
 
 def _noise(power: Array) -> Array:
-    """The mean power of noise about each frequency, by the median of its neighbours."""
+    """Estimate the mean power of noise about each frequency, from the median of neighbours."""
     noise = median_filter(power, 2 * _NEIGHBOURS + 1, mode="reflect") / np.log(2)
     return np.asarray(np.maximum(noise, 1e-30 * max(float(power.max()), 1e-30)))
 
 
 class _Course:
-    """A run's slow course and its spectrum beside that."""
+    """A run's slow course, and the spectrum without it."""
 
     def __init__(self, record: SampledRun) -> None:
         self.record = record
@@ -167,7 +168,7 @@ class _Course:
             self._curves.append((span, turned / root))
 
     def apart(self, values: Array) -> Array:
-        """Values, shape (n, ...), without the slow course of each hold; 0 outside holds."""
+        """Subtract the slow course of each hold from values, (n, ...); 0 outside holds."""
         rest = np.zeros(values.shape)
         for span, curves in self._curves:
             some = values[span]
@@ -175,18 +176,18 @@ class _Course:
         return rest
 
     def fitted(self, columns: Array, rest: Array, part: slice = slice(None)) -> Array:
-        """Coefficients of columns that fit a part of what the slow course leaves, (columns,)."""
+        """Fit columns to a part of the samples without the slow course; coefficients (columns,)."""
         root = np.sqrt(self._window(part))
         basis = self.apart(columns)[part] * root[:, None]
         return np.asarray(np.linalg.lstsq(basis, root * rest[part], rcond=1e-9)[0])
 
     def amplitude(self, wave: Array, part: slice = slice(None)) -> float:
-        """Amplitude of a wave, by its mean square [m]."""
+        """Compute the amplitude of a wave from its mean square [m]."""
         window = self._window(part)
         return float(np.sqrt(2 * (window @ wave[part] ** 2) / window.sum()))
 
     def sigma(self, density: float, part: slice = slice(None)) -> float:
-        """Standard deviation of an amplitude by the mean power of noise about it [m]."""
+        """Compute the standard deviation of an amplitude from the noise power about it [m]."""
         window = self._window(part)
         variance = density / float(self.weight @ self.weight)
         return float(np.sqrt(2 * variance * (window @ window)) / window.sum())
@@ -199,23 +200,23 @@ class _Course:
 
     @cached_property
     def _places(self) -> Numbers:
-        """Places of samples on an even clock."""
+        """Indices of samples on an evenly spaced clock."""
         return np.asarray(np.round((self.record.time - self.record.time[0]) / self.record.step),
                           dtype=np.int64)
 
     @cached_property
     def frequencies(self) -> Array:
-        """Those of the spectrum [Hz]."""
+        """Frequencies of the spectrum [Hz]."""
         return np.asarray(np.fft.rfftfreq(int(self._places[-1]) + 1, self.record.step), float)
 
     def power(self, rest: Array) -> Array:
-        """The spectrum of what the slow course leaves."""
+        """Compute the spectrum of samples without the slow course."""
         even = np.zeros(int(self._places[-1]) + 1)
         even[self._places] = self.weight * rest
         return np.asarray(np.abs(np.fft.rfft(even)) ** 2)
 
     def waves(self, rest: Array) -> Iterator[_Wave]:
-        """Lines that stand out of the spectrum, strongest first, each beside those before it."""
+        """Yield lines that exceed the noise, strongest first, each after removing those before."""
         at = self.frequencies
         least = _SAFE * np.log(len(at) / _CHANCE)
         open_ = at * 2 * self._half >= _PERIODS
@@ -241,11 +242,11 @@ class _Course:
             rest, open_[own] = left, False
 
     def _without(self, columns: Array, rest: Array) -> Array:
-        """Rest of the slow course, without what columns make of it."""
+        """Subtract the best fit of columns from the samples without the slow course."""
         return rest - self.apart(columns @ self.fitted(columns, rest))
 
     def _refined(self, peak: int, power: Array, rest: Array) -> float:
-        """The frequency of a peak of the spectrum [Hz]: by its neighbours, then by its phase."""
+        """Refine the frequency of a spectral peak [Hz]: by its neighbours, then by its phase."""
         at = self.frequencies
         place, width = 0.0, float(at[1])
         if 0 < peak < len(at) - 1:
@@ -266,7 +267,7 @@ class _Course:
         return 0.5 * float(self.record.time[-1] - self.record.time[0])
 
     def _columns(self, frequency: float, wanders: int) -> Array:
-        """Cosine and sine by each power of time up to one."""
+        """Build cosine and sine times each power of time up to ``wanders``."""
         since = self.record.time - self.record.time[0] - self._half
         turn = 2 * np.pi * frequency * since
         powers = legvander(since / self._half, wanders)
@@ -274,7 +275,7 @@ class _Course:
         return np.asarray((powers[:, :, None] * both[:, None, :]).reshape(len(since), -1))
 
     def steady(self, wave: _Wave, rest: Array, mains: bool) -> bool:
-        """Whether every part of the run has a wave as strong; see this file's head."""
+        """Check whether every part of the run has a wave equally strong; see this file's head."""
         whole = wave.columns @ self.fitted(wave.columns, rest)
         size = self.amplitude(whole)
         density = (wave.sigma / self.sigma(1.0)) ** 2
@@ -296,11 +297,11 @@ class _Course:
         return seen or (mains and not self._films(wave.frequency))
 
     def folded(self, frequency: float) -> bool:
-        """Whether a frequency is so near half the samples' rate that its phase is unknown."""
+        """Check whether a frequency is so near half the sampling rate that its phase is unknown."""
         return frequency > 0.5 / self.record.step - _FOLDED / (2 * self._half)
 
     def _films(self, frequency: float) -> bool:
-        """Whether a film may move so by itself: it is driven, or its plate swings there."""
+        """Check if a film may move so by itself: it is driven, or its plate oscillates there."""
         squared = self.record.voltage**2
         off = np.sqrt(np.average(self.apart(squared) ** 2, weights=self.weight))
         deep = max(float(np.abs(np.median(self.record.displacement))), 1e-9)

@@ -1,4 +1,4 @@
-"""Errors of a bench that readings have in common, as far as its owner knows their sizes."""
+"""Errors of the test bench that several readings share, where the user states their sizes."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Shared
 
-#: Step of voltages for slopes by them, over the largest one: deflections go with the square.
+#: Step of the voltages for the slopes, over the largest voltage. Deflections follow its square.
 _STEP = 1e-3
 
 
 def with_bench_errors(readings: PreparedReadings, dataset: Dataset, nominal: Calibration
                       ) -> PreparedReadings:
-    """Add errors of the voltages and the scatter of films, where a dataset states them.
+    """Add the errors of voltages and the spread between films, where a dataset states them.
 
-    Noise that the readings' own scatter tells has the voltages' errors already.
+    Noise that was estimated from the scatter of the readings contains the voltage errors already.
     """
     table, remarks = readings.table, list[str]()
     if dataset.voltage_noise and table.noise.source in ("stated", "assumed"):
@@ -41,9 +41,9 @@ def with_voltage_errors(table: ReadingTable, size: float, model: ReadingModel, f
                         ) -> ReadingTable:
     """Add independent errors of each state's voltage, of a standard deviation [V].
 
-    Effective variance: an error of the voltage moves a reading by the slope of the nominal fit
-    (Orear, American Journal of Physics 50, 912, 1982). Readings of one state share it. Voltages of
-    runs in time are left as they are.
+    Effective variance: a voltage error moves a reading by the slope of the nominal fit times the
+    error (Orear, American Journal of Physics 50, 912, 1982). Readings of one state share the error.
+    Voltages of runs in time are not changed.
     """
     resting = ~np.isin(np.arange(len(table.states)), table.states.in_time)
     counted = np.isin(np.arange(len(table.states)), table.since[table.since >= 0])
@@ -68,9 +68,9 @@ def with_film_scatter(table: ReadingTable, share: float, model: ReadingModel, fi
 
 
 def with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
-    """The reduced model's errors are noise: that of the lengths [m], and a share of frequencies.
+    """Add the errors of the reduced model as noise.
 
-    And those of films' shapes [m].
+    ``error`` of the lengths [m], the share of the frequencies, and the errors of film shapes [m].
     """
     share = frequency_error(nominal.simulation, nominal.fit, table)
     errors = np.where(table.lengths, error, np.where(table.kind == "frequency", share, 0.0)
@@ -81,7 +81,7 @@ def with_model_error(table: ReadingTable, error: float, nominal: Calibration) ->
 
 
 def _with_common(table: ReadingTable, rows: Numbers, columns: Array) -> ReadingTable:
-    """Add errors that some readings share; a single reading gets more noise instead."""
+    """Add errors that several readings share; a single reading gets more noise instead."""
     if len(rows) > 1:
         return table.with_noise(table.noise.plus(Shared.of(rows, columns)))
     sigma = table.sigma.copy()
@@ -90,7 +90,7 @@ def _with_common(table: ReadingTable, rows: Numbers, columns: Array) -> ReadingT
 
 
 def _slopes(table: ReadingTable, states: Mask, model: ReadingModel, fit: Fit) -> Array:
-    """Change of each reading by a volt more in some states at a nominal fit; 0 where unknown."""
+    """Compute the change of each reading per volt in some states at a fit; 0 where unknown."""
     step = _STEP * float(table.states.voltage.max(initial=1.0))
     sides = []
     for sign in (-1.0, 1.0):

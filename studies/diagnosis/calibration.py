@@ -1,4 +1,4 @@
-"""The simulation of a dataset: its force laws, as far as the readings and the nominal fit need."""
+"""Calibration: force laws that reach as far as readings and nominal fit need, and that fit."""
 
 from __future__ import annotations
 
@@ -38,45 +38,46 @@ from tympan.studies.diagnosis.reduced.swinging import SwingingMasses
 from tympan.studies.effects import Setup
 from tympan.studies.modes import heave_frequency
 
-#: How much further than the readings need force laws reach, as factors on heave and U²: effects and
-#: larger factors move films on.
+#: Reach of a force law beyond what the readings need, as factors on deflection and U²: effects and
+#: larger factors move films further out.
 _ROOM = (1.3, 1.15)
-#: The same of a film that hardly goes so far, held at less heave it bears more voltage. Less than
-#: one, since laws are good for a little more.
+#: The same factors for a film that hardly reaches its range: with less deflection it bears more
+#: voltage. They are less than one because laws are valid a little beyond their range.
 _TIGHT = (0.95, 0.95)
-#: How much less than what is needed is enough, for the same reason.
+#: Share of the needed range that is enough, for the same reason.
 _ENOUGH = 0.94
 
-#: Largest heave of a force law, as a share of the gap between plate and frame. A bound of what is
-#: sampled.
+#: Largest deflection of a force law, as a share of the gap between plate and frame. It limits the
+#: sampled range.
 _LARGEST = 1.5
-#: Least heave of a force law, as a share of the gap: a film that cannot be solved so far has no
-#: law.
+#: Least deflection of a force law, as a share of the gap. A film that cannot be solved up to it
+#: has no law.
 _LEAST = 0.01
-#: Heave where nothing says how far a law must reach, as a share of the gap. Set by trial.
+#: Deflection of a law where no reading says how far it must reach, as a share of the gap. Set by
+#: trial.
 _UNKNOWN = 0.2
-#: Least U² of a force law [V²], 100 V, so that films read without voltage have one.
+#: Least U² of a force law [V²], 100 V, so that films read without voltage have a law too.
 _QUIET = 1e4
 
-#: How often what films remember is found again about the fit with it.
+#: Number of times that the film memory is computed again about the fit that uses it.
 _REMEMBERED = 2
 
-#: How often laws may grow. A bound of the cost.
+#: Most rounds in which laws grow. It limits the cost.
 _ROUNDS = 8
-#: By what factor they grow at most each time: further out the fit by which that is judged is a
-#: guess.
+#: Largest factor by which a law grows in one round: further out the fit that judges its reach is
+#: only a guess.
 _GROWTH = 2.0
 
-#: States at rest that finite elements on a fine mesh check, some tenth of a second each.
+#: Number of equilibria checked with finite elements on a fine mesh, about 0.1 s each.
 _STATES_CHECKED = 6
 
-#: Frequencies that are checked so: each takes an equilibrium and its modes.
+#: Number of frequencies checked in this way: each takes an equilibrium and its modes.
 _FREQUENCIES_CHECKED = 4
 
-#: Scans that are checked so: each takes an equilibrium and the places of all its points.
+#: Number of scans checked in this way: each takes an equilibrium and the places of all its points.
 _SCANS_CHECKED = 4
 
-#: Why a reading is left out: the laws end before it, or the film does.
+#: Reasons why a reading is left out: the force law ends before it, or the film pulls in before it.
 _REASONS = ("the film cannot be solved so far out",
             "a film that fits the other readings has no equilibrium there")
 _SLACK = "loss of tension there: the film may wrinkle, so that what it does is less certain"
@@ -84,10 +85,11 @@ _SLACK = "loss of tension there: the film may wrinkle, so that what it does is l
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The nominal simulation over what readings need, with stiffness and permittivity fitted.
+    """The nominal simulation over the range of the readings, its two factors fitted.
 
-    ``table``: the readings that films of some stiffness and permittivity can show; ``remarks``:
-    which were left out, and why, and which are of films that wrinkle.
+    The factors are those on stiffness and permittivity. ``table``: the readings that films of some
+    stiffness and permittivity can show; ``remarks``: which readings were left out, and why, and
+    which are of wrinkled films.
     """
 
     simulation: Simulation
@@ -97,15 +99,15 @@ class Calibration:
 
 
 def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
-    """The nominal simulation fitted to readings; those that it cannot be at are left out.
+    """Fit the nominal simulation to the readings; leave out those that it cannot reach.
 
-    An :class:`InputError` when the films cannot be solved, or too few readings are left.
+    Raise an :class:`InputError` when the films cannot be solved, or too few readings are left.
     """
     simulation = reaching(setup, table, lambda simulation: _safest(simulation, table).unknowns)
     simulation = with_masses(simulation)
     fit = nominal_fit(simulation, table)
     if len(table.states.in_time):
-        # What is remembered is about the films as they are fitted.
+        # The film memory is computed about the films as fitted.
         for _ in range(_REMEMBERED):
             factors = np.exp(fit.unknowns[FACTORS]).tolist()
             simulation = replace(simulation, memory=FilmMemory.of(setup, table, COARSE, *factors))
@@ -130,7 +132,7 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
 
 
 def with_masses(simulation: Simulation) -> Simulation:
-    """Simulation with what swings and weighs beside the plates, if all its films can tell."""
+    """Add the film masses that move with the plates to a simulation, if every film has a plate."""
     films = [specimen for specimen in simulation.setup.specimens if isinstance(specimen, Specimen)]
     if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
         return simulation
@@ -138,15 +140,16 @@ def with_masses(simulation: Simulation) -> Simulation:
 
 
 def _safest(simulation: Simulation, table: ReadingTable) -> Fit:
-    """The nominal model fitted to as many readings, from low voltages on, as it can be at."""
+    """Fit the nominal model to as many readings, from low voltages on, as it can reach."""
     fits = list(nominal_fits(simulation, table))
     return next((fit for fit in reversed(fits) if fit.possible), fits[0])
 
 
 def _reasons(simulation: Simulation, table: ReadingTable) -> NDArray[np.str_]:
-    """Why each row must be left out so that a fit is at all of the others, "" for those that stay.
+    """Give the reason why each row must be left out so that a fit reaches all others, else "".
 
-    Those that the films of low voltages cannot be at; then, ramp by ramp, those of high ones.
+    First the rows that films fitted to low voltages cannot reach; then, ramp by ramp, the rows of
+    the highest voltages.
     """
     fit, reasons = _safest(simulation, table), np.full(len(table), "", "<U99")
     while True:
@@ -168,7 +171,7 @@ def _reasons(simulation: Simulation, table: ReadingTable) -> NDArray[np.str_]:
 
 
 def _highest(table: ReadingTable, rows: Mask) -> Array:
-    """The highest voltage of some rows of each ramp."""
+    """Find the highest voltage of some rows of each ramp."""
     highest = np.zeros(int(table.ramp.max()) + 1)
     np.maximum.at(highest, table.ramp[rows], table.voltage[rows])
     return highest
@@ -176,10 +179,10 @@ def _highest(table: ReadingTable, rows: Mask) -> Array:
 
 def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulation], Array]
              ) -> Simulation:
-    """The simulation without effects whose laws reach all that a table asks for, or films' ends.
+    """Sample a simulation without effects up to all that a table needs, or to the films' limits.
 
-    ``unknowns_of`` a simulation are the nominal hypothesis' where its reach is judged. An
-    :class:`InputError` when a film cannot be solved.
+    ``unknowns_of`` gives the unknowns of the nominal hypothesis at which the reach of a simulation
+    is judged. Raise an :class:`InputError` when a film cannot be solved.
     """
     names = [specimen.name for specimen in setup.specimens]
     needed = _needed(setup, table)
@@ -197,7 +200,7 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
         wanted = _needed(setup, table, FilmsAtRest(simulation, (), unknowns_of(simulation),
                                                    table.states))
         lacking, ended = _ENOUGH * wanted > have, have < 0.99 * room * needed
-        # A film held at less heave bears more voltage.
+        # A film at less deflection bears more voltage.
         narrowed = (lacking & ended).any(0) & (room[0] > _TIGHT[0])
         growing = lacking & ~ended
         if not (narrowed.any() or growing.any()):
@@ -210,7 +213,7 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
 
 def _nominal_law(setup: Setup, solver: FiniteElements, name: str, heave: float,
                  voltage_squared: float) -> ForceLaw:
-    """A film's force law without effects, up to a heave [m] and a U² [V²], or as far as it goes."""
+    """Sample a force law without effects up to a deflection [m] and U² [V²], or film limit."""
     least = _LEAST * setup.specimen(name).gap
     while True:
         try:
@@ -223,7 +226,7 @@ def _nominal_law(setup: Setup, solver: FiniteElements, name: str, heave: float,
 
 
 def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) -> Array:
-    """Heaves and U² needed, shape (2, specimens): by the readings or by films at rest."""
+    """Find the deflections and U² that readings or equilibria need, shape (2, specimens)."""
     states, needed = table.states, []
     squared = np.asarray(setup.rig.film_voltage(states.voltage, states.voltage_direction)) ** 2
     if rest is not None:
@@ -233,7 +236,7 @@ def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) 
         there = states.specimen == number
         read = np.r_[read, states.heave[there]]
         if rest is not None:
-            # Where U² is beyond reach the heave tells nothing.
+            # Where U² is beyond reach the deflection is not known.
             sought = there & (rest.possible | rest.short) & (rest.voltage_squared <= rest.top)
             read = rest.extended_heave[sought]
         read = np.abs(read[np.isfinite(read)])
@@ -244,7 +247,7 @@ def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) 
 
 
 def by_ramp(setup: Setup, table: ReadingTable, rows: Mask) -> list[str]:
-    """Origins of rows of a table, ramp by ramp: file, lines, specimen, mass, voltages."""
+    """List the origins of rows ramp by ramp: file, lines, specimen, mass, voltages."""
     words = []
     for ramp in np.unique(table.ramp[rows]):
         some = table[rows & (table.ramp == ramp)]
@@ -259,7 +262,7 @@ def by_ramp(setup: Setup, table: ReadingTable, rows: Mask) -> list[str]:
 
 def with_effects(calibration: Simulation, progress: PartsDone,
                  workers: int) -> Simulation:
-    """The same simulation with the effects of the library."""
+    """Add the effects of the library to a simulation."""
     grids = [law.grid for law in calibration.laws]
     shapes = calibration.laws[0].solver == FiniteElements(shapes=True)
     return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress,
@@ -267,10 +270,10 @@ def with_effects(calibration: Simulation, progress: PartsDone,
 
 
 def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
-    """Largest error of the reduced heaves [m] at a fit, against finite elements on a fine mesh.
+    """Find the largest error [m] of reduced deflections at a fit, against a fine mesh.
 
-    At some of the states, from small to large heaves; states the finite elements do not reach are
-    left out.
+    Some of the states are checked, from small to large deflections; states that the finite elements
+    do not reach are left out.
     """
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
     states = table.states.at_rest
@@ -293,9 +296,10 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
 
 
 def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
-    """Largest error of the reduced frequencies at a fit, as a share of the finite elements' own.
+    """Find the largest relative error of reduced frequencies at a fit, against finite elements.
 
-    At some of those read, from low to high; what the finite elements do not reach is left out.
+    Some of the readings are checked, from low to high; states that the finite elements do not reach
+    are left out.
     """
     if "frequency" not in table.kind:
         return 0.0
@@ -312,9 +316,10 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> fl
 
 
 def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[str, float]:
-    """Largest error of each component of scans at a fit [m], against a fine mesh.
+    """Find the largest error of each component of scans at a fit [m], against a fine mesh.
 
-    Of some scans, from small to large heaves; what finite elements do not reach is left out.
+    Some scans are checked, from small to large deflections; states that the finite elements do not
+    reach are left out.
     """
     if not table.scans:
         return {}
@@ -337,9 +342,9 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
 
 
 def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
-    """Mask of readings, at a fit of the nominal film, of states that have lost tension somewhere.
+    """Mark readings of states in which the nominal film at a fit has lost tension somewhere.
 
-    A film loses more of it the higher its voltage is: of each ramp they are the last ones.
+    A film loses more tension the higher its voltage is, so these are the last readings of a ramp.
     """
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
     rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, table.states)

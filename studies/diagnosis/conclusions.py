@@ -61,20 +61,20 @@ from tympan.studies.diagnosis.shown.loaded_films import loaded_films
 from tympan.studies.effects import Setup
 from tympan.studies.effects.findings import FoundSize, family_finding
 
-#: Causes of less than this probability are not listed.
+#: Least probability of a cause that is listed.
 _LEAST = 0.01
 
-#: Share of the misfit that an effect must take away alone for its check to be worth while where
-#: nothing explains it: half.
+#: Share of the misfit that an effect must remove alone, half, before its check is recommended where
+#: no hypothesis explains the misfit.
 _WORTH = 0.5
-#: How many such checks are told: more are no advice.
+#: Most such checks that are recommended: more would be no advice.
 _CHECKS = 2
 
-#: Sizes over the usual one up to which such actuators have them.
+#: Sizes over the prior scale up to which such actuators show an effect.
 _PLAUSIBLE = 2.0
-#: Factor on the noise for which the probabilities are told too.
+#: Factor on the noise for which the probabilities are given too.
 _NOISIER = 1.5
-#: Scatter about smooth curves over the stated noise from which it is worth a word.
+#: Ratio of the scatter about smooth curves to the stated noise from which it is mentioned.
 _ROUGH = 1.4
 
 #: Points of an outline in a plan.
@@ -83,13 +83,13 @@ _EDGE = 120
 
 @dataclass(frozen=True, eq=False)
 class Conclusions:
-    """A judgement of a dataset's readings, with what follows from it.
+    """A judgement of a dataset's readings, with the conclusions drawn from it.
 
-    ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
-    finite elements on a fine mesh [m]; ``gain`` on readings held out; ``proposals`` for the next
-    experiment and ``advice`` in a sentence; ``explanation`` of a misfit by the data alone;
-    ``coupons``: the conclusions from coupons of the same films, None where there are none or
-    nothing else.
+    ``model_error``: error of the reduced model's deflections at the nominal and the best fit,
+    against finite elements on a fine mesh [m]; ``gain``: on held-out readings; ``proposals``: for
+    the next experiment, and ``advice``: the same in a sentence; ``explanation``: of a misfit by a
+    fault of the data alone; ``coupons``: the conclusions from coupons of the same films, None where
+    there are no coupons or nothing else.
     """
 
     dataset: Dataset
@@ -105,11 +105,11 @@ class Conclusions:
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
            model_error: float = 0.0, seed: int = 0) -> Conclusions:
-        """All that follows from a judgement of the dataset's readings."""
+        """Draw all conclusions from a judgement of the dataset's readings."""
         causes, films = readings.causes, judgement.of_first()
         simulation = films.simulation
-        # Nothing more is proposed beside coupons than the checks of what is found.
-        # What is to be solved takes its time, and is for causes that cannot be told apart.
+        # With coupons, only checks of the causes found are proposed.
+        # Experiments that must be solved take time; they serve causes that are indistinguishable.
         menu: tuple[AnyExperiment, ...] = MENU
         if _verdict(judgement, readings) == "ambiguous" and all(
                 isinstance(specimen, Specimen) for specimen in simulation.setup.specimens):
@@ -124,45 +124,45 @@ class Conclusions:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict; with a noise that is only assumed no cause is named."""
+        """The verdict; no cause is named if the noise is only assumed."""
         return _verdict(self.judgement, self.readings)
 
     @property
     def chosen(self) -> Fit | None:
-        """The hypothesis the extended model has, None when nothing is wrong or none is better.
+        """The hypothesis of the extended model, None when nothing is wrong or none is better.
 
-        Where nothing explains the readings, one that misses those held out by no less than the
-        nominal model is none.
+        Where no hypothesis explains the readings, one that misses held-out readings by no less
+        than the nominal model does not count.
         """
         return self.judgement.chosen if self.gain.extends else None
 
     def _known(self, fit: Fit) -> Fit:
-        """A fit for its sizes' limits, which count the misfit where nothing explains it."""
+        """Widen a fit for the limits of its sizes by the misfit, where nothing explains that."""
         return fit.louder(self._widened(fit))
 
     @cached_property
     def single_effects(self) -> list[Fit]:
-        """Every effect fitted alone, the one that explains most first; none if nothing is wrong."""
+        """Every effect fitted alone, best explanation first; empty if nothing is wrong."""
         return sorted(self.judgement.weighed.alone, key=lambda fit: -self.judgement.explained(fit))
 
     @cached_property
     def films(self) -> Judgement:
-        """The judgement's part on readings of actuators, where there are some."""
+        """The part of the judgement on readings of actuators, where there are some."""
         return self.judgement.of_first()
 
     @property
     def _of_films(self) -> Fit | None:
-        """The part of what is chosen on readings of actuators."""
+        """The part of the chosen fit on readings of actuators."""
         return self.films.chosen if self.gain.extends else None
 
     @property
     def simulation(self) -> ReadingModel:
-        """The dataset's simulation, as far as effects were explored."""
+        """The dataset's simulation, over the range in which effects were explored."""
         return self.films.simulation
 
     @property
     def bench(self) -> Bench:
-        """Bench that makes synthetic readings like these."""
+        """Generator of synthetic readings like these."""
         table = self.films.table
         noise = self.readings.table.noise.with_own(table.sigma)
         return Bench(self.simulation, self.films.nominal.unknowns, table.with_noise(noise),
@@ -176,9 +176,9 @@ class Conclusions:
         return self.simulation.extended(self.chosen.hypothesis, self.chosen.unknowns)
 
     def diagnosis(self, films: bool = False, self_check: Json | None = None) -> Diagnosis:
-        """The result; ``films``: with the specimens' films, which are solved by finite elements.
+        """Assemble the result; ``films`` adds the films' shapes, solved by finite elements.
 
-        ``self_check``: what is concluded from synthetic readings, None where that was not asked.
+        ``self_check``: conclusions from synthetic readings, None where no self-check was asked for.
         """
         judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
         nominal = self._known(judged.nominal)
@@ -196,7 +196,7 @@ class Conclusions:
                               judged.weighed.small_errors, found is not None, cannot_tell),
             cannot_tell=cannot_tell,
             causes=causes,
-            # Of outliers the fits tell more (readings_off).
+            # The fits say more about outliers (readings_off).
             findings=(*(one for one in findings(self.dataset) if one.kind != "outlier"),
                       *filter(None, [found])),
             together=together(suspects),
@@ -241,7 +241,7 @@ class Conclusions:
         return fit.misfit if self.verdict == "unexplained" else 1.0
 
     def _attempt(self, fit: Fit) -> result.Attempt:
-        """An effect fitted alone."""
+        """Summarise an effect fitted alone."""
         cause, known = fit.hypothesis[0], self._known(fit)
         widths = fit.surprise(cause)
         return result.Attempt(
@@ -251,20 +251,20 @@ class Conclusions:
             at_limit=fit.at_limit)
 
     def _rmse(self, fit: Fit | None) -> float:
-        """Root mean square of what a fit of the films misses, as it was read."""
+        """Compute the root mean square misfit of the films' readings, as they were read."""
         table = self.films.table
         missed = table.value - (fit or self.films.nominal).predicted(table)
         # A zero that moved between runs is no misfit.
         return self._root(table.noise.apart(missed) if table.lengths.any() else missed)
 
     def _root(self, errors: Array) -> float:
-        """Root mean square of errors of the films' readings that count, in their unit."""
+        """Compute the root mean square of errors of the films' counted readings, in their unit."""
         table = self.films.table
         counts = table.judged & (table.noise.off == 0)
         return table.unit.per_si * float(np.sqrt(np.mean(errors[counts] ** 2)))
 
     def _readings_off(self) -> Iterator[result.ReadingOff]:
-        """Readings that are off by themselves, as they are written and as others tell."""
+        """List readings that are outliers: their values, and those predicted from the others."""
         films = self.films
         table, sigma = films.table, films.table.sigma
         specimens = [specimen.name for specimen in self.simulation.setup.specimens]
@@ -283,7 +283,7 @@ class Conclusions:
                 probability=float(probability_off(np.array(missed / noise))))
 
     def _plans(self) -> Json:
-        """Plans of the films that were scanned, by specimen, in the places' frame [mm]."""
+        """Give the plan views of the scanned films by specimen, in the places' frame [mm]."""
         table, plans = self.films.table, {}
         centred = self.dataset.field_frame == "plate"
         for number in np.unique(table.specimen[table.point >= 0]):
@@ -295,7 +295,7 @@ class Conclusions:
         return plans
 
     def _extended_files(self) -> dict[str, str]:
-        """The extended model's rig and specimens as files by name, or why there is none."""
+        """Write rig and specimens of the extended model as files by name, or say why not."""
         setup = self.extended
         if setup is None:
             return {}
@@ -308,10 +308,10 @@ class Conclusions:
         return files
 
     def _tables(self) -> Iterator[tuple[str, Columns]]:
-        """Readings, and what both models say there and, of actuators, between."""
+        """Tabulate the readings and both models' predictions, for actuators on fine curves too."""
         table, nominal, chosen = self.films.table, self.films.nominal, self._of_films
         specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
-        # Lengths as they were read: what several have in common is counted with the models.
+        # Lengths as they were read: errors that several share are counted with the models.
         common = np.where(table.lengths, table.value - table.noise.apart(table.value), 0.0)
         models = {"baseline": nominal.predicted(table),
                   "extended": (chosen or nominal).predicted(table)}
@@ -359,11 +359,11 @@ class Conclusions:
 
     @property
     def _suspects(self) -> tuple[Cause, ...]:
-        """Causes that the readings do not decide between."""
+        """Causes between which the readings do not decide."""
         return self.judgement.weighed.suspects if self.verdict == "ambiguous" else ()
 
     def _found(self, cause: Cause) -> Fit:
-        """The fit that tells a cause's size."""
+        """Find the fit that determines a cause's size."""
         judged, posterior = self.judgement, self.judgement.posterior
         assert posterior is not None
         rivals = (rival for rival in judged.weighed.rivals if rival.hypothesis[0] == cause)
@@ -371,7 +371,7 @@ class Conclusions:
         return next(fit for fit in fits if fit and cause in fit.hypothesis)
 
     def _family(self, alike: Sequence[Cause], fit: Fit, cause: Cause) -> result.FoundFamily:
-        """Family a cause at a fit stands for, where these readings do not tell it from others."""
+        """Describe the family of a cause at a fit, where readings cannot separate its members."""
         family = cause.effect.family
         assert family is not None
         size = family_size(self.judgement.simulation,
@@ -385,7 +385,7 @@ class Conclusions:
 
     @property
     def _fault(self) -> Finding | None:
-        """Fault in the dataset that explains the misfit, if one does."""
+        """Fault in the dataset that explains the misfit, if there is one."""
         return None if self.explanation is None else self.explanation.finding
 
     @property
@@ -418,7 +418,7 @@ class Conclusions:
             others=tuple(self._misfits_of_other_kinds(table.value - predicted)))
 
     def _misfits_of_other_kinds(self, missed: Array) -> Iterator[result.MisfitOfKind]:
-        """Misfits of readings that are not counted with the first kind, kind by kind."""
+        """List the misfits of readings outside the first kind, kind by kind."""
         table, off = self.films.table, self.films.table.noise.off
         for kind, rows in table.rows_of.items():
             some = rows[~table.judged[rows] & (off[rows] == 0) & np.isfinite(missed[rows])]
@@ -430,20 +430,20 @@ class Conclusions:
                                           noise=noise, baseline_rmse=rmse)
 
     def _noise_stated(self) -> float | None:
-        """Noise of one reading as the files state it, in the readings' unit; None without one."""
+        """Find the noise of one reading as the files state it, in its unit; None if not stated."""
         unit = self.films.table.unit
         if self.simulation.loaded:
             stated = stated_noise(self.dataset)
             return None if stated is None else unit.per_si * stated
         coupons = self.dataset.coupons
-        # Of a drop under voltage the noise is that of two readings.
+        # The noise of a drop under voltage is that of two readings.
         if coupons is None or coupons.sigma is None or self.dataset.coupon_reading == "drop":
             return None
         known = coupons.sigma[np.isfinite(coupons.sigma)]
         return unit.per_si * float(np.sqrt(np.mean(known**2))) if len(known) else None
 
     def _cannot_tell(self, misfit: result.Misfit) -> str:
-        """Sentences on why it is not known whether the simulation agrees; "" where it is."""
+        """Say why it is not known whether the simulation agrees; "" where it is known."""
         if self.judgement.sensor.possible:
             return WORDS["wanders"].format(misfit=misfit,
                                            unit=self.judgement.table.unit.name.replace("u", "µ"))
@@ -454,7 +454,7 @@ class Conclusions:
 
     def _next_experiment(self, concerned: Sequence[result.FoundCause]
                          ) -> result.NextExperiment | None:
-        """The direct checks of what is concerned, then the best experiment; None if all is well."""
+        """Choose the direct checks of these causes and the best experiment; None if all is well."""
         if self.verdict == "nothing":
             return result.NextExperiment(
                 what=WORDS["do_rough"], checks=(WORDS["do_rough"],), after_checks=""
@@ -466,7 +466,7 @@ class Conclusions:
             advice = WORDS["again" if fault is None else "put_right"]
             checks = self._checks_of_misfit() if explanation is None else [explanation.check]
         if explanation is not None and fault is None:
-            # Where nothing explains the misfit the headline has said what this is.
+            # Where nothing explains the misfit, the headline has said this already.
             what = "" if unexplained else f": {explanation.what}"
             checks = [WORDS["look_up"].format(slip=what), *checks]
         if self.judgement.sensor.possible:
@@ -485,16 +485,16 @@ class Conclusions:
                        expected_chi_squared=best.expected_chi_squared, menu=menu)
 
     def _checks_of_misfit(self) -> list[str]:
-        """Checks where nothing explains the misfit: by its patterns, and of the largest effects."""
+        """List checks where nothing explains the misfit: of its patterns and largest effects."""
         worth = [fit for fit in self.single_effects
                  if self.judgement.explained(fit) >= _WORTH][:_CHECKS]
         return [*pattern_checks(self.films),
                 *(check_of(fit.hypothesis[0], self.readings.observables) for fit in worth)]
 
     def _limitations(self) -> list[str]:
-        """Limitations of the conclusions."""
+        """List limitations of the conclusions."""
         off = {(one.file, one.line) for one in self._readings_off()}
-        # What the fits tell of a reading stands beside: it is said once.
+        # Readings that the fits name as outliers are listed elsewhere and not repeated here.
         said = {one.what for one in findings(self.dataset)
                 if one.kind == "outlier" and {(one.file, line) for line in one.lines} <= off}
         words = [one for one in dict.fromkeys([*dataset_warnings(self.dataset),
@@ -518,12 +518,12 @@ def _verdict(judgement: Judgement, readings: PreparedReadings) -> Verdict:
 
 
 def _parameters(fit: Fit, cause: Cause) -> dict[str, result.ShownSize]:
-    """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
+    """List a cause's parameters at a fit, in units to show, with 95 % limits; inf becomes None."""
     return {name: _shown(size) for name, size in found_sizes(fit, cause).items()}
 
 
 def _shown(size: FoundSize) -> result.ShownSize:
-    """A size as people read it, with words where it is known to one side alone."""
+    """Convert a size to what is shown, with words where only one side of it is known."""
     numbers = (size.parameter.shown(value) for value in (size.value, size.low, size.high))
     value, low, high = (item if np.isfinite(item) else None for item in numbers)
     return result.ShownSize(value, size.parameter.unit, low, high,

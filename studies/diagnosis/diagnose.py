@@ -1,4 +1,4 @@
-"""A dataset diagnosed, or what its readings can tell before they are made."""
+"""Diagnosis of a dataset, and plan of what its readings can show before they are made."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ from tympan.studies.effects import EFFECTS, Setup
 from tympan.studies.estimation.noise import Shared
 from tympan.studies.files import to_json
 
-#: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
+#: Number of parts of the work after the films: weighing hypotheses and testing their predictions.
 _LATER = 2
-#: Files that read the deflection of a film's centre as well as that of a plate, or no actuator.
+#: Files with deflections of a film's centre as well as of a plate, or without an actuator.
 _OF_THE_CENTRE = frozenset((*Rest.files, *CouponTests.files))
 
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0) -> Diagnosis:
-    """The result of :func:`conclude`, without films."""
+    """Diagnose a dataset as :func:`conclude` does; return the result without film shapes."""
     return conclude(dataset, workers, seed).diagnosis()
 
 
@@ -59,23 +59,23 @@ def conclude(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: PartsDone = lambda done, all_of_them: None) -> Conclusions:
     """Diagnose a dataset's static readings, ranges, frequencies and scans of films, and coupons.
 
-    Coupons are judged by themselves, by the same rules, and weighed with the readings of actuators
-    of the same film, if there are some.
+    Coupons are judged separately, by the same rules, and then weighed with the readings of
+    actuators of the same film, if there are some.
 
     Parameters
     ----------
     workers
         Processes for the finite elements; with more than one the calling script needs a main guard.
     seed
-        Of the draws for critical values; another one moves probabilities by their sampling error.
+        Seed of the draws for critical values; another one moves probabilities by sampling error.
     progress
         Called with the parts of the work done and their number.
 
     Raises
     ------
     InputError
-        When nothing can be concluded: too few readings, a column off by a unit, films that cannot
-        be solved, scans in another frame than is said; effects of a user's package that cannot be
+        When nothing can be concluded: too few readings, a column in a wrong unit, films that cannot
+        be solved, scans in another frame than stated, effects of a user's package that cannot be
         loaded.
     """
     EFFECTS.whole()
@@ -92,9 +92,10 @@ def conclude(dataset: Dataset, workers: int = 1, seed: int = 0,
 def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
                   progress: PartsDone = lambda done, all_of_them: None
                   ) -> tuple[PreparedReadings, Judgement, float]:
-    """The readings with the reduced model's errors in their noise, the verdict, and these errors.
+    """Judge a dataset; return its prepared readings, the verdict, and the reduced model's errors.
 
-    As :func:`conclude`, which adds what follows from the verdict.
+    The noise of the readings contains these errors. :func:`conclude` does the same and adds the
+    conclusions from the verdict.
     """
     of_coupons = None if dataset.coupons is None else judge_coupons(dataset, seed)
     if of_coupons is not None and of_coupons_alone(dataset):
@@ -103,9 +104,9 @@ def judge_dataset(dataset: Dataset, workers: int = 1, seed: int = 0,
 
 
 def calibrated_readings(dataset: Dataset) -> tuple[PreparedReadings, Calibration, float]:
-    """The readings of actuators with all errors in their noise, the nominal simulation, its error.
+    """Prepare the readings of actuators with all errors in their noise, and calibrate.
 
-    That of the lengths [m].
+    Return the readings, the nominal simulation and the error of its lengths [m].
     """
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
@@ -120,7 +121,7 @@ def calibrated_readings(dataset: Dataset) -> tuple[PreparedReadings, Calibration
 def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judgement] | None,
                      workers: int, seed: int, progress: PartsDone
                      ) -> tuple[PreparedReadings, Judgement, float]:
-    """Judge as :func:`judge_dataset`, ``of_coupons`` being what coupons say by themselves."""
+    """Judge as :func:`judge_dataset` does; ``of_coupons`` is the judgement of coupons alone."""
     _require_lengths(dataset)
     readings, nominal, error = calibrated_readings(dataset)
     films = 1
@@ -149,9 +150,9 @@ def _judge_actuators(dataset: Dataset, of_coupons: tuple[PreparedReadings, Judge
 def with_coupons(readings: PreparedReadings, simulation: Simulation,
                  of_coupons: tuple[PreparedReadings, Judgement] | None, causes: Sequence[Cause]
                  ) -> tuple[PreparedReadings, Simulation, ReadingTable]:
-    """Add coupons of the same film, if there are some; both get the noise that they show.
+    """Add coupons of the same film, if there are some; estimate the noise of both.
 
-    That of the actuators is found beside what ``causes`` show.
+    The noise of the actuators is the scatter that the effects of ``causes`` leave.
     """
     if of_coupons is None:
         return readings, simulation, readings.table
@@ -170,17 +171,17 @@ def with_coupons(readings: PreparedReadings, simulation: Simulation,
 
 def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponTests,
                      coupons: Judgement) -> tuple[Simulation, ReadingTable]:
-    """A simulation of actuators with coupons beside them, and their table with the coupons' rows.
+    """Add coupons to a simulation of actuators, and the coupons' rows to their table.
 
-    ``coupons`` are judged by themselves before, and so is their noise. Their stiffness and
-    permittivity are the actuators' but for a share, :data:`BATCH`, that is integrated over: as an
-    error that all strips have in common.
+    The ``coupons`` were judged separately before, which also gave their noise. Their stiffness and
+    permittivity equal those of the actuators within a share, :data:`BATCH`. This difference is
+    integrated over, as an error that all strips have in common.
     """
     best = coupons.chosen or coupons.nominal
     batch = tests.batch(coupons.simulation.extended(best.hypothesis, best.unknowns))
     of_batch = Shared.of(np.arange(len(coupons.table)), batch)
     noise = coupons.table.noise.known(coupons.test.freedom).plus(of_batch)
-    # All of one state: of a plate, under some mass, that is held where the film is flat.
+    # All rows get one state, that of a plate with some mass, fixed where the film is flat.
     mass = float(table.states.mass.max(initial=0.0))
     flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))
     strips = replace(coupons.table, states=flat, state=0 * coupons.table.state, noise=noise)
@@ -188,12 +189,12 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
 
 
 def of_coupons_alone(dataset: Dataset) -> bool:
-    """Whether a dataset has readings of coupons and no others."""
+    """Check whether a dataset has readings of coupons and no others."""
     return set(dataset.tables) <= set(CouponTests.files)
 
 
 def judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgement]:
-    """Judgement of a dataset's coupons by themselves."""
+    """Judge a dataset's coupons alone."""
     readings = coupon_readings(dataset)
     simulation = Simulation(readings.setup, (), evidence=readings.evidence)
     try:
@@ -206,10 +207,11 @@ def judge_coupons(dataset: Dataset, seed: int) -> tuple[PreparedReadings, Judgem
 def plan_readings(dataset: Dataset, workers: int = 1,
                   progress: PartsDone = lambda done, all_of_them: None
                   ) -> tuple[dict[str, Any], Bench]:
-    """Effects that a dataset's readings can show, whatever was or will be read, as a JSON object.
+    """List the effects that a dataset's readings can show, as a JSON object, and its bench.
 
-    And what makes synthetic readings like them. Their values are not looked at. An
-    :class:`InputError` where a planned state has no equilibrium.
+    The result holds whatever was or will be read: the values of readings are not used. The bench
+    makes synthetic readings like these. Raise an :class:`InputError` where a planned state has no
+    equilibrium.
     """
     _require_lengths(dataset)
     readings = _prepared(dataset)
@@ -233,7 +235,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
 
 
 def _require_lengths(dataset: Dataset) -> None:
-    """Refuse forces without deflections, on which a diagnosis counts its errors."""
+    """Refuse forces without deflections: a diagnosis measures its errors by deflections."""
     if set(dataset.tables) - set(CouponTests.files) == set(Held.files):
         raise InputError("must have static.csv or range.csv beside force.csv, as errors are "
                          "counted on deflections; tympan material fit takes forces alone",
@@ -248,7 +250,7 @@ def _prepared(dataset: Dataset) -> PreparedReadings:
 
 
 def _require_centres(dataset: Dataset, alone: list[str]) -> None:
-    """Refuse what films without plate do not have."""
+    """Refuse readings that films without a plate do not have."""
     others, static = set(dataset.tables) - _OF_THE_CENTRE, dataset.static
     if others:
         raise InputError(f"has no plate, which {' and '.join(sorted(others))} is read of: leave it "

@@ -1,4 +1,4 @@
-"""Check of scans for another frame or unit than is said, before that gets a cause."""
+"""Check of scans for another frame or unit than stated, before it is taken for a cause."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tympan.studies.files import words_beside
 
 WORDS = words_beside(__file__)
 
-#: What makes places as they are from those written, and displacements; the likeliest slips first.
+#: Transforms from written places and displacements to true ones; likeliest errors first.
 FRAMES: dict[str, tuple[tuple[tuple[float, float], tuple[float, float]], float]] = {
     "x_mirrored": (((-1, 0), (0, 1)), 1), "y_mirrored": (((1, 0), (0, -1)), 1),
     "half_turn": (((-1, 0), (0, -1)), 1), "swapped": (((0, 1), (1, 0)), 1),
@@ -25,20 +25,20 @@ FRAMES: dict[str, tuple[tuple[tuple[float, float], tuple[float, float]], float]]
     "ten_times": (((1, 0), (0, 1)), 10), "tenth": (((1, 0), (0, 1)), 0.1),
 }
 
-#: By what factor less than the frame that is said another one must leave.
+#: Factor by which another frame must leave less misfit than the stated frame.
 _LESS = 4.0
-#: How much less it must leave, in χ² scaled to what it leaves itself: e to the minus 30 by noise
-#: alone.
+#: Decrease of χ² that another frame must reach, with χ² scaled to what it leaves itself: by noise
+#: alone this has a probability of exp(-30).
 _CLEAR = 60.0
 
-#: What two frames leave that fit alike, relative to what they leave.
+#: Ratio of the misfits of two frames that counts as equal.
 _ALIKE = 1.01
 
 
 def check_frame(simulation: Simulation, table: ReadingTable, centre: str) -> None:
-    """An :class:`InputError` where scans fit much better in another frame or unit.
+    """Raise an :class:`InputError` where scans fit much better in another frame or unit.
 
-    By the nominal model fitted to all that is no scan; ``centre`` is what places are counted from.
+    The nominal model is fitted to all readings but scans; ``centre`` is the origin of the places.
     """
     rows = table.rows_of.get("film")
     if rows is None:
@@ -59,7 +59,7 @@ def check_frame(simulation: Simulation, table: ReadingTable, centre: str) -> Non
 
 
 def _misfit(simulation: Simulation, table: ReadingTable, unknowns: Array) -> float:
-    """χ² of scans, infinite where there is no equilibrium."""
+    """Compute χ² of scans, infinite where there is no equilibrium."""
     residual = table.noise.whitened(table.value - simulation.predict((), unknowns, table))
     return float(np.nan_to_num(residual @ residual, nan=np.inf))
 

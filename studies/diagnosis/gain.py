@@ -1,9 +1,9 @@
-"""Gain of the extended model on shapes, masses, specimens, voltages it has not seen.
+"""Gain of the extended model on held-out shapes, masses, specimens and voltages.
 
 Readings of one ramp share mounting, creep and offset, so single readings are never held out. On
-each split the cause is chosen and fitted on the training part only. A gain is no evidence for a
-name within a class of causes that these readings cannot tell apart: an alias gains as much as the
-truth.
+each split the cause is chosen and fitted on the training part only. Within a class of causes that
+these readings cannot distinguish, a gain does not support one name: an alias gains as much as the
+true cause.
 """
 
 from __future__ import annotations
@@ -31,42 +31,42 @@ from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import UNITS, ReadingTable, Unit
 from tympan.studies.diagnosis.result import Coverage, Gain, GainOfKind, HeldOut
 
-#: Kinds that are held out at once.
+#: Kinds of splits whose levels are held out all at once.
 _AT_ONCE = ("voltage", "stretch")
 
-#: Fewest readings that must be left when some are held out: stiffness, permittivity and an effect
-#: are fitted to them.
+#: Fewest readings that must be left for training: stiffness, permittivity and an effect are fitted
+#: to them.
 _FEWEST_ROWS = 6
 #: Fewest shapes, masses or ramps that must be left.
 _FEWEST_LEFT = 2
-#: Fewest ramps held out for an interval: it is drawn from them.
+#: Fewest held-out ramps for an interval: it is found by resampling ramps.
 _FEWEST_RAMPS = 3
-#: Pairs are fitted of so many of the most probable effects. A bound of the cost.
+#: Number of the most probable effects that are fitted in pairs. It limits the cost.
 _SHORTLIST = 5
-#: Hypotheses as probable as this are fitted by the model, not only weighed to first order.
+#: Probability from which a hypothesis is fitted with the model, not only weighed to first order.
 _MATTERS = 0.05
-#: Draws for the interval: its limits are then known to a fiftieth of its width.
+#: Draws for the interval: its limits then have an error of 1/50 of its width.
 _DRAWS = 4000
 
-#: Sizes over the usual ones from which an effect is sought there too.
+#: Size over the prior scale from which the search for an effect starts at its full fit too.
 _LARGE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class SplitGain:
-    """Errors on the readings of a split that were held out.
+    """Errors on the held-out readings of a split.
 
-    ``chosen`` are the causes chosen on the training part, ``wrong`` the best ones there that share
-    none with them nor with their class. ``models``: the nominal model refitted and the extended
-    one. ``rows``: numbers of the readings held out at which both have an equilibrium, (n,).
+    ``chosen``: the causes chosen on the training part; ``wrong``: the best ones there that share
+    no cause with them nor with their class. ``models``: the refitted nominal model and the extended
+    model. ``rows``: numbers of the held-out readings at which both have an equilibrium, (n,).
     ``errors`` [m], (n,) each: "noise" is the standard deviation of the readings; "before", "after",
     "process" and "rival" are readings minus predictions of the nominal model, of the extended
     model, of the nominal model plus a Gaussian process, and of the best wrong cause. ``others``:
-    readings held out of other kinds. ``note`` says why the split says nothing of the gain, if so.
-    ``below``: the probabilities that less is read than was, in every row, by all hypotheses
-    together; none where the cause cannot be learned.
-    Where the verdict is ambiguous, that it is none of them is one more. ``nominally``: the same by
-    the nominal model and what it misses alone, where that may be.
+    held-out readings of other kinds. ``note``: why the split says nothing about the gain, if so.
+    ``below``: for every row the predictive probability of a reading below the measured one, by all
+    hypotheses together; empty where the cause cannot be learned. Where the verdict is ambiguous,
+    "none of them" is one more hypothesis. ``nominally``: the same probabilities by the nominal
+    model with its misfit alone, where that model is possible.
     """
 
     kind: str
@@ -83,13 +83,13 @@ class SplitGain:
 
     @property
     def rmse(self) -> dict[str, float]:
-        """Root mean squares [m] of the errors, nan where there are none."""
+        """Root mean squares [m] of the errors, nan where there are no errors."""
         finite = {name: values[np.isfinite(values)] for name, values in self.errors.items()}
         return {name: float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
                 for name, values in finite.items()}
 
     def shown(self, unit: Unit) -> HeldOut:
-        """The part of a result, errors in a unit."""
+        """Build the part of a result, with errors in a unit."""
         return HeldOut(held_out=self.held_out, chosen=tuple(map(str, self.chosen)),
                        wrong=tuple(map(str, self.wrong)), note=self.note,
                        rmse={name: unit.per_si * value if np.isfinite(value) else None
@@ -98,10 +98,10 @@ class SplitGain:
 
 @dataclass(frozen=True, eq=False)
 class GainReport:
-    """The gain ``overall``, each split, and in words which splits there are not, and why.
+    """The gain ``overall``, of each split, and in words which splits were not made, and why.
 
-    ``overall`` is None where nothing could be held out. ``extends``: an extended model is worth
-    having: where nothing explains the readings, if it misses those held out by less.
+    ``overall`` is None where nothing could be held out. ``extends``: whether the extended model is
+    useful: where nothing explains the readings, whether its error on held-out readings is smaller.
     """
 
     overall: Gain | None
@@ -111,7 +111,7 @@ class GainReport:
 
     @property
     def predictive(self) -> Coverage | None:
-        """Prediction of readings that were held out; None without any."""
+        """Prediction of held-out readings; None without any."""
         below = np.concatenate([np.empty(0), *(split.below if self.extends else split.nominally
                                                for split in self.splits)])
         below = below[np.isfinite(below)]
@@ -124,11 +124,11 @@ class GainReport:
 
 def gain_of(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
             judgement: Judgement, seed: int = 0) -> GainReport:
-    """The gain of extending the model by causes chosen anew on each training part.
+    """Compute the gain of extending the model by causes chosen anew on each training part.
 
-    Where the training part cannot show a cause that all readings speak for (one on a specimen that
-    is held out; a mass left out of account, with one mass left), or shows nothing wrong at all, the
-    split says so and does not count. Nor do readings that are off by themselves.
+    A split does not count, and says so, where its training part cannot show the cause that all
+    readings support (one on a held-out specimen; a neglected mass, with one mass left), or shows
+    nothing wrong. Outliers do not count either.
     """
     table = table.with_noise(judgement.table.noise)
     splits, impossible = splits_of(simulation, table)
@@ -149,7 +149,7 @@ def gain_of(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Caus
 
 
 def _of_other_kinds(simulation: ReadingModel, splits: Sequence[SplitGain]) -> Iterator[GainOfKind]:
-    """Errors of both models on readings held out that are no lengths, kind by kind."""
+    """Compute errors of both models on held-out readings that are not lengths, kind by kind."""
     missed: dict[str, list[Array]] = defaultdict(list)
     for split in splits:
         if split.note or split.others is None or not len(split.others):
@@ -169,18 +169,18 @@ def _of_other_kinds(simulation: ReadingModel, splits: Sequence[SplitGain]) -> It
 
 
 def _better(gain: Gain | None) -> bool:
-    """Whether the extended model misses readings held out by less than the nominal one."""
+    """Check whether the extended model has a smaller error on held-out readings."""
     return (gain is not None and gain.rmse_before is not None and gain.rmse_after is not None
             and gain.rmse_after < gain.rmse_before)
 
 
 @dataclass(frozen=True, eq=False)
 class _Beyond:
-    """Misfit beside a nominal and a chosen fit that may explain nothing, by all readings.
+    """Misfit that a nominal and a chosen fit may leave unexplained, by all readings.
 
-    That something is wrong all readings say, and how large it is; so parts of them count it too.
-    ``noise``: a factor on it where there are no lengths, of which a discrepancy is a smooth one.
-    ``doubt``: how probable it is that none of the hypotheses explains them.
+    All readings show that something is wrong, and how large it is; so parts of them count it too.
+    ``noise``: a factor on the noise where there are no lengths, since a discrepancy is smooth in
+    lengths. ``doubt``: probability that none of the hypotheses explains the readings.
     """
 
     nominal: Discrepancy | None
@@ -200,7 +200,7 @@ class _Beyond:
 
     def below(self, simulation: Predicts, fits: Sequence[Fit], weights: Array, train: ReadingTable,
               test: ReadingTable) -> Array:
-        """Values of :meth:`Predictive.below` at what was read, of fits to a part of readings."""
+        """Compute :meth:`Predictive.below` at the readings, by fits to a part of readings."""
         whole = self.chosen if fits[0].hypothesis else self.nominal
         expected = Predictive.of(simulation, fits, weights, test,
                                  whole and replace(whole, table=train))
@@ -209,13 +209,13 @@ class _Beyond:
 
 def splits_of(simulation: ReadingModel,
               table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
-    """The splits that leave enough to train on and to test, and in words those that do not."""
+    """List the splits that leave enough to train on and to test; say in words which do not."""
     return _told_apart(table, *simulation.evidence[0].splits(simulation.setup, table))
 
 
 def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, Array]
                 ) -> tuple[tuple[Split, ...], tuple[str, ...]]:
-    """The splits that can be made, and in words those that cannot."""
+    """Separate splits that can be made from those that cannot, the latter in words."""
     reasons = [_unfit(kind, test, table, levels[kind]) for kind, _, test in splits]
     return (tuple(split for split, reason in zip(splits, reasons, strict=True) if not reason),
             tuple(f"{name} cannot be held out: {reason}"
@@ -223,7 +223,7 @@ def _told_apart(table: ReadingTable, splits: Sequence[Split], levels: dict[str, 
 
 
 def _unfit(kind: str, test: Mask, table: ReadingTable, levels: Array) -> str:
-    """Why a split cannot be made, "" where it can."""
+    """Say why a split cannot be made, "" where it can."""
     if not np.any(test & table.judged):
         return "no displacements would be held out"
     if np.sum(~test) < _FEWEST_ROWS:
@@ -248,7 +248,7 @@ def _tested(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Caus
                                              replace(about, rows=~rows))
     there = replace(about, rows=counted, exact=exact)
     chosen = (*fits, nominal)[0]
-    # That something is wrong all readings say; what it is, those left to train on.
+    # That something is wrong is known from all readings; what it is, from the training part.
     members = fits or [nominal], np.exp(np.array(logs or [0.0]) - max(logs, default=0.0))
     nominally = np.empty(0)
     if beyond is None or beyond.doubt < 1.0:
@@ -288,10 +288,10 @@ def _tested(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Caus
 
 
 class _Alternatives(NamedTuple):
-    """Hypotheses with an effect, the most probable first, and logarithms of odds against nothing.
+    """Hypotheses with an effect, most probable first, and their log odds against nothing wrong.
 
-    ``wrong`` is the best one unlike the first, if there is one; ``exact`` are those that are fitted
-    by the model, the others to first order.
+    ``wrong``: the best hypothesis unlike the first, if there is one; ``exact``: hypotheses fitted
+    with the model, the others to first order.
     """
 
     fits: list[Fit]
@@ -302,11 +302,11 @@ class _Alternatives(NamedTuple):
 
 def _alternatives(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
                   nominal: Fit, judgement: Judgement, about: FirstOrder) -> _Alternatives:
-    """Hypotheses weighed by a table of a part of the readings.
+    """Weigh hypotheses by a table of a part of the readings.
 
-    Each cause alone, the best of them with every other that may help, and such pairs of the best
-    few, to first order ``about`` the fits to all readings. Then those that matter are fitted by the
-    model. Causes that are large by all readings are sought from there too.
+    These are each cause alone, the best of them with every other that may help, and pairs of the
+    best few, to first order ``about`` the fits to all readings. Those that matter are then fitted
+    with the model. Causes that are large by all readings are searched from there too.
     """
     large = {other.hypothesis: [other.unknowns] for other in judgement.weighed.alone
              if other.surprise(other.hypothesis[0]) > _LARGE}
@@ -350,7 +350,7 @@ def _alternatives(simulation: ReadingModel, table: ReadingTable, causes: Sequenc
 
 
 def _unlike_the_best(fits: Sequence[Fit], classes: Sequence[Sequence[Cause]]) -> Fit | None:
-    """The best fit that shares no cause with the first one, nor with their class."""
+    """Find the best fit that shares no cause with the first one, nor with its class."""
     taken = set(fits[0].hypothesis) if fits else set()
     taken |= {cause for group in classes if taken & set(group) for cause in group}
     return next((other for other in fits if not taken & set(other.hypothesis)), None)
@@ -358,17 +358,17 @@ def _unlike_the_best(fits: Sequence[Fit], classes: Sequence[Sequence[Cause]]) ->
 
 def excess_ratio(before: Array | float, after: Array | float, noise: Array | float,
                  count: Array | int) -> Array:
-    """√(excess after / excess before) of sums of squares over their expectation by noise.
+    """Compute √(excess after / excess before), where excess is squares minus expected noise.
 
-    An excess below what noise scatters by itself, √(2/count) of its sum for ``count`` readings,
-    counts as that before and as none after.
+    An excess smaller than the scatter of noise, √(2/count) of its sum for ``count`` readings,
+    counts as this scatter before, and as zero after.
     """
     least = noise * np.sqrt(2 / np.maximum(count, 1))
     return np.asarray(np.sqrt(np.maximum(after - noise, 0.0) / np.maximum(before - noise, least)))
 
 
 def _overall(splits: Sequence[SplitGain], table: ReadingTable, seed: int) -> Gain | None:
-    """All splits together; the interval by drawing ramps with replacement, and noise anew."""
+    """Combine all splits; the interval is found by resampling ramps and drawing noise anew."""
     splits = [split for split in splits if not split.note]
     if not splits:
         return None
@@ -380,7 +380,7 @@ def _overall(splits: Sequence[SplitGain], table: ReadingTable, seed: int) -> Gai
     ramps, number = np.unique(table.ramp[rows], return_inverse=True)
     if (count := len(ramps)) >= _FEWEST_RAMPS:
         generator = np.random.default_rng(seed)
-        # One fewer than there are: means of so few ramps scatter by more than they tell.
+        # One ramp fewer than there are: means of few ramps scatter more than resampling shows.
         times = generator.multinomial(count - 1, np.full(count, 1 / count), _DRAWS).T[number]
         fresh = table.noise.coloured(generator.standard_normal((len(table), _DRAWS)))[rows]
         scatter = np.sum(times * fresh**2, axis=0)
@@ -400,10 +400,10 @@ def _overall(splits: Sequence[SplitGain], table: ReadingTable, seed: int) -> Gai
 
 
 def _as_likely(errors: Array, noise: Array, fresh: Array) -> Array:
-    """Squares of errors, (n, draws), that would have been read as likely, by draws of the noise.
+    """Compute squares of errors, (n, draws), that readings as likely as these would have had.
 
-    Less the squares of a draw they are those of a misfit that leaves these errors with it. Of the
-    errors themselves the share that noise does not explain is taken for the misfit.
+    Minus the squares of a draw they are those of a misfit that, with it, leaves these errors. The
+    share of the errors that noise does not explain is taken as the misfit.
     """
     squares = float(np.sum(errors**2))
     share = max(squares - float(np.sum(noise**2)), 0.0) / max(squares, 1e-300)

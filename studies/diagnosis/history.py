@@ -15,20 +15,20 @@ from tympan.fem.rig import Rig
 from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.signals import Pieces, nominal, through
 
-#: How near lines come to a voltage, over its peak.
+#: Largest distance of the lines from the voltage, over its peak.
 _LINE = 2e-3
-#: How near they come to a noisy voltage, over the usual step between samples, so that they do not
-#: follow its noise.
+#: Largest distance of the lines from a noisy voltage, over the usual step between samples, so that
+#: they do not follow its noise.
 _SCATTER = 8.0
 
-#: When a held state is read, before the end of its dwell, over that.
+#: Time before the end of the dwell at which a held state is read, over the dwell.
 _BEFORE = 1e-6
 
 #: Nodes and weights of Gauss's rule over a passage. Set by trial.
 _RULE = np.polynomial.legendre.leggauss(12)
-#: Places in a passage, nearer to each other where it begins: there a film moves fastest.
+#: Places in a passage, denser at its beginning: there a film moves fastest.
 _SHARES: Array = ((_RULE[0] + 1) / 2) ** 2
-#: Weights of what is at these places in the mean; they add up to 1.
+#: Weights of the values at these places in the mean; they add up to 1.
 WEIGHTS: Array = _RULE[1] * (_RULE[0] + 1) / 2
 
 
@@ -36,8 +36,8 @@ WEIGHTS: Array = _RULE[1] * (_RULE[0] + 1) / 2
 class VoltageHistory:
     """Nominal voltages of a run from time 0 on.
 
-    ``rest`` [s]: how long the film was under its mass and the first voltage before that; with 0 the
-    mass comes on the flat film at time 0.
+    ``rest`` [s]: how long the film was under its mass and the first voltage before time 0; with 0
+    the mass is put on the flat film at time 0.
     """
 
     signal: Pieces
@@ -45,7 +45,7 @@ class VoltageHistory:
 
     @classmethod
     def of(cls, record: SampledRun) -> VoltageHistory:
-        """History of a run's samples; each jump is instant, half a sample before it is seen."""
+        """Build the history of a run's samples; a jump is half a sample before it is seen."""
         time, voltage = [record.time[:1]], [record.voltage[:1]]
         for begin, end in record.holds:
             if begin:
@@ -63,24 +63,24 @@ class VoltageHistory:
 
     @cached_property
     def whole(self) -> Pieces:
-        """Signal with the rest before, where it did not last for ever; from time 0 on."""
+        """Signal with the rest before it, unless that lasted for ever; from time 0 on."""
         signal = self.signal
         if self.rest in (0.0, inf):
             return signal
         return Pieces(np.r_[0.0, self.rest + signal.time], np.r_[signal.first, signal.voltage])
 
     def voltage(self, when: Array) -> Array:
-        """The signal at times [V]; at a jump what comes after it, beyond its ends as there."""
+        """Evaluate the signal at times [V]; after a jump at its time; constant beyond the ends."""
         breaks = self.signal.breaks
         return nominal(self.signal, np.clip(when, breaks[0], breaks[-1]))
 
     @property
     def begins(self) -> float:
-        """Beginning of the run on the time axis of the whole [s]."""
+        """Beginning of the run on the time axis of ``whole`` [s]."""
         return self.rest if self.rest < inf else 0.0
 
     def jump(self, when: float) -> tuple[float, float]:
-        """The voltages before and after a jump [V]; the first one twice if it never was (nan)."""
+        """Find the voltages before and after a jump [V]; twice the first if none (nan)."""
         signal = self.signal
         if np.isnan(when):
             return signal.first, signal.first
@@ -91,10 +91,10 @@ class VoltageHistory:
 
 @dataclass(frozen=True, eq=False)
 class Passages:
-    """Parts of histories, shape (n,) each; without ``history`` and times for a state at rest.
+    """Parts of histories, shape (n,) each; without ``history`` and times for an equilibrium.
 
-    A reading is the mean from ``begin`` to ``end`` [s], or what is at the end if both are one;
-    ``switched``: when the voltage last jumped before it, nan if never.
+    A reading is the mean from ``begin`` to ``end`` [s], or the value at the end if both are equal;
+    ``switched``: time of the last voltage jump before it, nan if there was none.
     """
 
     history: NDArray[np.object_]
@@ -105,7 +105,7 @@ class Passages:
     @classmethod
     def of(cls, history: VoltageHistory | None, begin: Array, end: Array | None = None,
            switched: Array | float = nan) -> Passages:
-        """Parts of one history; without an ``end`` each is one moment."""
+        """Build parts of one history; without an ``end`` each is one moment."""
         return cls(np.full(len(begin), history, object), begin, begin if end is None else end,
                    np.full(len(begin), switched))
 
@@ -128,28 +128,28 @@ class Passages:
     def after(self) -> Array:
         """Times of their beginnings and ends after the voltage jumped [s], shape (2, n).
 
-        Infinite where it never did.
+        Infinite where it never jumped.
         """
         ends = np.stack([self.begin, self.end]) - self.switched
         return np.where(np.isnan(self.switched), inf, ends)
 
     @cached_property
     def jump(self) -> Array:
-        """Voltages before and after that jump [V], shape (2, n); the first one if it never did."""
+        """Voltages before and after that jump [V], shape (2, n); twice the first without one."""
         jumps = [history.jump(when) for history, when in zip(
             self.history, self.switched.tolist(), strict=True)]
         return np.array(jumps).reshape(-1, 2).T
 
     @cached_property
     def histories(self) -> tuple[tuple[VoltageHistory, Numbers], ...]:
-        """Every history with the places of its parts."""
+        """Every history with the indices of its parts."""
         groups: dict[VoltageHistory, list[int]] = {}
         for place, history in enumerate(self.history):
             groups.setdefault(history, []).append(place)
         return tuple((history, np.array(places)) for history, places in groups.items())
 
     def squared(self, rig: Rig, lag: Array | None = None) -> Array:
-        """Means of the squared voltage a rig gives the film [V²], behind by lags [s], (n,)."""
+        """Compute means of the film's squared voltage on a rig [V²], delayed by lags [s], (n,)."""
         result = np.empty(len(self))
         for history, places in self.histories:
             times = self.times[places]
@@ -161,7 +161,7 @@ class Passages:
 
 
 def _behind(history: VoltageHistory, rig: Rig, when: Array, lag: float) -> Array:
-    """Lag [V] of what follows a rig's voltage in a time constant [s], at times."""
+    """Compute the lag [V] behind a rig's voltage of what follows it in a time constant [s]."""
     signal = history.signal
     behind, last = 0.0, float(rig.film_voltage(signal.first))
     result = np.zeros(len(when))
@@ -178,7 +178,7 @@ def _behind(history: VoltageHistory, rig: Rig, when: Array, lag: float) -> Array
 
 
 def _lines(time: Array, value: Array, near: float) -> Numbers:
-    """Numbers of the samples between which lines come so near to all (Douglas and Peucker)."""
+    """Select samples so that lines between them stay that near to all (Douglas and Peucker)."""
     kept, open_ = {0, len(time) - 1}, [(0, len(time) - 1)]
     while open_:
         begin, end = open_.pop()
@@ -194,11 +194,11 @@ def _lines(time: Array, value: Array, near: float) -> Numbers:
 
 
 def staircase(voltage: Array, dwell: Array) -> Passages:
-    """States of a run reached one after the other, each held for so long [s] and then read."""
+    """Build the states of a run reached in turn, each held for its dwell [s] and then read."""
     ends = np.cumsum(np.maximum(dwell, 1e-6))
     signal = Pieces(np.r_[0.0, np.repeat(ends, 2)[:-1]], np.repeat(voltage, 2))
     starts = np.r_[0.0, ends[:-1]]
     switched = np.where(np.diff(voltage, prepend=0.0) != 0, starts, nan)
-    # Just before the next voltage comes.
+    # Just before the next voltage is applied.
     return Passages.of(VoltageHistory(signal, 0.0), ends - _BEFORE * (ends - starts),
                        switched=switched)

@@ -1,4 +1,4 @@
-"""Hypotheses: which effects are there together, and where among the unknowns their sizes stand.
+"""Hypotheses: which effects are assumed together, and the places of their sizes among unknowns.
 
 Unknowns of a hypothesis are the logarithms of a factor on all films' stiffness and of one on their
 permittivity, then the sizes of its effects' parameters in its order.
@@ -27,9 +27,9 @@ SIZES = slice(2, None)
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect by name, and the specimen it happens to, if it is on one.
+    """An effect by name, and the specimen that it acts on, if it is on one.
 
-    ``again``: it is there beside the same one of other sizes.
+    ``again``: it is a second instance of the same effect, with other sizes.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Cause:
 
     @property
     def first(self) -> Cause:
-        """Cause beside which it is there again; else itself."""
+        """The cause that this one repeats; else itself."""
         return replace(self, again=False)
 
     @property
@@ -51,41 +51,41 @@ class Cause:
         return name if self.which is None else f"{name} of {self.which}"
 
 
-#: Effects that are there together; none for the nominal model.
+#: Effects that are assumed together; none for the nominal model.
 Hypothesis = tuple[Cause, ...]
 
 
 def with_factors(film: Film, stiffness: float, permittivity: float) -> Film:
-    """A film with the factors on stiffness and permittivity."""
+    """Apply factors on stiffness and permittivity to a film."""
     return replace(film, material=scaled(film.material, stiffness),
                    relative_permittivity=film.relative_permittivity * permittivity)
 
 
 def parameters_of(hypothesis: Hypothesis) -> list[EffectParameter]:
-    """The parameters of its effects in the order of their sizes."""
+    """List the parameters of its effects in the order of their sizes."""
     return [parameter for cause in hypothesis for parameter in cause.effect.parameters]
 
 
 def unknown_count(hypothesis: Hypothesis) -> int:
-    """Number of its unknowns."""
+    """Count its unknowns."""
     return FACTORS.stop + len(parameters_of(hypothesis))
 
 
 def sizes_of(hypothesis: Hypothesis, cause: Cause) -> slice:
-    """Places of the sizes of one of its causes among the unknowns."""
+    """Find the places of the sizes of one of its causes among the unknowns."""
     first = unknown_count(hypothesis[: hypothesis.index(cause)])
     return slice(first, first + len(cause.effect.parameters))
 
 
 def parameter_at(hypothesis: Hypothesis, number: int) -> tuple[Cause, int]:
-    """The cause whose size an unknown is, and the place of that among its parameters."""
+    """Find the cause whose size an unknown is, and the index among the cause's parameters."""
     cause = next(cause for cause in hypothesis
                  if number < sizes_of(hypothesis, cause).stop)
     return cause, number - sizes_of(hypothesis, cause).start
 
 
 def uses_of(hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
-    """The effects with the values of their parameters at unknowns, shape (p,)."""
+    """List the effects with the values of their parameters at unknowns, shape (p,)."""
     return tuple(
         (cause.name, tuple(parameter.value(size) for parameter, size in zip(
             cause.effect.parameters, unknowns[sizes_of(hypothesis, cause)].tolist(),
@@ -94,9 +94,9 @@ def uses_of(hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
 
 
 def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
-    """Each cause alone, then every two together; not two specimens' share of the same effect.
+    """List each cause alone, then all pairs but those of one effect on two specimens.
 
-    Effects that may be there twice are also paired with themselves.
+    Effects that may occur twice are also paired with themselves.
     """
     singles: list[Hypothesis] = [(cause,) for cause in causes]
     pairs: list[Hypothesis] = [(first, second) for k, first in enumerate(causes)

@@ -1,4 +1,4 @@
-"""The readings of a dataset as one table of numbers to predict, whatever file they are from."""
+"""The readings of a dataset as one table of numbers to predict, whichever file they come from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.estimation.noise import Noise
 
-#: What states in time are told apart by: specimen, mass [kg], history, begin and end [s].
+#: Key of a state in time: specimen, mass [kg], history, begin and end [s].
 StateKey = tuple[int, float, VoltageHistory, float, float]
 
 #: Kinds of rows that are lengths, on which errors are counted.
@@ -21,7 +21,7 @@ LENGTHS = ("displacement", "range")
 
 
 def evenly(items: Numbers, count: int) -> Numbers:
-    """So many of some items at most, evenly spaced, the first and the last among them."""
+    """Select at most ``count`` evenly spaced items, the first and the last among them."""
     most = min(count, len(items))
     places = np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))
     return np.asarray(items[places])
@@ -29,19 +29,19 @@ def evenly(items: Numbers, count: int) -> Numbers:
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of errors: its name at the end of keys, and how many of it are one SI unit."""
+    """Unit of errors: its name at the end of keys, and the number of it in one SI unit."""
 
     name: str
     per_si: float
 
 
-#: What deflections and their misfits are told in, from metres.
+#: Unit in which deflections and their misfits are given, from metres.
 MICROMETRES = Unit("um", 1e6)
-#: What stresses of coupons are told in, from pascals.
+#: Unit in which stresses of coupons are given, from pascals.
 KILOPASCALS = Unit("kPa", 1e-3)
 
 
-#: What readings are told in, by their kind.
+#: Units in which readings are given, by their kind.
 UNITS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), Unit("mm", 1e3)) | {
     "capacitance": Unit("pF", 1e12),
     "tilt": Unit("mrad", 1e3),
@@ -57,9 +57,9 @@ UNITS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), Unit("mm", 1e3)) |
 class Scan:
     """Places of a film that were read in one state.
 
-    ``place``: on the table, or from the plate's centre if ``centred`` [m], shape (n, 2), of what
-    stands there or, if it ``follows`` the film, of what was there when the film was flat;
-    ``on_plate``, (n,), as the specimen is stated.
+    ``place``: on the table, or from the plate's centre if ``centred`` [m], shape (n, 2). It is a
+    fixed place or, if it ``follows`` the film, that of a material point when the film was flat;
+    ``on_plate``, (n,), for the specimen as stated.
     """
 
     place: Array
@@ -75,11 +75,11 @@ class Scan:
 class States:
     """States of the actuators that are read, shape (n,) each.
 
-    Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way it
-    got there (the voltage: 1 up, -1 down; a plate that is held: 1 out, -1 back; 0 not known), the
-    heave at which the plate is held [m], nan where it is free, and number of the run: a specimen's
-    states under one mass in one run stand in the order in which they were reached. ``passage``: the
-    part of its history that a state is of.
+    Number of the specimen; nominal mass [kg] and voltage [V]; time since the run began [s];
+    direction in which the state was reached (the voltage: 1 up, -1 down; a displacement-controlled
+    plate: 1 out, -1 back; 0 not known); deflection at which the plate is held [m], nan where it is
+    free; number of the run: a specimen's states under one mass in one run are in the order in which
+    they were reached. ``passage``: the part of its history that a state is.
     """
 
     specimen: Numbers
@@ -95,7 +95,7 @@ class States:
     def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
            voltage: Sequence[float] | Array, elapsed: Array | float = 0.0,
            direction: Array | float = 0.0, run: Numbers | int = 0) -> States:
-        """States with the plate free."""
+        """Build states with the plate free."""
         mass, voltage, elapsed, direction, heave = (
             np.full(len(specimen), part, float)
             for part in (mass, voltage, elapsed, direction, np.nan))
@@ -113,7 +113,7 @@ class States:
 
     @cached_property
     def of_run(self) -> tuple[Numbers, ...]:
-        """States with the plate free of each specimen, mass and run, as they were reached."""
+        """Indices of states with a free plate, by specimen, mass and run, in the order reached."""
         free = np.flatnonzero(np.isnan(self.heave))
         keys = np.stack([self.specimen, self.mass, self.run], 1)[free]
         numbers = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
@@ -121,12 +121,12 @@ class States:
 
     @property
     def voltage_direction(self) -> Array:
-        """Way in which the voltage got there: 1 up, -1 down, 0 where it is not known."""
+        """Direction in which the voltage got there: 1 up, -1 down, 0 where it is not known."""
         return np.where(np.isnan(self.heave), self.direction, 0.0)
 
     @cached_property
     def way(self) -> Array:
-        """The direction, where it is not known by the voltage before in the run; at first up."""
+        """The direction; if not known, by the voltage before in the run; for the first one up."""
         way = np.ones(len(self))
         for run in self.of_run:
             turned = np.sign(np.diff(self.voltage[run], prepend=-np.inf))
@@ -136,7 +136,7 @@ class States:
 
     @cached_property
     def in_time(self) -> Numbers:
-        """Numbers of the states that are none of rest."""
+        """Numbers of the states that are not in equilibrium."""
         return np.flatnonzero(np.isfinite(self.passage.begin))
 
     @cached_property
@@ -146,14 +146,14 @@ class States:
 
     @cached_property
     def keys_in_time(self) -> list[StateKey]:
-        """Keys of the states that tell these rows apart."""
+        """Keys of the states, equal for the same state."""
         rows, passages = self.in_time, self.passages
         return list(zip(self.specimen[rows].tolist(), self.mass[rows].tolist(), passages.history,
                         passages.begin.tolist(), passages.end.tolist(), strict=True))
 
     @property
     def at_rest(self) -> States:
-        """The same, each held for ever."""
+        """The same states, each held for ever."""
         return replace(self, passage=Passages.of(None, np.full(len(self), np.nan)))
 
     def __getitem__(self, rows: Mask | Numbers) -> States:
@@ -169,11 +169,11 @@ class States:
 class ReadingTable:
     """Rows to predict: their ``kind`` and the ``state`` read.
 
-    For a range also the state it is counted from, for a transient's displacement the one before the
-    voltage jumped (``since``, else -1). ``value`` is what was read
-    and ``noise`` its errors, in SI; ``order`` the place in the sequence, nan where not
-    known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to;
-    ``point`` which place of all the ``scans`` it is of, or which of the coupons' rows, else -1.
+    A range also has the state it is counted from, and a transient's displacement the state before
+    the voltage jumped (``since``, else -1). ``value`` is the reading and ``noise`` its errors, in
+    SI; ``order``: place in the sequence, nan where not known; ``file`` and ``line``: origin of a
+    row; ``run``: the ramp it belongs to; ``point``: its place among those of all ``scans``, or its
+    index among the coupons' rows, else -1.
     """
 
     states: States
@@ -193,7 +193,7 @@ class ReadingTable:
         return len(self.state)
 
     def __getitem__(self, rows: Mask | Numbers) -> ReadingTable:
-        """Some of the rows; states and scans are all kept."""
+        """Select some of the rows; all states and scans are kept."""
         return replace(self, noise=self.noise[rows],
                        **{name: getattr(self, name)[rows] for name in self._columns})
 
@@ -230,7 +230,7 @@ class ReadingTable:
 
     @property
     def unit(self) -> Unit:
-        """The unit in which errors are told."""
+        """The unit in which errors are given."""
         return MICROMETRES if self.lengths.any() else KILOPASCALS
 
     @cached_property
@@ -247,7 +247,7 @@ class ReadingTable:
 
     @cached_property
     def places(self) -> Array:
-        """Place of each row as it was written [m], shape (rows, 2), nan of those of no scan."""
+        """Place of each row as it was written [m], shape (rows, 2), nan outside scans."""
         every = np.concatenate([np.empty((0, 2)), *(scan.place for scan in self.scans),
                                 np.full((1, 2), np.nan)])
         return every[self.point]
@@ -260,7 +260,7 @@ class ReadingTable:
 
     @property
     def coupon(self) -> Numbers:
-        """Index of each row among the coupons' rows, if it is one; they come after places."""
+        """Index of each row among the coupons' rows, if it is one; these follow the places."""
         return self.point - sum(map(len, self.scans))
 
     @cached_property
@@ -268,13 +268,13 @@ class ReadingTable:
         return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}
 
     def reached(self, turn: Numbers) -> ReadingTable:
-        """The same rows, of states reached in another order, their numbers in ``turn``."""
+        """Change the order in which states are reached to their numbers in ``turn``."""
         place = np.argsort(turn)
         return replace(self, states=self.states[turn], state=place[self.state],
                        since=np.where(self.since < 0, -1, place[self.since]))
 
     def compact(self) -> ReadingTable:
-        """The rows with only the states they are of and those before them in their runs."""
+        """Drop all states but those of the rows and those before them in their runs."""
         used = np.zeros(len(self.states), bool)
         used[np.r_[self.state, self.since[self.since >= 0]]] = True
         for run in self.states.of_run:
@@ -293,7 +293,7 @@ class ReadingTable:
         return replace(self, noise=self.noise.with_own(sigma))
 
     def joined(self, other: ReadingTable) -> ReadingTable:
-        """These rows, and others in runs of their own."""
+        """Append other rows, in runs of their own."""
         count, runs = len(self.states), 1 + self.states.run.max(initial=-1)
         states = replace(other.states, run=other.states.run + runs)
         places = sum(map(len, self.scans))
@@ -310,7 +310,7 @@ def rows(states: States, kind: str, sigma: float | Array, value: float | Array =
          order: float | Array = np.nan, run: str | NDArray[np.str_] = "",
          file: str | NDArray[np.str_] = "", line: int | Numbers = 0,
          given: bool | Mask = False) -> ReadingTable:
-    """One row of a kind for each state; ``given``: its standard deviation is written beside it."""
+    """Build one row of a kind for each state; ``given``: whether its noise is written with it."""
     count = len(states)
     values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))
     noise = Noise(sigmas, given=np.full(count, given))

@@ -23,17 +23,17 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, Shared, Source
 
-#: Readings above which those of nearly the same state are averaged. A bound of the cost.
+#: Number of readings above which those of nearly the same state are averaged. It limits the cost.
 MANY = 2000
 
 _BINS = 200
 
 
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
-    """The readings of plates under loads, of every kind in a dataset.
+    """Prepare the readings of plates under loads, of every kind in a dataset.
 
-    An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
-    column is off by a unit.
+    Raise an :class:`InputError` when they are too few to conclude anything, nothing loads the film,
+    or a column is in a wrong unit.
     """
     used = {name for sheet in dataset.sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
@@ -63,14 +63,14 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
 
 def _read(kinds: list[PlateEvidence], dataset: Dataset, setup: Setup
           ) -> tuple[list[ReadingTable], list[str]]:
-    """The rows of some kinds, and what was done to the readings."""
+    """Read the rows of some kinds; say what was done to the readings."""
     read = [kind.read(dataset, setup) for kind in kinds]
     return ([table for tables, _ in read for table in tables],
             [remark for _, remarks in read for remark in remarks])
 
 
 def _refuse(dataset: Dataset) -> None:
-    """An :class:`InputError` of readings by which nothing can be concluded."""
+    """Raise an :class:`InputError` for readings by which nothing can be concluded."""
     count = sum(map(len, dataset.sheets))
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
@@ -95,7 +95,7 @@ def _refuse(dataset: Dataset) -> None:
 def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
     """Add the noise of all rows.
 
-    An :class:`InputError` where readings are still to be made and nobody states their noise.
+    Raise an :class:`InputError` where planned readings have no stated noise.
     """
     planned = bool(np.isnan(table.value).any())
     unknown = np.isnan(table.sigma)
@@ -114,12 +114,12 @@ def _with_noise(table: ReadingTable, dataset: Dataset) -> ReadingTable:
 
 
 def _of(table: ReadingTable, sigma: Array, source: Source) -> Noise:
-    """Noise of so much, with what a table's readings have in common."""
+    """Build noise with these standard deviations, and with a table's common errors."""
     return Noise.of(sigma, source).plus(*table.noise.terms)
 
 
 def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
-    """Average readings at rest where they are more than :data:`MANY`; a remark on that."""
+    """Average static readings if there are more than :data:`MANY`, and add a remark."""
     resting = ~np.isin(table.state, table.states.in_time)
     if resting.sum() <= MANY:
         return table, []
@@ -129,7 +129,7 @@ def _not_too_many(table: ReadingTable) -> tuple[ReadingTable, list[str]]:
 
 
 def _rounded(table: ReadingTable, step: float) -> ReadingTable:
-    """Merge readings of a state, which a display rounds alike; half a step is their noise."""
+    """Merge equal readings of a state, rounded by a display; their noise is half a step."""
     resting = ~np.isin(table.state, table.states.in_time)
     few = averaged(table[resting].compact())
     rounding = np.where(few.kind == "displacement", step / 2, 0.0)
@@ -139,15 +139,15 @@ def _rounded(table: ReadingTable, step: float) -> ReadingTable:
 
 def _beside_passages(few: ReadingTable, table: ReadingTable, resting: Mask
                      ) -> ReadingTable:
-    """Rows at rest as they were made, with the others of the table as they are."""
+    """Replace the static rows of a table by few, and keep its other rows."""
     return few if resting.all() else few.joined(table[~resting].compact())
 
 
 def averaged(table: ReadingTable) -> ReadingTable:
-    """Rows of nearly the same state as one, with the mean of what they say and its noise.
+    """Average rows of nearly the same state into one, with its noise.
 
-    States are nearly the same within a two-hundredth of the voltages and a twentieth of the times,
-    reached the same way; and of the same run where runs have zeros of their own.
+    States are nearly the same within 1/200 of the voltages and 1/20 of the times, if reached in the
+    same direction, and in the same run where runs have zeros of their own.
     """
     states = table.states
     voltage = np.round(states.voltage / max(states.voltage.max(initial=0.0), 1e-9) * _BINS)

@@ -32,11 +32,11 @@ CURVES = "curves.csv"
 CHANNELS = "channels.csv"
 STRIPS = "strips.csv"
 
-#: The columns of each table in SI: what was read, what both models say, and whether it counts (1)
-#: or is off by itself (0); what both models expect
-#: at voltages between, reached up (1) or down (-1), and the limits of the band, nan where there is
-#: no equilibrium; the same of other kinds of readings than lengths, in the ``unit`` of the row, of
-#: forces at displacements between; what was read of coupons, in place of all.
+#: Columns of each table, in SI. Readings: the measured value, both models' predictions, and whether
+#: the reading counts (1) or is an outlier (0). Curves: the predictions of both models at voltages
+#: between, reached up (1) or down (-1), and the limits of the band, nan where there is no
+#: equilibrium. The same for other kinds of readings than lengths, in the ``unit`` of the row, for
+#: forces at displacements between. Readings of coupons, instead of all these.
 TABLES: Mapping[str, tuple[Column, ...]] = {
     READINGS: (
         Column.labels("file", required=False), Column("line"), Column.labels("kind"),
@@ -65,7 +65,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         *(Column(name, "kPa", required=False, absent="nan")
           for name in ("read", "sigma", "baseline", "extended")))}
 
-#: The folder of coupons' diagnosis in that of actuators.
+#: Folder of the diagnosis of coupons in that of actuators.
 COUPONS = "coupons"
 #: The folder of films.
 _FILMS = "films"
@@ -86,7 +86,7 @@ class ShownSize:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundFamily:
-    """Causes that these readings do not tell apart, one of which was found."""
+    """Causes that these readings do not distinguish; one of them was found."""
 
     name: Annotated[str, Key("name of the family")]
     headline: Annotated[str, Key("what all of them mean here")]
@@ -98,7 +98,7 @@ class FoundFamily:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundCause:
-    """An effect that may be what is wrong, given that something is."""
+    """A possible cause, given that something is wrong."""
 
     effect: Annotated[str, Key("name of the effect")]
     which: Annotated[str | None, Key("the specimen it happens to; none for all")] = None
@@ -155,7 +155,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class PatternTest:
-    """A test of one thing that may be wrong."""
+    """A test of one pattern of misfit."""
 
     what: Annotated[str, Key("what may be wrong, in plain words")]
     p_value: Annotated[float, Key("probability of so much by noise alone")]
@@ -163,7 +163,7 @@ class PatternTest:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingOff:
-    """A reading that is off by itself, so that it does not count."""
+    """An outlier, which does not count."""
 
     file: Annotated[str, Key("file it is written in")]
     line: Annotated[int, Key("line of the file")]
@@ -187,7 +187,7 @@ class ReadingsOfKind:
 
 @dataclass(frozen=True, kw_only=True)
 class MisfitOfKind(ReadingsOfKind):
-    """Misfit of the nominal model in them."""
+    """Misfit of the nominal model in readings of another kind."""
 
     baseline_rmse: Annotated[float, Key("root mean square of what the nominal model misses")]
 
@@ -224,7 +224,7 @@ class Misfit:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """Prediction of readings that were held out."""
+    """Prediction of held-out readings."""
 
     coverage_95: Annotated[float | None, Key("share of them within their 95 % bands")]
     readings: Annotated[int, Key("how many there are")]
@@ -233,7 +233,7 @@ class Coverage:
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOut:
-    """Errors on one part of the readings that was held out."""
+    """Errors on one held-out part of the readings."""
 
     held_out: Annotated[str, Key("the part")]
     chosen: Annotated[tuple[str, ...], Key("causes chosen on the rest")]
@@ -246,7 +246,7 @@ class HeldOut:
 
 @dataclass(frozen=True, kw_only=True)
 class GainOfKind(ReadingsOfKind):
-    """Errors on readings of another kind than the first, on all parts held out that count."""
+    """Errors on readings of another kind than the first, on all held-out parts that count."""
 
     rmse_before: Annotated[float, Key("error of the nominal model, in the unit")]
     rmse_after: Annotated[float, Key("error of the extended model, in the unit")]
@@ -254,7 +254,7 @@ class GainOfKind(ReadingsOfKind):
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """The gain of the extended model over the nominal one on readings held out."""
+    """The gain of the extended model over the nominal one on held-out readings."""
 
     held_out: Annotated[str, Key("what was held out")]
     rmse_before: Annotated[float | None, Key("error of the nominal model"), IN_UNIT]
@@ -294,7 +294,7 @@ class NextExperiment:
 
 @dataclass(frozen=True)
 class NoEffect:
-    """Probabilities of what is no effect."""
+    """Probabilities of hypotheses without an effect of the library."""
 
     nothing: Annotated[float, Key("probability that nothing is wrong")]
     unknown: Annotated[float, Key("probability of something smooth that no effect makes, or of "
@@ -312,7 +312,7 @@ class After:
 
 @dataclass(frozen=True)
 class Factor:
-    """A factor on what the dataset states."""
+    """A factor on a value stated in the dataset."""
 
     value: Annotated[float, Key("found over stated")]
     low: Annotated[float, Key("lower 95 % limit")]
@@ -329,7 +329,7 @@ class Noisier:
 
 @dataclass(frozen=True)
 class Robust:
-    """Verdict under other usual sizes of effects."""
+    """Verdict with other prior scales of the effects."""
 
     factor: Annotated[float, Key("factor on the usual sizes")]
     stand_out: Annotated[tuple[str, ...], Key("causes that stand out, then")]
@@ -339,7 +339,7 @@ class Robust:
 
 @dataclass(frozen=True, kw_only=True)
 class Knowable:
-    """Size that an effect must reach on these readings; none where no allowed size is enough."""
+    """Least detectable size of an effect on these readings; none if no allowed size is enough."""
 
     effect: Annotated[str, Key("name of the effect")]
     parameter: Annotated[str, Key("name of its parameter")]
@@ -354,8 +354,8 @@ class Knowable:
 class LoadedFilm:
     """A film of the extended model, or of the fitted nominal one where nothing extends it.
 
-    Under a load that was read. ``film`` has, beside its fields, the ``nominal_deflection`` [m] of
-    the fitted nominal model; it stands in a file of its own.
+    Its load is one of the readings'. ``film`` has its fields and the ``nominal_deflection`` [m] of
+    the fitted nominal model; it is stored in a file of its own.
     """
 
     specimen: Annotated[str, Key("name of the specimen")]
@@ -364,7 +364,7 @@ class LoadedFilm:
     film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def loaded(self, folder: Path) -> LoadedFilm:
-        """The entry with the film that was stored in a folder."""
+        """Read the entry's film that was stored in a folder."""
         file = folder / f"{self.specimen}.vtu"
         film = FilmSurface.load(file)
         if "nominal_deflection" not in film.values:
@@ -374,12 +374,12 @@ class LoadedFilm:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Diagnosis:
-    """All that was found, as it is printed, drawn and stored.
+    """The result of a diagnosis, as it is printed, drawn and stored.
 
-    ``tables`` has the columns of the files in :data:`TABLES`, in SI; ``extended`` the text of the
-    extended model's files by their names; ``coupons`` the diagnosis of coupons of the same films,
-    None where there are none or nothing else. ``unit`` is that of errors, "um" or "kPa": keys of
-    errors end in it.
+    ``tables``: the columns of the files in :data:`TABLES`, in SI; ``extended``: the text of the
+    extended model's files by their names; ``coupons``: the diagnosis of coupons of the same films,
+    None where there are no coupons or nothing else. ``unit``: that of errors, "um" or "kPa"; keys
+    of errors end in it.
     """
 
     dataset: Annotated[str, Key("name of the dataset")]
@@ -445,14 +445,14 @@ class Diagnosis:
         return "; ".join((self.headline, *checks))
 
     def json(self) -> Json:
-        """The JSON object that the command prints."""
+        """Build the JSON object that the command prints."""
         record: Json = to_json(self, self.unit)
         return record | ({"coupons": self.coupons.json()} if self.coupons else {})
 
     def save(self, folder: Path) -> None:
         """Write the tables, the films, the extended model and, last, diagnosis.json to a folder.
 
-        The diagnosis of coupons of the same films to a folder in it.
+        The diagnosis of coupons of the same films is written to a folder in it.
         """
         if self.coupons is not None:
             self.coupons.save(folder / COUPONS)
@@ -466,7 +466,7 @@ class Diagnosis:
         write_json(folder / "diagnosis.json", self.json())
 
     def as_stored(self) -> Diagnosis:
-        """The result with the digits of its files."""
+        """Round the result to the digits of its files."""
         return replace(
             self, tables={name: as_written(TABLES[name], table)
                           for name, table in self.tables.items()},
@@ -474,7 +474,7 @@ class Diagnosis:
 
     @classmethod
     def load(cls, folder: Path) -> Diagnosis:
-        """Load a saved diagnosis; an :class:`InputError` for what an older version has written."""
+        """Load a saved diagnosis; raise an :class:`InputError` if an older version wrote it."""
         file = folder / "diagnosis.json"
         content = from_json(Json, read_json(file), file)
         if "headline" not in content:

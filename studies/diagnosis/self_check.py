@@ -1,7 +1,7 @@
-"""Verdicts on errors hidden in readings like a dataset's own.
+"""Verdicts on errors hidden in synthetic readings like a dataset's own.
 
-Readings come from the films' reduced model, which is the one that is fitted to them; its error
-counts as noise. So this is the optimistic side.
+The readings come from the films' reduced model, the same that is fitted to them; its error counts
+as noise. So this check is optimistic.
 """
 
 from __future__ import annotations
@@ -25,37 +25,36 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.files import from_json, read_json, to_json, words_beside, write_json
 from tympan.studies.parallel import mapped
 
-#: Smallest hidden size over the usual one: smaller ones are mostly not seen.
+#: Smallest hidden size over the prior scale: smaller ones are mostly not seen.
 SMALLEST = 0.5
-#: Largest hidden size over the usual one. Each power of ten between is as probable as another.
+#: Largest hidden size over the prior scale. Sizes between are log-uniform.
 LARGEST = 10.0
 
-#: What may be said of a set, best first: the cause named; among those that are listed; another
-#: listed, or named; none of the library; nothing seen.
+#: Outcomes for a set, best first: the hidden cause named; among those listed; no cause of the
+#: library; nothing wrong; another listed, or named.
 OUTCOMES = ("named", "listed", "unexplained", "nothing", "others_listed", "other_named")
 
 WORDS = words_beside(__file__)
 
-#: Every so many sets nothing is hidden.
+#: One set of this many has nothing hidden.
 _NOTHING = 6
 #: Draws of a size without equilibria after which a set is left out.
 _DRAWS = 50
 
-#: Share of sets named below which a design names hardly anything.
+#: Share of sets with a named cause below which a design names hardly anything.
 _HARDLY = 0.1
-#: Share of the sets seen in which another effect is listed from which on the two are not told
-#: apart.
+#: Share of the detected sets that list another effect, from which the two are not distinguished.
 _ALIKE = 0.5
-#: Fewest sets seen for such a share.
+#: Fewest detected sets for such a share.
 _SEEN = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Ingredients of synthetic readings, and what judges them.
+    """Generator of synthetic readings, with what judges them.
 
-    ``unknowns`` are the logarithms of the factors on stiffness and permittivity; ``table`` has the
-    noise.
+    ``unknowns``: logarithms of the factors on stiffness and permittivity; ``table``: rows with
+    their noise.
     """
 
     simulation: ReadingModel
@@ -65,7 +64,7 @@ class Bench:
     seed: int = 0
 
     def judged_set(self, number: int) -> SyntheticSet:
-        """The set of that number, hidden and judged."""
+        """Make the set of that number with a hidden effect, and judge it."""
         generator = np.random.default_rng([self.seed, number])
         hidden = self.hidden(number, generator)
         size, values = self._readings(hidden, generator)
@@ -75,7 +74,7 @@ class Bench:
         return SyntheticSet(hidden, size, judged.verdict, listed)
 
     def hidden(self, number: int, generator: np.random.Generator) -> Cause | None:
-        """Hidden effect of the set of that number: nothing at times, else each effect in turn."""
+        """Choose the hidden effect of a set: nothing at times, else each effect in turn."""
         names = list(dict.fromkeys(cause.name for cause in self.causes))
         if number % _NOTHING == 0 or not names:
             return None
@@ -85,9 +84,9 @@ class Bench:
 
     def _readings(self, hidden: Cause | None, generator: np.random.Generator
                   ) -> tuple[float, Array]:
-        """Size over the usual one and readings without noise, drawn until all are equilibria.
+        """Draw size over the prior scale and noise-free readings until all are equilibria.
 
-        Size 0 and the nominal model's where nothing is hidden or can be.
+        Without a hidden effect, or if none is possible, the size is 0 and the model nominal.
         """
         factors = self.unknowns[FACTORS]
         if hidden is None:
@@ -100,7 +99,7 @@ class Bench:
         return 0.0, self._exact((), factors)
 
     def _exact(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
-        """Readings without noise; nan where they are beyond limits or equilibria."""
+        """Predict readings without noise; nan beyond limits or without an equilibrium."""
         simulation, unknowns = grown_to(self.simulation, hypothesis, unknowns)
         low, high = simulation.bounds(hypothesis)
         if not np.all((low <= unknowns) & (unknowns <= high)):
@@ -119,7 +118,7 @@ class SyntheticSet:
 
     @property
     def name(self) -> str:
-        """The effect's, "nothing" where nothing is hidden."""
+        """Name of the hidden effect, "nothing" where nothing is hidden."""
         return "nothing" if self.hidden is None else self.hidden.name
 
     @property
@@ -133,10 +132,10 @@ class SyntheticSet:
 
 
 def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Array:
-    """Sizes of a cause's parameters that are together ``share`` times the usual ones.
+    """Draw sizes of a cause's parameters that together are ``share`` times the prior scales.
 
-    In a direction drawn at random, with the signs they may have. Those that only say how another
-    one acts are drawn as they usually are.
+    The direction is random, with the signs that parameters may have. Parameters that only say how
+    another one acts are drawn from their priors.
     """
     parameters = cause.effect.parameters
     way, acts = generator.standard_normal(len(parameters)), np.array(
@@ -148,9 +147,9 @@ def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Arra
 
 def grown_to(simulation: ReadingModel, hypothesis: Hypothesis, unknowns: Array
              ) -> tuple[ReadingModel, Array]:
-    """The simulation with films sampled as far as these sizes, or as they bear; and the unknowns.
+    """Sample the films of a simulation up to these sizes, or the films' limits; and the unknowns.
 
-    Without a sign where that changes nothing.
+    Sizes lose their sign where it changes nothing.
     """
     for number in range(SIZES.start, len(unknowns)):
         cause, index = parameter_at(hypothesis, number)
@@ -171,9 +170,9 @@ def grown_to(simulation: ReadingModel, hypothesis: Hypothesis, unknowns: Array
 class SelfCheck:
     """Verdicts on all synthetic sets.
 
-    ``rows``: for each hidden effect how often each of :data:`OUTCOMES` was said, and "taken_for",
-    the share of its sets seen in which another effect is listed; ``usual_or_more``: the shares over
-    all that were hidden with at least their usual size.
+    ``rows``: for each hidden effect the frequency of each of :data:`OUTCOMES`, and "taken_for": the
+    share of its detected sets in which another effect is listed; ``usual_or_more``: these shares
+    over all hidden effects of at least their prior scale.
     """
 
     sets: int
@@ -185,7 +184,7 @@ class SelfCheck:
     sentence: str
 
     def json(self) -> dict[str, Any]:
-        """Check as a JSON object."""
+        """Convert the check to a JSON object."""
         record: dict[str, Any] = to_json(self)
         return record
 
@@ -203,7 +202,7 @@ class SelfCheck:
 def self_checked(bench: Bench, count: int, workers: int = 1,
                  progress: PartsDone = lambda done, all_of_them: None
                  ) -> SelfCheck:
-    """So many synthetic sets judged."""
+    """Judge ``count`` synthetic sets."""
     sets, tasks = [], [(bench, number) for number in range(count)]
     with closing(mapped(_judged, tasks, workers)) as judged:
         for made in judged:
@@ -221,7 +220,7 @@ def _judged(task: tuple[Bench, int]) -> SyntheticSet:
 
 
 def summary_of(sets: Sequence[SyntheticSet], seed: int = 0) -> SelfCheck:
-    """Rows of the confusion table, and what follows from it in a sentence."""
+    """Summarise the rows of the confusion table, with a sentence on them."""
     of_name: dict[str, list[SyntheticSet]] = {}
     for made in sets:
         if made.hidden is None or made.size:
@@ -245,7 +244,7 @@ def _row(name: str, sets: Sequence[SyntheticSet]) -> dict[str, Any]:
 
 
 def _alike(taken: Mapping[str, Mapping[str, float]]) -> list[tuple[str, str]]:
-    """Pairs of effects of which each is mostly listed where the other is, the likest first."""
+    """List pairs of effects, each mostly listed where the other is hidden, most similar first."""
     mutual: dict[tuple[str, str], float] = {
         (name, other): (share + taken[other].get(name, 0.0)) / 2
         for name, rivals in taken.items() for other, share in rivals.items()

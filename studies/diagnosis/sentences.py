@@ -20,31 +20,31 @@ from tympan.studies.files import words_beside
 #: Sentences, by key.
 WORDS = words_beside(__file__)
 
-#: Suspects are causes of at least this probability.
+#: Least probability of a suspect.
 _SUSPECT = 0.05
-#: And they are at most so many: a bench has no time for more.
+#: Most suspects: more cannot be checked on a test bench.
 _MOST = 4
 
 
 def probability_text(share: float) -> str:
-    """A probability, never rounded to certainty."""
+    """Write a probability, never rounded to certainty."""
     if not 0.01 <= share <= 0.99:
         return "above 99 %" if share > 0.5 else "below 1 %"
     return f"{100 * share:.0f} %"
 
 
 def plain(names: str) -> str:
-    """Names of effects as words."""
+    """Write names of effects as words."""
     return names.replace("_", " ")
 
 
 def listed(items: Sequence[str], last: str = "and") -> str:
-    """Items with commas and a word before the last one."""
+    """Join items with commas, and with a word before the last one."""
     return f" {last} ".join(filter(None, (", ".join(items[:-1]), *items[-1:])))
 
 
 def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
-    """Meaning of a cause at a fit, with its size, and its probability in words."""
+    """Describe a cause at a fit, with its size, and its probability in words."""
     sizes = found_sizes(fit, cause)
     inside = ", ".join(filter(None, (limits_told(cause.effect, sizes), chance)))
     sentence = finding(cause.effect, sizes, cause.which)
@@ -52,9 +52,9 @@ def headline_of(fit: Fit, cause: Cause, chance: str = "") -> str:
 
 
 def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) -> str:
-    """Headline of a mass on every load, with what one load alone would weigh that does as much.
+    """Add to the headline of a mass on every load what one load alone would weigh instead.
 
-    A load that may be as it is labelled is no alternative.
+    A load that may have its labelled mass is no alternative.
     """
     each = [WORDS["one_load"].format(label=1e3 * label, low=1e3 * low, high=1e3 * high)
             for label, (low, high) in loads.items() if not low <= label <= high]
@@ -64,16 +64,16 @@ def with_other_loads(headline: str, loads: Mapping[float, tuple[float, float]]) 
 
 
 def check_of(cause: Cause, read: set[Observable], suspects: Collection[Cause] = ()) -> str:
-    """Advice on what to look at on the bench, beside the observables that are read already."""
+    """Advise what to check on the test bench, besides the observables that are read already."""
     family = cause.effect.family if undecided(cause, read, suspects) else None
     return (family or cause.effect).check.format(which=cause.which)
 
 
 def suspects_among(causes: Sequence[FoundCause]) -> list[FoundCause]:
-    """Those of the listed causes that may be it, of a family that has one name the first.
+    """Select the listed causes that may be present; the first of a family with one name.
 
-    One whose size may be none is no alternative; nor is one beside the first, where that alone
-    would do.
+    A cause whose size may be zero is no alternative. Nor is one paired with the first, where that
+    one alone is enough.
     """
     likely = [cause for cause in causes if cause.clear
               and (cause.only_its_size or cause.probability >= _SUSPECT)]
@@ -91,7 +91,7 @@ def _cause(found: FoundCause) -> Cause:
 
 
 def together(suspects: Sequence[FoundCause]) -> bool:
-    """Whether suspects are no rivals but the members of one hypothesis."""
+    """Check whether suspects are no rivals but the members of one hypothesis."""
     return len(suspects) > 1 and all(
         str(_cause(cause)) in suspects[0].others for cause in suspects[1:])
 
@@ -99,7 +99,7 @@ def together(suspects: Sequence[FoundCause]) -> bool:
 def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[FoundCause], where: str,
              small_errors: float | None = None, of_data: bool = False,
              cannot_tell: str = "") -> str:
-    """Headline; ``of_data``: ``where`` says what is wrong in the dataset.
+    """Write the headline; ``of_data``: whether ``where`` says what is wrong in the dataset.
 
     ``cannot_tell``: why it is not known whether the simulation agrees, if so.
     """
@@ -126,7 +126,7 @@ def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[Found
 
 
 def next_step(verdict: str, checks: Sequence[str], advice: str, of_data: bool = False) -> str:
-    """The direct checks, and only then an experiment; ``of_data``: the dataset is to be mended."""
+    """List the checks, then an experiment; ``of_data``: the dataset must be corrected first."""
     if not (checks and advice):
         return "; ".join(dict.fromkeys(checks)) or advice
     key = "check_data" if of_data else f"check_{verdict if verdict == 'named' else 'suspects'}"
@@ -134,7 +134,7 @@ def next_step(verdict: str, checks: Sequence[str], advice: str, of_data: bool = 
 
 
 def where(judged: Judgement) -> str:
-    """Place of the misfit: the pattern that takes most of it, and one more."""
+    """Locate the misfit: the pattern that explains most of it, and one more."""
     names, shares = largest_patterns(judged)
     parts = [judged.test.words(name) + (_loop(judged) if name == "loop" else "")
              for name in names]
@@ -144,7 +144,7 @@ def where(judged: Judgement) -> str:
 
 
 def _loop(judged: Judgement) -> str:
-    """Distance of readings on the way out from those on the way back, in words."""
+    """Describe the distance between readings on the way out and on the way back."""
     table, columns = judged.table, judged.misfit.patterns["loop"]
     rows = np.any(columns != 0, axis=1)
     missed = (table.value - judged.nominal.predicted(table))[rows]
@@ -155,7 +155,7 @@ def _loop(judged: Judgement) -> str:
 
 
 def pattern_checks(judged: Judgement) -> list[str]:
-    """Checks on the bench, by where the misfit of the nominal model is."""
+    """List checks on the test bench, by where the misfit of the nominal model is."""
     names, shares = largest_patterns(judged)
     checks = []
     for name in names:

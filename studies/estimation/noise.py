@@ -1,4 +1,4 @@
-"""Noise of readings: what is off of each by itself, and what several have in common."""
+"""Noise of readings: independent errors of each, and errors that several have in common."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from tympan.base.arrays import Array, Mask, Numbers
 
 Rows = Mask | Numbers
 
-#: A misfit above so many times the stated noise is the law's, not the noise's.
+#: Ratio of a misfit to the stated noise above which the misfit is the law's, not noise.
 MISFIT = 2.0
 
-#: Where a noise is from.
+#: Sources of a noise.
 Source = Literal["stated", "from repeats", "from the scatter about smooth curves", "assumed"]
-#: Where it is from if readings alone tell it.
+#: Source of a noise that is estimated from the readings alone.
 SCATTER: Source = "from the scatter about smooth curves"
-#: Where nobody says what a reading is off by.
+#: Sources of a noise that nobody states.
 UNSTATED: tuple[Source, ...] = (SCATTER, "assumed")
 
-#: Readings up to which what they remember is taken away by one matrix.
+#: Most correlated readings whose correlation is removed by one matrix.
 _DENSE = 400
 
-#: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
+#: Degrees of freedom that a stated noise counts as: it is taken as right within about a quarter.
 STATED = 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class Off:
-    """Errors of readings that are off by themselves, as slips of the pen are.
+    """Errors of outliers, such as transcription errors.
 
-    Neither they nor the readings after them remember these errors. ``rows``: numbers of these
-    readings, (m,); ``sizes``: standard deviations of their errors [their unit], (m,).
+    Other errors are not correlated with these. ``rows``: numbers of these readings, (m,);
+    ``sizes``: standard deviations of their errors [their unit], (m,).
     """
 
     rows: Numbers
     sizes: Array
 
     def among(self, readings: Numbers) -> Off:
-        """Errors of some readings by their numbers, with the places they have there."""
+        """Select the errors of some readings by their numbers, renumbered in their order."""
         here = np.isin(readings, self.rows)
         return Off(np.flatnonzero(here), self.sizes[np.searchsorted(self.rows, readings[here])])
 
@@ -63,13 +63,13 @@ class Shared:
 
     @classmethod
     def of(cls, rows: Numbers, columns: Array) -> Shared:
-        """Errors in common by what each does at its standard deviation, shape (m, errors)."""
+        """Build common errors from the effect of each at its standard deviation, (m, errors)."""
         directions, sizes, _ = svd(columns, full_matrices=False, lapack_driver="gesvd")
         return cls(rows, directions, sizes)
 
     @classmethod
     def zero(cls, count: int, size: float) -> Shared:
-        """A zero that so many readings have in common, of that standard deviation."""
+        """Build a zero that ``count`` readings have in common, of that standard deviation."""
         return cls.of(np.arange(count), np.full((count, 1), size))
 
     @property
@@ -78,17 +78,17 @@ class Shared:
         return np.asarray(self.directions * self.sizes)
 
     def times(self, factor: float) -> Shared:
-        """Errors a factor as large."""
+        """Multiply the errors by a factor."""
         return replace(self, sizes=factor * self.sizes)
 
     def over(self, sigma: Array) -> Shared:
-        """Errors over standard deviations of these readings, (m,)."""
+        """Divide the errors by standard deviations of these readings, (m,)."""
         if np.ptp(sigma) == 0:
             return replace(self, sizes=self.sizes / sigma[0])
         return self.of(self.rows, self.columns / sigma[:, None])
 
     def among(self, readings: Numbers) -> Shared:
-        """Errors of some readings by their numbers, with the places they have there."""
+        """Select the errors of some readings by their numbers, renumbered in their order."""
         here = np.isin(readings, self.rows)
         if np.array_equal(readings[here], self.rows):
             return replace(self, rows=np.flatnonzero(here))
@@ -96,7 +96,7 @@ class Shared:
         return self.of(np.flatnonzero(here), self.columns[place])
 
     def joined(self, others: Sequence[Shared]) -> Shared:
-        """These errors and others, of readings some of which are the same."""
+        """Join these errors and others, where some readings are the same."""
         every = np.unique(np.concatenate([self.rows, *(some.rows for some in others)]))
         columns = list[Array]()
         for some in (self, *others):
@@ -107,13 +107,13 @@ class Shared:
 
 @dataclass(frozen=True, eq=False)
 class NoiseMemory:
-    """Errors of runs of which a part remembers those before.
+    """Correlated errors of readings in runs.
 
-    An Ornstein–Uhlenbeck process and white noise beside it; a first-order autoregression where all
-    remembers and readings follow evenly. ``rows``: numbers of the readings that remember, (m,);
-    ``run``: number of the run of each; ``clock``: its place along the run; ``share``: of the
-    variance that remembers; (m,) each. ``correlation`` of what is remembered by two readings whose
-    clocks differ by 1.
+    They are an Ornstein–Uhlenbeck process plus white noise; a first-order autoregression where all
+    of the error is correlated and readings are evenly spaced. ``rows``: numbers of the correlated
+    readings, (m,); ``run``: number of the run of each; ``clock``: its place along the run;
+    ``share``: correlated share of the variance; (m,) each. ``correlation``: that of the correlated
+    parts of two readings whose clocks differ by 1.
     """
 
     rows: Numbers
@@ -123,11 +123,11 @@ class NoiseMemory:
     correlation: float = float(np.exp(-1.0))
 
     def of(self, correlation: float, share: float) -> NoiseMemory:
-        """The same readings, of which each remembers as much."""
+        """Change the correlation and its share for the same readings."""
         return replace(self, correlation=correlation, share=np.full(len(self.rows), share))
 
     def among(self, readings: Numbers) -> NoiseMemory:
-        """Memory of some readings by their numbers, with the places they have there."""
+        """Select the memory of some readings by their numbers, renumbered in their order."""
         here = np.isin(readings, self.rows)
         order = np.argsort(self.rows)
         place = order[np.searchsorted(self.rows, readings[here], sorter=order)]
@@ -135,17 +135,17 @@ class NoiseMemory:
                        clock=self.clock[place], share=self.share[place])
 
     def without(self, rows: Numbers) -> NoiseMemory:
-        """Memory without that of some readings by their numbers."""
+        """Drop some readings, by their numbers, from the memory."""
         kept = ~np.isin(self.rows, rows)
         return replace(self, rows=self.rows[kept], run=self.run[kept], clock=self.clock[kept],
                        share=self.share[kept])
 
     @cached_property
     def _steps(self) -> list[tuple[int, bool, float, float, float, float]]:
-        """Kalman's filter: each reading that remembers, in order, and whether one is before it.
+        """Kalman filter: each correlated reading, in order, and whether one is before it.
 
-        With the correlation between what both remember, the root of the share that does, the
-        filter's gain and the standard deviation of what is new in the reading.
+        With it: the correlation of both correlated parts, the root of the correlated share, the
+        filter's gain, and the standard deviation of the reading's innovation.
         """
         steps, last, variance = [], -1, 1.0
         for this in np.lexsort((self.clock, self.run)).tolist():
@@ -163,11 +163,11 @@ class NoiseMemory:
 
     @property
     def log_volume(self) -> float:
-        """Logarithm of the volume over which errors spread, over that without memory."""
+        """Logarithm of the volume over which errors spread, over that without correlation."""
         return float(np.sum(np.log([new for *_, new in self._steps])))
 
     def forgotten(self, values: Array) -> Array:
-        """Errors over their standard deviations, (readings, …), as such without memory."""
+        """Transform errors over their standard deviations, (readings, …), to uncorrelated ones."""
         fresh = values.astype(float)
         some = values[self.rows]
         dense = len(self.rows) <= _DENSE
@@ -176,7 +176,7 @@ class NoiseMemory:
 
     @cached_property
     def _forgetting(self) -> Array:
-        """Matrix of :meth:`forgotten`, of the readings that remember."""
+        """Matrix of :meth:`forgotten` for the correlated readings."""
         return self._filtered(np.eye(len(self.rows)))
 
     def _filtered(self, values: Array) -> Array:
@@ -189,7 +189,7 @@ class NoiseMemory:
         return fresh
 
     def remembered(self, fresh: Array) -> Array:
-        """Errors without memory, (readings, …), as such with it."""
+        """Transform uncorrelated errors, (readings, …), to correlated ones."""
         values, some = fresh.astype(float), fresh[self.rows]
         state = np.zeros(fresh.shape[1:])
         for this, follows, kept, root, gain, new in self._steps:
@@ -200,25 +200,25 @@ class NoiseMemory:
         return values
 
 
-#: Part of a noise beside what each reading is off by alone.
+#: Part of a noise in addition to the independent error of each reading.
 NoiseTerm = Off | Shared | NoiseMemory
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Normal errors of readings: each one's own, and ``terms`` that are added to them.
+    """Normal errors of readings: independent ones, and ``terms`` that are added to them.
 
-    The covariance is S R S + C Cᵀ: S of the own errors' standard deviations, in which rounding
-    counts, and what readings are :class:`Off`; R of what an error remembers of those before it
-    (:class:`NoiseMemory`); C of all that lasts along a run, and of its zero and gain
-    (:class:`Shared`). All that is missed is weighed by :meth:`whitened` alone, where the terms are
-    put together.
+    The covariance is S R S + C Cᵀ. S holds the standard deviations of the independent errors, which
+    include rounding, and of outliers (:class:`Off`). R is the correlation of errors with those
+    before them (:class:`NoiseMemory`). C holds all that is constant along a run, and its zero and
+    gain (:class:`Shared`). Residuals are weighted by :meth:`whitened` alone, where the terms are
+    combined.
 
-    ``own``: standard deviation of each reading's own error, shape (readings,), in its unit.
-    ``freedom``: degrees of freedom with which the noise is known of each part of the readings,
-    shape (parts,), ``part``: which part each is of. ``found``: it was estimated from these
-    readings, and is tested against as it is; otherwise their scatter has still its say. ``given``:
-    which readings came with a standard deviation of their own.
+    ``own``: standard deviation of each reading's independent error, shape (readings,), in its unit.
+    ``freedom``: degrees of freedom of the noise of each part of the readings, shape (parts,);
+    ``part``: the part of each reading. ``found``: the noise was estimated from these readings and
+    tests use it as it is; otherwise their scatter counts too. ``given``: which readings came with
+    a standard deviation of their own.
     """
 
     own: Array
@@ -239,7 +239,7 @@ class Noise:
         return len(self.own)
 
     def __getitem__(self, rows: Rows) -> Noise:
-        """Noise of some readings."""
+        """Select the noise of some readings."""
         numbers = np.arange(len(self))[rows]
         terms = tuple(term.among(numbers) for term in self.terms
                       if np.isin(term.rows, numbers).any())
@@ -247,7 +247,7 @@ class Noise:
                        terms=terms)
 
     def joined(self, other: Noise) -> Noise:
-        """Noise of these readings and others; noises that were found stay parts."""
+        """Join the noise of these readings and others; noises that were found remain parts."""
         after = tuple(replace(term, rows=term.rows + len(self)) for term in other.terms)
         both = replace(self, own=np.r_[self.own, other.own], terms=self.terms + after,
                        part=np.r_[self.part, other.part], given=np.r_[self.given, other.given])
@@ -258,15 +258,15 @@ class Noise:
 
     @classmethod
     def of_one(cls, sigma: float, freedom: float = np.inf) -> Noise:
-        """Noise of one reading with its degrees of freedom, infinitely many where it was given."""
+        """Build the noise of one reading with its degrees of freedom, infinite where given."""
         return cls(np.array([sigma]), freedom=np.array([freedom]), found=True)
 
     @classmethod
     def left(cls, squares: float, freedom: float, given: float | None = None, widen: bool = False
              ) -> Noise:
-        """Noise of one reading, by the sum of squares that a fit leaves unless given.
+        """Estimate the noise of one reading from a fit's sum of squares, unless it is given.
 
-        ``widen``: a misfit that the noise given cannot explain takes its place, which would make
+        ``widen``: replace the given noise by a misfit that it cannot explain, since it would make
         limits too narrow.
         """
         found = (squares / freedom) ** 0.5
@@ -276,10 +276,10 @@ class Noise:
 
     @classmethod
     def pooled(cls, values: Array, groups: Numbers, sigma: Array | float = 1.0) -> Noise | None:
-        """Noise of one reading, by the scatter of values, (n,), about the means of ``groups``.
+        """Estimate the noise of one reading from the scatter of values, (n,), about group means.
 
-        In units of ``sigma``, the standard deviation of each reading up to a common factor, which
-        also weights the means. None where nothing repeats.
+        The result is in units of ``sigma``, the standard deviation of each reading up to a common
+        factor, which also weights the means. None where nothing repeats.
         """
         weight = np.broadcast_to(1 / np.square(sigma), values.shape)
         _, group, count = np.unique(groups, return_inverse=True, return_counts=True)
@@ -293,18 +293,18 @@ class Noise:
 
     @classmethod
     def of(cls, sigma: Array, source: Source) -> Noise:
-        """Independent errors; only as they are stated or assumed is anything known beforehand."""
+        """Build independent errors; only stated or assumed ones have degrees of freedom."""
         beforehand = STATED if source in ("stated", "assumed") else 0.0
         return cls(sigma, source=source, freedom=np.array([beforehand]))
 
     def plus(self, *terms: NoiseTerm) -> Noise:
-        """The same noise and more terms."""
+        """Add terms to the noise."""
         return replace(self, terms=(*self.terms, *terms))
 
     def times(self, factor: float | Array) -> Noise:
-        """Same noise with what each reading is off by alone a factor as large.
+        """Multiply the independent errors by a factor.
 
-        One factor for all, or one for each, (readings,).
+        It is one factor for all readings, or one for each, (readings,).
         """
         every = np.broadcast_to(factor, self.own.shape)
         terms = tuple(replace(term, sizes=every[term.rows] * term.sizes)
@@ -312,22 +312,22 @@ class Noise:
         return replace(self, own=every * self.own, terms=terms)
 
     def with_own(self, sigma: Array) -> Noise:
-        """Same noise with other standard deviations of each reading's own error."""
+        """Replace the standard deviation of each reading's independent error."""
         return replace(self, own=sigma)
 
     def known(self, freedom: float) -> Noise:
-        """Same noise, as found with so many degrees of freedom."""
+        """Mark the noise as found with these degrees of freedom."""
         return replace(self, freedom=np.array([freedom]), part=0 * self.part, found=True)
 
     @property
     def correlation(self) -> float:
-        """Correlation of the errors of neighbours that remember, a step of the clock apart."""
+        """Correlation of neighbouring errors, one step of the clock apart."""
         return max((memory.correlation * float(memory.share.max(initial=0.0))
                     for memory in self.memories), default=0.0)
 
     @property
     def ordinary(self) -> Noise:
-        """Same noise without readings that are off, of errors that remember nothing."""
+        """The same noise without outliers and without correlation."""
         return replace(self, terms=self.common)
 
     @property
@@ -337,7 +337,7 @@ class Noise:
 
     @cached_property
     def off(self) -> Array:
-        """Size of what readings are off by themselves [their unit], (readings,); else 0."""
+        """Size of outliers [their unit], (readings,); 0 for other readings."""
         sizes = np.zeros(len(self))
         for term in self.terms:
             if isinstance(term, Off):
@@ -351,7 +351,7 @@ class Noise:
 
     @cached_property
     def memories(self) -> tuple[NoiseMemory, ...]:
-        """Memories of the readings that are not off by themselves."""
+        """Memories of the readings that are no outliers."""
         memories = tuple(term for term in self.terms if isinstance(term, NoiseMemory))
         if not self.off.any():
             return memories
@@ -359,7 +359,7 @@ class Noise:
 
     @cached_property
     def _apart(self) -> tuple[Shared, ...]:
-        """Errors in common put together, so that no two of them are of one reading."""
+        """Common errors, combined so that no two of them act on the same reading."""
         apart = list[Shared]()
         for term in self.common:
             same = [some for some in apart if np.isin(some.rows, term.rows).any()]
@@ -369,7 +369,7 @@ class Noise:
 
     @cached_property
     def _over(self) -> tuple[Shared, ...]:
-        """Common errors over the noise of each reading, as far as that is not remembered."""
+        """Common errors over the noise of each reading, after removing correlation."""
         if not self.memories:
             return tuple(some.over(self.sigma[some.rows]) for some in self._apart)
         if not self._apart:
@@ -377,24 +377,24 @@ class Noise:
         columns = [np.zeros((len(self), len(some.sizes))) for some in self._apart]
         for some, every in zip(self._apart, columns, strict=True):
             every[some.rows] = some.columns
-        # What is remembered ties readings together that have nothing else in common.
+        # Correlation connects readings that have no other error in common.
         over = (np.hstack(columns).T / self.sigma).T
         return (Shared.of(np.arange(len(self)), self._forgotten(over)),)
 
     def whitened(self, values: Array) -> Array:
-        """Errors of readings, or columns of them, shape (readings, ...), as independent ones of 1.
+        """Transform errors of readings, shape (readings, ...), to independent ones of size 1.
 
-        By the symmetric root: as near to those of each reading as may be. Of an error that
-        remembers, what is new in it.
+        The symmetric root keeps them as near to those of each reading as possible. Of a correlated
+        error the innovation remains.
         """
         return self._turned(self._forgotten((values.T / self.sigma).T), -0.5)
 
     def coloured(self, values: Array) -> Array:
-        """Independent errors of size 1, shape (readings, ...), as those of readings."""
+        """Transform independent errors of size 1, shape (readings, ...), to those of readings."""
         return (self._remembered(self._turned(values, 0.5)).T * self.sigma).T
 
     def apart(self, values: Array) -> Array:
-        """Values, shape (readings, ...), without what several readings have in common."""
+        """Subtract from values, shape (readings, ...), the errors that several readings share."""
         return (self._remembered(self.whitened(values)).T * self.sigma).T
 
     def _forgotten(self, values: Array) -> Array:
@@ -419,27 +419,27 @@ class Noise:
 
     @property
     def size(self) -> float:
-        """Standard deviation of a usual reading's own error, in its unit."""
+        """Median standard deviation of the independent errors, in their unit."""
         return float(np.median(self.sigma))
 
     @property
     def limits(self) -> Array:
-        """Those of the 95 % interval of its size, shape (2,).
+        """Limits of the 95 % interval of its size, shape (2,).
 
-        For normal, independent errors: readings that drift between their repeats widen the scatter.
+        They hold for normal, independent errors: drift between repeats widens the scatter.
         """
         freedom = self.freedom.sum()
         return np.asarray(self.size * np.sqrt(freedom / chi2.ppf([0.975, 0.025], freedom)))
 
     @property
     def quantile(self) -> float:
-        """Half width of 95 % intervals over it: Student's quantile, the normal one where given."""
+        """Half width of 95 % intervals over the noise: Student's quantile; normal where given."""
         freedom = float(self.freedom.sum())
         return float(norm.ppf(0.975) if np.isinf(freedom) else t.ppf(0.975, freedom))
 
     @property
     def total(self) -> Array:
-        """Standard deviation of each reading [its unit], with what it has in common with others."""
+        """Standard deviation of each reading [its unit], including common errors."""
         squares = self.sigma**2
         for some in self.common:
             squares[some.rows] += np.sum(some.columns**2, axis=1)
@@ -452,29 +452,29 @@ class Noise:
                    sum(memory.log_volume for memory in self.memories))
 
     def drawn(self, generator: np.random.Generator) -> Array:
-        """A set of errors."""
+        """Draw a set of errors."""
         return self.coloured(generator.standard_normal(len(self)))
 
     def variances(self, generator: np.random.Generator, count: int) -> Array:
-        """Variances of the parts as they may be found where they are 1, shape (parts, count)."""
+        """Draw variances that estimates of the parts would have if 1 is true, (parts, count)."""
         freedom = self.freedom[:, None]
         return np.asarray(generator.chisquare(freedom, (len(freedom), count)) / freedom)
 
     def shares(self, columns: Array) -> Array:
-        """Share of each part in the squares of columns, shape (parts,)."""
+        """Compute the share of each part in the squares of columns, shape (parts,)."""
         squares = np.bincount(self.part, np.sum(columns**2, axis=1), len(self.freedom))
         return np.asarray(squares / squares.sum())
 
     def freedom_of(self, shares: Array) -> float:
-        """Degrees of freedom of a variance that is a sum of the parts' by their shares.
+        """Compute degrees of freedom of a variance that is a weighted sum of the parts' variances.
 
-        By Satterthwaite (Biometrics Bulletin 2, 110, 1946): those of one variance that scatters as
-        much. What few readings tell is not better known for the others.
+        By Satterthwaite (Biometrics Bulletin 2, 110, 1946): those of one variance with the same
+        scatter. A part with few readings is not better known because of the others.
         """
         return float(1 / np.sum(shares**2 / self.freedom))
 
 
 def root_of(covariance: Array) -> Array:
-    """Columns C, shape (n, k), of a covariance C Cᵀ, (n, n)."""
+    """Factor a covariance C Cᵀ, (n, n), into columns C, shape (n, k)."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,4 +1,4 @@
-"""The subcommands of ``tympan``, by subject; what one prints is its template in text/."""
+"""The subcommands of ``tympan``, by subject; the output of each has its template in text/."""
 
 from tympan.commands import (
     alpha,
@@ -19,7 +19,7 @@ from tympan.commands.lumped import identify as lumped_identify
 from tympan.commands.lumped import paper as lumped_paper
 from tympan.commands.lumped import response as lumped_response
 
-#: Every command in the order of ``tympan --help``, under what they are for.
+#: Every command in the order of ``tympan --help``, by heading.
 HEADINGS = {
     "simulate and design": (
         cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.tolerance,
@@ -37,6 +37,6 @@ HEADINGS = {
         lumped_paper.lumped_paper),
 }
 COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
-#: What the first words of two are for.
+#: Purpose of each group of commands with two words.
 GROUPS = {"lumped": "the lumped model: a mass on circles of film",
           "material": "look at a material, or fit one to coupon tests"}

@@ -1,4 +1,4 @@
-"""Commands about α, the weights of the circles that stand for a shape."""
+"""Commands about α, the weights of the circles that represent a shape."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tympan.options import (
                        "loads"), RIG, JSON, MESH,
          example="oval.toml --circles 2")
 def alpha(options: argparse.Namespace) -> None:
-    """Weights of the circular actuators that stand for a shape."""
+    """Compute the weights of the circular actuators that represent a shape."""
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings, alpha, uncertainty
@@ -54,7 +54,7 @@ def alpha(options: argparse.Namespace) -> None:
 @command("outlines", output(required=True), JSON, MESH,
          example="-o outlines")
 def outlines(options: argparse.Namespace) -> None:
-    """α of every registered outline with the source paper's film, and its held-out error."""
+    """Compute α of every registered outline with the source paper's film, and held-out errors."""
     from tympan.geometry.outlines import examples
     from tympan.progress import bar
     from tympan.studies.alpha.table import outline_table
@@ -70,9 +70,9 @@ def outlines(options: argparse.Namespace) -> None:
 @command("map", output(required=True), WORKERS, JSON,
          example="-o map")
 def alpha_map(options: argparse.Namespace) -> None:
-    """α and stroke of ellipses of the source paper's film, by aspect ratio and plate size.
+    """Map α and stroke of ellipses of the source paper's film, by aspect ratio and plate size.
 
-    Also a formula for α, fitted to them.
+    A formula for α is fitted to them.
     """
     from tympan.paper.loads import MAP
     from tympan.progress import bar

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tympan.studies.tolerance.given import Tolerances
 
 
-#: For results with the band of films that scatter.
+#: Option for results with the band of films within tolerances.
 TOLERANCES = argument(
     "--tolerances", nargs="?", const="", metavar="FILE",
     help="also the spread between films made to tolerances: median, 5 and 95 %; by the standard "
@@ -47,7 +47,7 @@ TOLERANCES = argument(
 
 
 def given_tolerances(options: argparse.Namespace) -> Tolerances | None:
-    """Tolerances of a file, or the defaults; None where none are asked for."""
+    """Read tolerances of a file, or the defaults; None where none are requested."""
     if options.tolerances is None:
         return None
     from tympan.studies.tolerance.given import Tolerances
@@ -56,7 +56,7 @@ def given_tolerances(options: argparse.Namespace) -> Tolerances | None:
 
 
 def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: Rig) -> Any:
-    """The result with its bands, where tolerances are given."""
+    """Add bands to the result, where tolerances are given."""
     given = given_tolerances(options)
     if given is None:
         return result
@@ -79,7 +79,7 @@ def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: R
          output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV"', also=("run", "simulate"))
 def solve(options: argparse.Namespace) -> None:
-    """One specimen under one load and voltage, and how far the voltage can be raised.
+    """Solve one specimen under one load and voltage, and find how far the voltage can be raised.
 
     Deflection is positive downwards, along the load. It is 0 where the film is flat, before
     anything hangs on it. The mass is all that hangs on the film, the plate included.
@@ -101,7 +101,7 @@ def solve(options: argparse.Namespace) -> None:
     finish(options, _banded(options, result, case.specimen, case.rig), specimen=case.specimen)
 
 
-#: Follow a film further than any film goes.
+#: Option to follow a film beyond the end of any real film.
 _BEYOND = argument("--beyond", action="store_true",
                    help="where the film, wrinkled, thins without bound, follow it on as one kept "
                         "from wrinkling, to its pull-in (a few times the work)")
@@ -113,10 +113,10 @@ _BEYOND = argument("--beyond", action="store_true",
          RIG, _BEYOND, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
-    """Limits of a film: the first loss of tension, breakdown, instability and pull-in.
+    """Find the limits of a film: the first loss of tension, breakdown, instability and pull-in.
 
-    And snap-through of a plate that a mechanism of the rig makes jump, and snap-back as the voltage
-    falls.
+    Also snap-through of a plate that a mechanism of the rig makes jump, and snap-back as the
+    voltage falls.
     """
     from tympan.studies.case import Case
     from tympan.studies.limits import LimitsResult
@@ -136,7 +136,7 @@ def limits(options: argparse.Namespace) -> None:
          MESH,
          example='oval.toml --mass "10 g, 17.9 g" -o curve')
 def curve(options: argparse.Namespace) -> None:
-    """Deflection against voltage, to the film's limit and on to its end."""
+    """Compute deflection against voltage, to the film's limit and on to its end."""
     from tympan.progress import bar
     from tympan.studies.limits import curve
 
@@ -148,7 +148,7 @@ def curve(options: argparse.Namespace) -> None:
 
 
 def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
-    """Specimen, rig, settings, and masses that are given or suit the film."""
+    """Read specimen, rig, settings, and masses that are given or suit the film."""
     from tympan.fem.film.library import load_specimen
     from tympan.fem.rig import checked_load
     from tympan.studies.limits.loads import usual_masses
@@ -189,7 +189,7 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          MESH,
          example='oval.toml --voltage "0 kV, 3 kV" --to "6 mm" --load "20 g" -o force')
 def force(options: argparse.Namespace) -> None:
-    """Force on the plate against its displacement, and what a load does on these curves.
+    """Compute the force on the plate against its displacement, and equilibria of loads.
 
     The plate is held as by a tensile tester, a curve for each voltage; force and displacement are
     positive along the load. With loads: equilibria, stroke, work, electrical energy.
@@ -227,10 +227,10 @@ def force(options: argparse.Namespace) -> None:
                 "and a picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "20 g" --voltage "0 kV, 3 kV" -o sense')
 def sense(options: argparse.Namespace) -> None:
-    """Capacitance against deflection at several voltages, and deflection from capacitance.
+    """Compute capacitance against deflection at several voltages, and the inverse.
 
-    The inverse is a table and a polynomial with its largest error. It is also told how far an error
-    of the capacitance, of the prestretch and of the permittivity moves the sensed deflection.
+    The inverse is a table and a polynomial with its largest error. The output also shows how far an
+    error of the capacitance, the prestretch or the permittivity moves the sensed deflection.
     """
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
@@ -269,10 +269,10 @@ def sense(options: argparse.Namespace) -> None:
          output("also store the numbers (JSON) and a picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o tolerance')
 def tolerance(options: argparse.Namespace) -> None:
-    """Distributions of deflection, stroke, force, frequency and others where a film scatters.
+    """Compute distributions of deflection, stroke, force, frequency and others between films.
 
-    Median, 5 and 95 % of the films, the share that bears the voltage, what the others meet, the
-    share that keeps wanted bounds, and which tolerance makes which share of the variance.
+    The output has median, 5 and 95 % of the films, the share that bears the voltage, the limits of
+    the others, the share that keeps wanted bounds, and each tolerance's share of the variance.
     """
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
@@ -313,7 +313,7 @@ def tolerance(options: argparse.Namespace) -> None:
                 "critical mode at each limit point (VTU)"), JSON,
          example='oval.toml --mass "17.9 g" -o path')
 def path(options: argparse.Namespace) -> None:
-    """Equilibria through limit points, stable or not, by arc length; or a loop in time."""
+    """Follow equilibria through limit points, stable or not, by arc length; or a loop in time."""
     from tympan import solving
     from tympan.progress import bar
 
@@ -324,7 +324,7 @@ def path(options: argparse.Namespace) -> None:
         result = solving.follow(case, read_settings(options), options.along, options.rate,
                                 options.to, options.fields, progress)
     if options.rate is not None:
-        options.command = "transient"  # stored, drawn and told as one
+        options.command = "transient"  # stored, drawn and printed as one
     finish(options, result)
 
 
@@ -339,7 +339,7 @@ def path(options: argparse.Namespace) -> None:
          output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o modes')
 def modes(options: argparse.Namespace) -> None:
-    """Natural frequencies and shapes under one load and voltage."""
+    """Solve natural frequencies and shapes under one load and voltage."""
     from tympan.studies.modes import modes
 
     point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
@@ -361,12 +361,12 @@ def modes(options: argparse.Namespace) -> None:
                        "pull-in, the pull-in load"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" --of heave,max_field')
 def sensitivity(options: argparse.Namespace) -> None:
-    """Exact derivatives of results by every number that enters them."""
+    """Differentiate results exactly by every number that they depend on."""
     from tympan.studies.sensitivity import sensitivity
 
     names = tuple(name.strip() for name in options.of.split(","))
     result = sensitivity(read_case(options), read_settings(options), names)
-    # What is zero has no per cent of itself, and comes last.
+    # A quantity that is zero has no percentage, and comes last.
     strongest_first = {quantity: sorted(answers.by.items(),
                                         key=lambda item: -abs(item[1].elasticity or 0.0))
                        for quantity, answers in result.quantities.items()}

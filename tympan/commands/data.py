@@ -94,7 +94,7 @@ def diagnose(options: argparse.Namespace) -> None:
 
 
 def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | None:
-    """Verdicts on synthetic readings, with their page; None where that is not asked."""
+    """Judge synthetic readings and write their page; None where no self-check is requested."""
     from tympan.reports.rebuild import draw_result
     from tympan.studies.diagnosis.self_check import self_checked
 

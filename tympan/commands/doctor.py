@@ -1,4 +1,4 @@
-"""``tympan doctor``: whether this installation can do its work, and what it lacks if not."""
+"""``tympan doctor``: check of this installation, and of what it lacks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tympan.options import JSON, command, print_record
 #: Distributions that results depend on, or that load system libraries.
 PACKAGES = ("numpy", "scipy", "scikit-fem", "meshio", "gmsh", "cadquery", "vtk", "pyvista",
             "matplotlib")
-#: The window that VTK draws in, and whether something can be seen in it; it may end the process.
+#: Script that names the window that VTK draws in and checks its picture; it may end the process.
 _DRAW = """
 import numpy, pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(16, 16))
@@ -23,7 +23,7 @@ picture = plotter.screenshot(return_img=True)
 print(type(plotter.render_window).__name__ if numpy.ptp(picture) > 100 else "nothing")
 """
 
-#: A script of the user: threads of the numerical libraries outside of tympan, and within.
+#: User script that counts threads of the numerical libraries outside of tympan, and within.
 _COUNT = """
 import json, numpy, scipy.linalg
 from tympan.base.process.threads import blas_threads, one_thread
@@ -36,7 +36,7 @@ print(json.dumps({name: {"own_code": outside[name], "tympan": within[name]} for 
 
 @command("doctor", JSON, example="")
 def doctor(options: argparse.Namespace) -> None:
-    """Versions, system libraries, drawing, threads, and a short self-check of the solver."""
+    """Check versions, system libraries, drawing and threads, and run a short test of the solver."""
     import platform
 
     from tympan.base.process.threads import outer_environment
@@ -62,7 +62,7 @@ def doctor(options: argparse.Namespace) -> None:
 
 
 def self_check() -> dict[str, Any]:
-    """Deflections of a round film as the solver finds them, beside those of another method.
+    """Solve deflections of a round film, and list those of another method with them.
 
     Radii 10 and 45 mm, 1 mm of neo-Hookean film (20 kPa, ε_r 4.7) stretched by √5, 17.9 g; the
     references integrate the membrane's equations along the radius.
@@ -86,9 +86,9 @@ def self_check() -> dict[str, Any]:
 
 
 def python_threads() -> dict[str, dict[str, int]]:
-    """Threads of NumPy's and SciPy's dense algebra in a script: its own, and those of tympan.
+    """Count threads of NumPy's and SciPy's dense algebra in a script: its own, and tympan's.
 
-    Without a library whose threads cannot be counted.
+    Libraries whose threads cannot be counted are left out.
     """
     import json
     import subprocess
@@ -105,7 +105,7 @@ def python_threads() -> dict[str, dict[str, int]]:
 
 
 def drawing_window() -> str | None:
-    """The class of window that films are drawn in; None where nothing is drawn."""
+    """Find the class of window that films are drawn in; None where nothing is drawn."""
     import subprocess
 
     done = subprocess.run([sys.executable, "-c", _DRAW], capture_output=True, text=True,

@@ -12,7 +12,7 @@ from tympan.options import SPECIMEN, command, output, print_record
          output("for NAME-specimen.png and .svg", default=Path("drawing")),
          example="oval.toml -o drawing", also=("plot", "show"))
 def draw(options: argparse.Namespace) -> None:
-    """Picture of a specimen as it was read, with its sizes; nothing is solved."""
+    """Draw a specimen as it was read, with its sizes; nothing is solved."""
     from tympan.fem.film.library import load_specimen
     from tympan.reports.figures.specimen import draw_specimen
 

@@ -45,7 +45,7 @@ def explore(options: argparse.Namespace) -> None:
         except OSError as error:
             raise InputError(f"cannot be listened on: {error.strerror}", key="--port",
                              given=f"{options.host}:{options.port}") from None
-        # The address ends the line, so that a terminal's link and a copy hold it alone.
+        # The address ends the line, so that a terminal's link contains nothing else.
         print(f"tympan: exploring {explorer.subject.name} (Ctrl-C ends it) at {explorer.address}",
               file=sys.stderr, flush=True)
         if not options.no_browser:

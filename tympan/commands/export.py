@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Settings
 
-#: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, what it is.
+#: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, meaning.
 SIZES = {
     "width": ("10 mm", "of frame and clamp ring around the film"),
     "frame_height": ("4 mm", "of the frame"),
@@ -45,7 +45,7 @@ SIZES = {
          argument("--pressure", help='with --inp: of a gas below film and plate, such as "50 Pa"'),
          example='oval.toml -o parts --screw "4 mm"')
 def export(options: argparse.Namespace) -> None:
-    """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh; or finite-element input."""
+    """Write frame, clamp, plate and film as STEP, DXF and SVG; mesh; or finite-element input."""
     from tympan.fem.film.library import load_specimen
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export

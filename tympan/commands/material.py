@@ -1,4 +1,4 @@
-"""Commands about materials: the library, a look at a law, and laws fitted to tests."""
+"""Commands about materials: the library, a law's curve, and laws fitted to tests."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def materials(options: argparse.Namespace) -> None:
          JSON,
          example="vhb-4910")
 def material_show(options: argparse.Namespace) -> None:
-    """True stress against stretch, and where the law fails."""
+    """Tabulate true stress against stretch, and find where the law fails."""
     from tympan.fem.film.law_report import examine, subject
 
     examination = examine(*subject(options.material, options.held))
@@ -133,7 +133,7 @@ def _fit_actuators(options: argparse.Namespace) -> None:
 
 
 def _film(options: argparse.Namespace) -> Case | None:
-    """The film of ``--film`` with its loads, None where none is asked for."""
+    """Read the film of ``--film`` with its loads, None where none is requested."""
     if options.film is None:
         if options.mass is not None or options.voltage != "0 V":
             raise InputError("is missing: --mass and --voltage are of its film", key="--film")

@@ -1,4 +1,4 @@
-"""Commands that compute what a file plans, and draw it again: study, sweep, design, report."""
+"""Commands that compute the plan of a file, and draw it again: study, sweep, design, report."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def study(options: argparse.Namespace) -> None:
                   help="for a worker of the cluster where there is none"), JSON, MESH,
          example="SWEEP.toml -o sweep")
 def sweep(options: argparse.Namespace) -> None:
-    """Solve grids, lists or samples of specimens; goes on where it was ended."""
+    """Solve grids, lists or samples of specimens; continue an interrupted sweep."""
     from tympan.fem.results.limit_states import LIMIT_STATES
     from tympan.progress import cases, say
     from tympan.reports.rebuild import draw_result
@@ -95,9 +95,9 @@ def sweep(options: argparse.Namespace) -> None:
     with naming_options(options):
         if options.at is not None:
             planned = planned.compared_at(options.at)
-        if options.best is not None:  # what is wrong with it is said before anything is solved
+        if options.best is not None:  # its errors are reported before anything is solved
             unsolved(planned).best(options.best, under=options.under)
-    # Drawing takes longer to import than a plan to read, and what is wrong in that is said first.
+    # Drawing takes longer to import than a plan to read, whose errors are reported first.
     from tympan.reports.sweep.page import keep_page
 
     pool = (partial(processes, workers=workers) if options.scheduler is None
@@ -120,7 +120,7 @@ def sweep(options: argparse.Namespace) -> None:
 
 
 def _workers(options: argparse.Namespace) -> int:
-    """Processes that are asked for, or one for each processor."""
+    """Count the requested processes, by default one for each processor."""
     return len(os.sched_getaffinity(0)) if options.workers is None else int(options.workers)
 
 
@@ -134,7 +134,7 @@ def _workers(options: argparse.Namespace) -> int:
          MESH,
          example="REQUIREMENTS.toml -o design", formerly=("optimise",))
 def design(options: argparse.Namespace) -> None:
-    """Films for requirements: the best ones, what binds, and what it costs to relax it.
+    """Find films for requirements: the best ones, the active bounds, and the cost of relaxing them.
 
     95 % of the films with their tolerances keep all bounds. Each film is checked by finite
     elements, and compared with the given one. Bounds that no film can keep are named, with what

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tympan.studies.signals import Signal, Wave
 
 def voltages(high: Argument) -> tuple[Argument, ...]:
-    """All options of a signal but its interval; ``high`` is that of its upper end."""
+    """List all options of a signal but its interval; ``high`` is that of its upper end."""
     return (
         argument("--signal", default="step", metavar="KIND",
                  help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
@@ -32,7 +32,7 @@ SIGNAL = (*voltages(_HIGH), argument("--interval", default="1 ms", help="between
 
 def wave_of(options: argparse.Namespace, count: int, high: float | None = None
             ) -> tuple[Wave, Signal]:
-    """The wave of the options for so many actuators, and its signal.
+    """Read the wave of the options for a number of actuators, and build its signal.
 
     ``high``: its upper end [V] where the option has no default and is not given.
     """
@@ -51,7 +51,7 @@ def wave_of(options: argparse.Namespace, count: int, high: float | None = None
 
 
 def duration(text: str, option: str) -> float:
-    """A positive time [s]."""
+    """Read a positive time [s]."""
     value = parse_quantity(text, "time", option)
     if not 0 < value < 1e9:
         raise InputError("must be positive, below 1e9 s", key=option, given=text)

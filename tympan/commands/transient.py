@@ -27,7 +27,7 @@ from tympan.options import (
     read_specimens,
 )
 
-#: Pictures of an animation.
+#: Number of pictures of an animation.
 _FRAMES = 48
 
 
@@ -44,7 +44,7 @@ _FRAMES = 48
          output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
          JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
 def transient(options: argparse.Namespace) -> None:
-    """Response of films with viscous branches to a step, ramp, sine, random steps or a CSV file."""
+    """Simulate films with viscous branches: a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
     from tympan.studies.transient import responses
 
@@ -82,7 +82,7 @@ def transient(options: argparse.Namespace) -> None:
          output("also store the numbers and a picture (PNG, SVG)"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o response')
 def response(options: argparse.Namespace) -> None:
-    """Amplitude and phase of a loaded film under a small sine of the voltage, by frequency."""
+    """Compute amplitude and phase of a loaded film under a small sine of the voltage."""
     from tympan.progress import bar
     from tympan.studies.response import USUAL_COUNT, response
 

@@ -30,18 +30,18 @@ VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 71)
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
 
-#: End of the time axes of figures 9 to 12 [s], which are lost: long enough for the film to creep.
+#: End of the time axes of figures 9 to 12 [s]; the original is lost. Long enough for film creep.
 _STEP_END = 30.0
-#: End of the time axes of their zooms [s], which are lost too.
+#: End of the time axes of their zooms [s]; the original is lost, too.
 ZOOM = 3.0
 
-#: Smallest change that the paper's sensor sees [m].
+#: Smallest change that the paper's sensor resolves [m].
 _SEEN = 1e-6
-#: Error of responses [m], far below what the sensor sees.
+#: Error of responses [m], far below the sensor's resolution.
 _PRECISION = 1e-10
-#: Spans of time of which a drawn response keeps the extremes.
+#: Number of time spans in each of which a drawn response keeps the extremes.
 _BUCKETS = 3000
-#: Seeds that are tried for levels near both voltages.
+#: Number of seeds that are tried for levels near both voltages.
 _SEEDS = 10_000
 #: Usual thresholds of settling, as shares.
 _USUAL = (0.05, 0.02, 0.01)
@@ -73,7 +73,7 @@ class Choices:
                              given=f"{self.period:g} s")
 
     def steps(self) -> tuple[Pieces, int]:
-        """Figure 14's signal and its seed."""
+        """Draw figure 14's random signal; return it with its seed."""
         for seed in (range(_SEEDS) if self.seed is None else (self.seed,)):
             signal = random_steps(published.LOWEST, published.HIGHEST, published.SWITCH,
                                   self.levels, seed)
@@ -125,7 +125,7 @@ class Decay:
                    float(abs(deflection[-1] - deflection[0])))
 
     def settled(self, threshold: float) -> float:
-        """Time at which the oscillation last exceeds a threshold [m]; nan if it never does.
+        """Find the time at which the oscillation last exceeds a threshold [m]; nan if never.
 
         It is interpolated on a logarithmic scale, as an oscillation decays.
         """
@@ -181,7 +181,7 @@ class Replica:
 
     @property
     def rest_ranges(self) -> Array:
-        """Ranges between the paper's voltages at rest [m], shape (masses, actuators)."""
+        """Ranges between the paper's voltages in equilibrium [m], shape (masses, actuators)."""
         return self.static[:, :, -1] - self.static[:, :, 0]
 
     @property
@@ -191,7 +191,7 @@ class Replica:
 
 
 def period_of(actuator: Actuator) -> float:
-    """Period [s] with the largest phase lag about the voltage of figure 13's right column.
+    """Compute the period [s] of largest phase lag at the voltage of figure 13's right column.
 
     The slow part of the linear model has its slowest pole and a zero at k₁/η₁, the relaxation of
     the branches alone. Such a pair lags most at the geometric mean of both.
@@ -231,7 +231,7 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
                    np.ptp(random[..., ends], axis=-1))
 
 
-#: How often :func:`run` calls ``progress``.
+#: Number of times that :func:`run` calls ``progress``.
 STEPS_OF_RUN = 4 + len(published.SINES) * len(NAMES)
 
 
@@ -248,7 +248,7 @@ def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Arra
 
 
 def criteria(decays: list[list[Decay]]) -> list[Criterion]:
-    """Settling times by usual thresholds, the sensor's, and the best threshold of each kind."""
+    """List settling times by usual thresholds, the sensor's, and the best one of each kind."""
     kinds = decays[0][0].scales
     return [*(settling_times(decays, kind, share) for kind in ("largest swing", "whole change")
               for share in _USUAL), settling_times(decays, "length", _SEEN),
@@ -256,7 +256,7 @@ def criteria(decays: list[list[Decay]]) -> list[Criterion]:
 
 
 def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Criterion:
-    """Settling times by one criterion, for responses by mass and actuator."""
+    """Compute settling times by one criterion, for responses by mass and actuator."""
     return Criterion(kind, threshold, np.array(
         [[decay.settled(threshold * decay.scales[kind]) for decay in row] for row in decays]))
 

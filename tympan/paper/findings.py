@@ -1,7 +1,7 @@
 """Faults and gaps of the paper, each shown by a computation.
 
-Every function computes one finding's values; ``words.txt`` says what they mean, ``findings.toml``
-which of them are its numbers.
+Every function computes one finding's values; ``words.txt`` explains them, ``findings.toml`` selects
+the numbers that are stored.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ _VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 15)
 #: Scales of the six constants of Eq. (8) [Pa] and of ε_r.
 _SIZES = np.array([*[50e3] * 6, 5.0])
 
-#: Terms of the series around the plate. Set by trial.
+#: Number of terms of the series around the plate. Set by trial.
 _TERMS = 14
-#: Points on a quarter of the ellipse for its least squares, many to each term.
+#: Number of points on a quarter of the ellipse for its least squares, many for each term.
 _POINTS = 400
 
 #: Largest difference of two growths that the rounding of ranges to 0.01 mm can make.
@@ -53,7 +53,7 @@ _ALIKE = 0.03
 
 
 def findings(replica: Replica) -> list[dict[str, Any]]:
-    """All findings as stored: ``key``, ``title``, ``words``, and the ``numbers`` behind them."""
+    """List all findings as stored: ``key``, ``title``, ``words``, and their ``numbers``."""
     missing = replica.missing
     shown = {"sign": sign(missing), "law": softening(missing), "cone": cone(missing),
              "lost": lost_cells(replica), "mass": mass_ratio(replica),
@@ -96,7 +96,7 @@ def _law() -> Separable:
 
 
 def stress(stretch: float) -> tuple[float, float]:
-    """Eq. (8) with Table 1's constants at a stretch from the mounted film [Pa], its derivative."""
+    """Compute Eq. (8) with Table 1's constants at a stretch [Pa], and its derivative."""
     law = _law()
     mounted = law.reference
     _, w1, _, w11, *_ = law.derivatives(mounted * stretch, mounted)
@@ -105,7 +105,7 @@ def stress(stretch: float) -> tuple[float, float]:
 
 
 def softening(missing: MissingParameters) -> Values:
-    """Stress of the mounted film, its slope and its zero, and the softening of the cone."""
+    """Compute stress of the mounted film, its slope and zero, and the softening of the cone."""
     law = _law()
     at, slope = stress(1.0)
     parts = [2 * i * (beta + gamma) for i, beta, gamma in zip((1, 2, 3), law.beta, law.gamma,
@@ -122,7 +122,7 @@ def softening(missing: MissingParameters) -> Values:
     visited = [actuator.circles.stretch(rest(actuator, published.HIGHEST))[0].max()
                for mass in MASSES for actuator in missing.actuators(mass)]
     steep = float(circle.circles.steepness[0]) * 3e-3
-    flatter = (1 - steep**2) / (1 + steep**2) ** 2  # if true stress stays: force ∝ s/(1 + s²)
+    flatter = (1 - steep**2) / (1 + steep**2) ** 2  # for constant true stress: force ∝ s/(1 + s²)
     return {"stress": at, "slope": slope, "parts": parts, "stress_kPa": at / 1e3,
             "slope_kPa": slope / 1e3, "parts_kPa": [part / 1e3 for part in parts],
             "turns": brentq(lambda x: stress(x)[1], 1.0, 1.5, xtol=1e-12),
@@ -134,8 +134,8 @@ def softening(missing: MissingParameters) -> Values:
 def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
     """Evaluate Eq. (11) on the model's own equilibria, which are data without errors.
 
-    Answers the force per unit of β₁…β₃, γ₁…γ₃ and ε_r, shape (readings, 7), these constants, and
-    the weights [N].
+    Return the force per unit of β₁…β₃, γ₁…γ₃ and ε_r, shape (readings, 7), these constants, and the
+    weights [N].
     """
     specimens = paper_actuators(missing.permittivity)
     rests = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
@@ -148,7 +148,10 @@ def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
 
 
 def sign(missing: MissingParameters) -> Values:
-    """Residual of Eq. (11) in equilibrium and its best fit, with Eq. (5)'s sign and as printed."""
+    """Compute Eq. (11)'s residual in equilibrium and best fit, with the right and printed sign.
+
+    The right sign is that of Eq. (5).
+    """
     columns, constants, load = at_rest(missing)
     force = columns @ constants
     searched = [_SIZES * np.linalg.lstsq(direction * columns * _SIZES, load, rcond=1e-10)[0]
@@ -160,7 +163,7 @@ def sign(missing: MissingParameters) -> Values:
 
 
 def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
-    """Stiffness over tension [1] of a taut film between a round plate and an ellipse around it.
+    """Compute stiffness over tension [1] of a taut film between a round plate and an ellipse.
 
     A small deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ + 1. It is made
     zero on the ellipse by least squares at 400 points. The stiffness is 2π|A|; for a circle that is
@@ -179,7 +182,7 @@ def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
 
 
 def factors(missing: MissingParameters) -> list[float]:
-    """Stiffness of the taut film over that of the paper's mixture of cones, by actuator."""
+    """Compute stiffness of the taut film over that of the paper's mixture of cones, by actuator."""
     stiffer = []
     for column, specimen in enumerate(paper_actuators(1.0)):
         a, b = specimen.frame.semi_axes
@@ -192,7 +195,7 @@ def factors(missing: MissingParameters) -> list[float]:
 
 
 def cone(missing: MissingParameters) -> Values:
-    """Factors of :func:`factors`, and how they change Table 1's stress and ε_r."""
+    """Compute the changes of Table 1's stress and ε_r by :func:`factors`."""
     stiffer = factors(missing)
     prestretch = float(np.sqrt(paper_actuators(1.0)[0].membrane.area_prestretch))
     at = stress(1.0)[0]
@@ -242,7 +245,7 @@ def checks() -> Values:
 
 
 def lost_cells(replica: Replica) -> Values:
-    """Fits of the lost cells in equilibrium and at the ends of levels, and their limits."""
+    """Fit the lost cells in equilibrium and at the ends of levels, with limits."""
     each, light, heavy = other_fits().values()
     best, levels, limits = smallest_worst(), replica.fits["levels"], allowed()
     ellipses = np.abs(levels.misfit[:, 1:]).max()
@@ -254,7 +257,7 @@ def lost_cells(replica: Replica) -> Values:
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
-    """Smallest ratio of equilibrium ranges under the two masses, by actuator.
+    """Find the smallest ratio of equilibrium ranges under the two masses, by actuator.
 
     All values of ε_r, α₁ and the upper voltage [V] are tried.
     """
@@ -267,7 +270,7 @@ def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Ar
 
 
 def unaccounted(missing: MissingParameters, growth: Array) -> Array:
-    """Mass [kg] that must be added to the stated one to explain the growth, by actuator."""
+    """Find the mass [kg] to be added to the stated one to explain the growth, by actuator."""
     def extra(column: int, target: float) -> float:
         def moved(row: int, extra: float, permittivity: float) -> float:
             ours = rest_ranges(permittivity, missing.alpha, masses=(MASSES[row] + extra,))
@@ -285,7 +288,7 @@ def unaccounted(missing: MissingParameters, growth: Array) -> Array:
 
 
 def mass_ratio(replica: Replica) -> Values:
-    """Growth of ranges with the mass: in Table 2, in equilibrium for any ε_r and α, over steps."""
+    """Compute growth of ranges with mass: in Table 2, equilibria at any ε_r and α, over steps."""
     growth, at_rest, at_ends, moving = (heavy / light for light, heavy in (
         ranges(), replica.rest_ranges, replica.level_ranges, replica.random_ranges))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),

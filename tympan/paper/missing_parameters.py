@@ -21,10 +21,10 @@ from tympan.studies.signals import Signal
 
 _START = np.array([8.0, 0.5, 0.5])
 _BOUNDS = np.array([(1.0, 15.0), (0.0, 1.0), (0.0, 1.0)])
-#: Matrix that makes (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses.
+#: Matrix that builds (ε_r, α₁, α₁) from ε_r and one α₁ for both ellipses.
 _SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])
 
-#: ε_r and α₁ where the search over levels begins. Steps of derivatives go towards them, so that
+#: ε_r and α₁ where the search over levels begins. Steps of derivatives point towards them, so that
 #: none leaves the bounds.
 _LEVELS_START = np.array([9.0, 0.5])
 #: Bounds of ε_r and α₁, from the lowest to the highest.
@@ -32,7 +32,7 @@ _LEVELS_BOUNDS = ((1.0, 0.0), (11.0, 1.0))
 
 #: Step of ε_r and α₁ for derivatives of the ranges over levels.
 _STEP = 1e-2
-#: Range that stands for pull-in [m]: it is far beyond any real range, so the search turns back.
+#: Range that replaces pull-in [m]: it is far beyond any real range, so the search turns back.
 _DRAWN_IN = 1e-2
 
 
@@ -53,20 +53,23 @@ def paper_array(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES)
 
 def deflections(permittivity: Any, alpha: Any, voltage: Any,
                 masses: Sequence[float] = MASSES) -> Array:
-    """Equilibrium deflections [m] of :func:`paper_array`, (…, masses, 3); nan beyond pull-in."""
+    """Solve equilibrium deflections [m] of :func:`paper_array`, (…, masses, 3).
+
+    They are nan beyond pull-in.
+    """
     moved = paper_array(permittivity, alpha, masses)
     return np.asarray(settle(lambda y: moved.balance(y, voltage), moved.flat))
 
 
 def rest_ranges(permittivity: Any, alpha: Any, high: Any = HIGHEST,
                 masses: Sequence[float] = MASSES) -> Array:
-    """Equilibrium ranges [m] from Table 2's lowest voltage to another one, (…, masses, 3)."""
+    """Compute equilibrium ranges [m] from Table 2's lowest voltage to another, (…, masses, 3)."""
     return (deflections(permittivity, alpha, high, masses)
             - deflections(permittivity, alpha, LOWEST, masses))
 
 
 def ranges_with_slopes(values: Array) -> tuple[Array, Array]:
-    """Equilibrium ranges [m], shape (masses, 3), and derivatives by (ε_r, α₁, α₁), (…, 3)."""
+    """Compute equilibrium ranges [m], (masses, 3), and derivatives by (ε_r, α₁, α₁), (…, 3)."""
     steps = values + 1e-30j * np.eye(3)
     stepped = paper_array(steps[:, 0], steps[:, 1:])
     slopes = []
@@ -118,11 +121,11 @@ class MissingParameters:
         return 1e3 * self.worst
 
     def weights(self, actuator: int) -> tuple[float, ...]:
-        """Weights α of the circles of an actuator, given by its number."""
+        """List the weights α of the circles of an actuator, given by its number."""
         return (1.0,) if actuator == 0 else (self.alpha[actuator - 1], 1 - self.alpha[actuator - 1])
 
     def actuators(self, mass: float) -> tuple[Actuator, ...]:
-        """The paper's three actuators under a mass [kg] with these values."""
+        """Build the paper's three actuators under a mass [kg] with these values."""
         return tuple(Actuator.of(specimen, mass, self.weights(number), VISCOUS)
                      for number, specimen in enumerate(paper_actuators(self.permittivity)))
 
@@ -153,7 +156,7 @@ def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParam
 
 
 def other_fits() -> dict[str, MissingParameters]:
-    """Other fits by description: one α₁ for each ellipse, and each mass alone."""
+    """Compute other fits by description: one α₁ for each ellipse, and each mass alone."""
     return {"one alpha for each ellipse": fit_rests(shared=False),
             **{f"{1e3 * mass:g} g alone": fit_rests(rows=(row,))
                for row, mass in enumerate(MASSES)}}
@@ -169,7 +172,7 @@ def smallest_worst() -> MissingParameters:
 
 
 def allowed() -> dict[str, tuple[float, float]]:
-    """Lowest and highest ε_r and α₁ whose worst misfit is within twice the smallest."""
+    """Find the limits of ε_r and α₁ within which the worst misfit is twice the smallest."""
     best, limits = smallest_worst(), {}
     start = np.array([best.permittivity, best.alpha[0], best.worst_mm])
     for number, name in enumerate(("relative_permittivity", "alpha_1")):
@@ -180,7 +183,7 @@ def allowed() -> dict[str, tuple[float, float]]:
 
 
 def worst_misfit(permittivity: Array, alpha: Array) -> Array:
-    """Largest misfit [m] on a grid of ε_r and one α₁ for both, (permittivities, alphas), or nan."""
+    """Compute the largest misfit [m] on a grid of ε_r and α₁, (permittivities, alphas), or nan."""
     grid, both = np.meshgrid(permittivity, alpha, indexing="ij")
     misfit = rest_ranges(grid, np.stack([both, both], axis=-1)) - ranges()
     return np.asarray(np.abs(misfit).max(axis=(-2, -1)))
@@ -202,7 +205,7 @@ def _limited(start: Array, aim: Array, most: float | None = None) -> Array:
 
 
 def level_ranges(signal: Signal, values: Array) -> Array:
-    """Ranges [m] at the ends of a signal's levels with pairs of ε_r and α₁.
+    """Compute ranges [m] at the ends of a signal's levels with pairs of ε_r and α₁.
 
     Shape (pairs, masses, actuators).
     """
@@ -221,7 +224,7 @@ def fit_levels(signal: Signal) -> MissingParameters:
     @cache
     def both(*values: float) -> tuple[Array, Array]:
         at = np.array(values)
-        # Steps go towards the start of the search, so that none leaves the bounds.
+        # Steps point towards the start of the search, so that none leaves the bounds.
         moves = np.diag(np.where(at > _LEVELS_START, -_STEP, _STEP))
         with np.errstate(all="ignore"):
             stepped = level_ranges(signal, np.vstack([at, at + moves]))

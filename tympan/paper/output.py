@@ -54,7 +54,7 @@ class PaperResult:
 
     @classmethod
     def of(cls, replica: Replica, seconds: float) -> PaperResult:
-        """Numbers and curves of a replica; ``seconds`` is the time it took."""
+        """Build numbers and curves of a replica; ``seconds`` is the time it took."""
         curves: dict[str, dict[tuple[str, ...], Array]] = {name: {} for name in CURVES}
         for name, cells, across, up in _curves(replica):
             key = tuple(cell if isinstance(cell, str) else f"{cell:.12g}" for cell in cells)
@@ -62,7 +62,7 @@ class PaperResult:
         return cls(paper_numbers(replica, seconds), curves)
 
     def json(self) -> dict[str, Any]:
-        """Result as a JSON object, without curves."""
+        """Build the JSON object, without curves."""
         return self.numbers
 
     def save(self, folder: Path) -> None:
@@ -79,7 +79,7 @@ class PaperResult:
 
     @classmethod
     def load(cls, folder: Path) -> PaperResult:
-        """Load a saved result; what is missing or damaged is an InputError."""
+        """Load a saved result; raise an InputError for missing or damaged parts."""
         file = folder / "paper.json"
         content = from_json(dict[str, Any], read_json(file), file)
         if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
@@ -117,7 +117,7 @@ def _curves(replica: Replica) -> Iterator[tuple[str, tuple[Any, ...], Array, Arr
 
 
 def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
-    """All numbers of the result, without the curves."""
+    """List all numbers of the result, without the curves."""
     gaps = np.array([[loop_gap(y) for _, y in row] for row in replica.loops])
     growth = 100 * (gaps[:, -1] / gaps[:, 0] - 1)
     settled = criteria(replica.decays)
@@ -200,7 +200,7 @@ def _settling(criterion: Criterion) -> dict[str, Any]:
 
 
 def loop_gap(deflection: Array) -> float:
-    """Largest gap between the rising and the falling branch of a sine's period, over its range.
+    """Compute the largest gap between both branches of a sine's period, over its range.
 
     The samples begin at phase 0 and are even; the branches meet the same voltage at φ and π − φ.
     """

@@ -1,4 +1,4 @@
-"""The page of ``tympan lumped paper``: the paper's figures in its axes, its numbers beside ours."""
+"""The page of ``tympan lumped paper``: the paper's figures in its axes, its numbers and ours."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _HEIGHT = 70.0
 
 _LETTERS = "abcdef"
 
-#: How each set of weights α was found.
+#: Method by which each set of weights α was found.
 BASES = {"membrane": "circles of the same film, by finite elements",
          "cone": "the paper's straight cones, Eq. (5)",
          "cone_scaled": "these cones times one factor, found on the first circle",
@@ -36,7 +36,7 @@ BASES = {"membrane": "circles of the same film, by finite elements",
 
 
 def build_paper_page(result: PaperResult, folder: Path) -> list[Path]:
-    """Draw the figures and write folder/paper.html; answers that file."""
+    """Draw the figures and write folder/paper.html; return that file."""
     draw_paper(result, folder)
     file = folder / "paper.html"
     pictures = {name: embedded_picture(folder / f"{name}.svg") for name in FIGURES}
@@ -54,7 +54,7 @@ def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
 
 
 def caption(name: str) -> str:
-    """Caption of a figure.
+    """Read the caption of a figure.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def number_text(number: Content) -> str:
 
 
 def draw_paper(result: PaperResult, folder: Path) -> list[Path]:
-    """Draw folder/fig7 … fig14 and folder/misfit; answers the files."""
+    """Draw folder/fig7 … fig14 and folder/misfit; return the files."""
     return [file for name, compose in FIGURES.items() for file in style.save_figure(
         folder, name, partial(compose, result.numbers, result.curves))]
 
@@ -198,7 +198,7 @@ FIGURES: dict[str, Callable[[Content, Curves], Figure]] = {
 
 
 def _ranges(content: Content, mass: float, name: str) -> dict[str, Any]:
-    """Ranges under a mass [kg] of an actuator, ours and the paper's."""
+    """List the ranges under a mass [kg] of an actuator, ours and the paper's."""
     row: dict[str, Any] = next(row for row in content["table_2"]["rows"]
                                if abs(row["mass_g"] - 1e3 * mass) < 1e-6
                                and row["specimen"] == name)

@@ -1,4 +1,4 @@
-"""Numbers the paper prints and what survived of it: ranges, percentages, settling times."""
+"""Numbers that the paper prints, as far as they survived: ranges, percentages, settling times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HIGHEST = 7e3
 
 #: Figures 9–12 step from the first voltage to the second [V].
 STEP = (0.0, 3.5e3)
-#: Figure 14 switches so often [s].
+#: Interval between switches in figure 14 [s].
 SWITCH = 30.0
 #: Figure 13: (u₀, u₁) [V] of its left and its right column.
 SINES = ((0.0, 1e3), (3.5e3, 3.5e3))
@@ -37,7 +37,7 @@ ROUNDING = 5e-6
 
 
 def ranges() -> Array:
-    """Table 2's distance ranges [m], shape (masses, actuators), from the dataset ``paper-table-2``.
+    """Read Table 2's distance ranges [m], (masses, actuators), from dataset ``paper-table-2``.
 
     Examples
     --------

@@ -18,7 +18,7 @@ TABLE_1: dict[str, dict[str, Any]] = tomllib.loads(
 
 
 def known(symbol: str) -> float:
-    """Value of a cell of Table 1, such as "k_1" [SI]; one that is lost is an InputError."""
+    """Read a cell of Table 1, such as "k_1" [SI]; raise an InputError for a lost cell."""
     cell = TABLE_1[symbol]
     if "value" not in cell:
         raise InputError(f"is lost in Table 1 ({cell['note']}): it must be given", key=symbol)
@@ -30,5 +30,5 @@ VISCOUS = Viscous(known("k_1"), known("eta_1"), known("eta_2"))
 
 
 def paper_actuators(relative_permittivity: float) -> tuple[Specimen, ...]:
-    """The three actuators of the paper with Table 1's law; ε_r must be given."""
+    """Build the three actuators of the paper with Table 1's law; ε_r must be given."""
     return tuple(eq8(specimen, relative_permittivity) for specimen in actuators())

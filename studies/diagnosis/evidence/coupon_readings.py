@@ -1,4 +1,4 @@
-"""coupon.csv as a table to predict: which film each reading is of, its noise, what is judged."""
+"""coupon.csv as a table to predict: the film and noise of each reading, and which are judged."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, Shared, root_of
 from tympan.studies.files import words_beside
 
-#: What is done to readings, and what is wrong with them, in words.
+#: Sentences on what is done to readings and what is wrong with them.
 WORDS = words_beside(__file__)
 
-#: Readings of a run that are judged, at most: those between say little more, and noise that lasts
-#: from one to the next would count as many readings.
+#: Most readings of a run that are judged. Those between add little, and correlated noise would
+#: count as many independent readings.
 MOST = 30
 
-#: Degree of the polynomial about which a leg's scatter is noise. Set by trial.
+#: Degree of the polynomial whose residuals over a leg are taken as noise. Set by trial.
 _DEGREE = 5
-#: Readings per coefficient without which the degree is lower. Fewer would be followed, noise and
-#: all.
+#: Readings per coefficient; with fewer the degree is reduced. A higher degree would follow the
+#: noise.
 _PER_COEFFICIENT = 1.5
-#: Least noise, as a share of the readings, however little they scatter: a law is hardly nearer.
+#: Least noise as a share of the readings, however small their scatter: no law is much closer.
 _QUIETEST = 0.002
 
-#: Degrees of freedom from which a scatter is known.
+#: Degrees of freedom from which a scatter is taken as known.
 _KNOWN = 6
 
-#: Changes of the stretch, as a share of a run's, from which on a strip is not held.
+#: Change of the stretch over a run's range from which a strip is no longer held.
 _HELD = 1e-3
 
-#: How far in the logarithm of the stretch a strip goes on to differ from others.
+#: Correlation length of differences between strips, in the logarithm of the stretch.
 _LASTS = 0.5
 
-#: Factor beyond which stresses are of no stiffer or softer film, but a slip of a unit.
+#: Factor beyond which stresses come from a wrong unit, not from a stiffer or softer film.
 _SLIP = 100.0
 
-#: A drop is counted at stretches beyond those of the run without voltage by this much at most.
+#: Largest stretch beyond the run without voltage at which a drop is still counted.
 _BEYOND = 1e-3
 
 
 def coupon_readings(dataset: Dataset) -> PreparedReadings:
-    """The readings of coupon.csv; an :class:`InputError` if nothing can be concluded from them."""
+    """Prepare coupon.csv; raise an :class:`InputError` if nothing can be concluded from it."""
     coupons = dataset.coupons
     if coupons is None or len(coupons) < FEWEST:
         raise InputError(WORDS["few"].format(fewest=FEWEST), key="readings",
@@ -87,7 +87,7 @@ def coupon_readings(dataset: Dataset) -> PreparedReadings:
 
 
 def _refuse_slip_of_stress(tests: CouponTests) -> None:
-    """An :class:`InputError` of stresses that no film of the stated kind has."""
+    """Raise an :class:`InputError` for stresses that no film of the stated kind has."""
     if tests.references is not None:
         return
     shown = float(np.abs(tests.shown(tests.setup)[0]).sum())
@@ -97,9 +97,10 @@ def _refuse_slip_of_stress(tests: CouponTests) -> None:
 
 
 def _with_lasting(noise: Noise, tests: CouponTests, keys: Array, scatter: float) -> Noise:
-    """Add noise of rows whose strips differ by a share of their stress.
+    """Add noise for strips whose stresses differ by a share.
 
-    Smoothly in the logarithm of the stretch along a run, and in nothing from run to run.
+    The share varies smoothly with the logarithm of the stretch along a run, and is independent
+    between runs.
     """
     coupons, rows = tests.coupons, tests.rows
     squared = coupons.stress[rows] ** 2
@@ -117,7 +118,7 @@ def _with_lasting(noise: Noise, tests: CouponTests, keys: Array, scatter: float)
 
 
 def _films(dataset: Dataset, coupons: Coupons) -> tuple[Setup, Numbers]:
-    """Specimens whose films were tested, and the number of that of each reading."""
+    """Find the specimens whose films were tested, and the number of the film of each reading."""
     names = [specimen.name for specimen in dataset.specimens]
     only = 0 if all(specimen.membrane == dataset.specimens[0].membrane
                     for specimen in dataset.specimens) else None
@@ -134,7 +135,7 @@ def _films(dataset: Dataset, coupons: Coupons) -> tuple[Setup, Numbers]:
 
 
 def _keys(coupons: Coupons, film: Numbers) -> Array:
-    """Keys that readings of one run share, shape (readings, 6)."""
+    """Build keys that readings of one run share, shape (readings, 6)."""
     labels = [np.unique(values, return_inverse=True)[1].ravel().astype(float)
               for values in (coupons.specimen, coupons.run, coupons.mode)]
     return np.stack([film.astype(float), labels[2], coupons.degrees, coupons.volts, *labels[:2]],
@@ -142,7 +143,7 @@ def _keys(coupons: Coupons, film: Numbers) -> Array:
 
 
 def _legs(coupons: Coupons, film: Numbers) -> Iterator[Numbers]:
-    """Readings of each run, in time, on the way to its largest stretch and from there."""
+    """Yield the legs of each run in time: up to its largest stretch, and from there back."""
     keys = _keys(coupons, film)
     numbers = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     for run in range(int(numbers.max()) + 1):
@@ -150,7 +151,7 @@ def _legs(coupons: Coupons, film: Numbers) -> Iterator[Numbers]:
         if np.isfinite(coupons.time[part]).all():
             part = part[np.argsort(coupons.time[part], kind="stable")]
         top = int(np.abs(coupons.stretch[part] - 1).argmax()) + 1
-        # A stretch that is held, or from which nothing comes back, is one leg.
+        # A run whose stretch is held, or does not come back, is one leg.
         back = float(np.ptp(coupons.stretch[part[top - 1:]]))
         if len(part) - top < FEWEST or back < 0.1 * float(np.ptp(coupons.stretch[part])):
             top = len(part)
@@ -159,7 +160,7 @@ def _legs(coupons: Coupons, film: Numbers) -> Iterator[Numbers]:
 
 def _references(coupons: Coupons, film: Numbers, legs: list[Numbers]
                 ) -> tuple[Array, list[Numbers]]:
-    """Shares of the readings that each is counted from, and the legs that are judged."""
+    """Build the shares of readings that each is counted from, and the legs that are judged."""
     keys, shares = _keys(coupons, film)[:, :3], np.zeros((len(coupons), len(coupons)))
     outward = [_outward(coupons, leg) for leg in legs]
     judged = []
@@ -186,13 +187,13 @@ def _references(coupons: Coupons, film: Numbers, legs: list[Numbers]
 
 
 def _outward(coupons: Coupons, leg: Numbers) -> bool:
-    """Whether a leg goes away from the virgin stretch."""
+    """Check whether a leg moves away from the virgin stretch."""
     away = np.abs(coupons.stretch[leg] - 1)
     return bool(away[-1] >= away[0])
 
 
 def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
-    """The legs, those of long runs with fewer readings, evenly spaced."""
+    """Thin the legs of long runs to fewer, evenly spaced readings."""
     runs = [tuple(keys[leg[0]].tolist()) for leg in legs]
     lengths = Counter[tuple[float, ...]]()
     for run, leg in zip(runs, legs, strict=True):
@@ -203,7 +204,7 @@ def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
 
 def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list[Numbers]
            ) -> Noise:
-    """Noise of each reading [Pa]; few readings tell theirs no better than a stated one is known."""
+    """Estimate the noise of each reading [Pa]; with few readings the stated noise counts more."""
     every = np.concatenate(legs)
     size = float(np.sqrt(np.mean(values[every] ** 2))) or 1.0
     squares, freedom = 0.0, 0
@@ -228,21 +229,21 @@ def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list
 
 
 def _smooth(coupons: Coupons, leg: Numbers) -> list[Numbers]:
-    """The parts of a leg whose stress goes on smoothly: as it is stretched, and as it is held."""
+    """Split a leg into parts with smooth stress: while it is stretched, and while it is held."""
     stretch = coupons.stretch[leg]
     moves = np.abs(np.diff(stretch)) > _HELD * max(float(np.ptp(stretch)), _HELD)
     turns = 1 + np.flatnonzero(np.diff(moves.astype(int)))
     parts = np.split(leg, turns)
-    # What is hardly more than the readings about a turn says nothing by itself.
+    # A part with so few readings cannot determine a noise of its own.
     return parts if min(map(len, parts)) >= FEWEST else [leg]
 
 
 def _table(coupons: Coupons, tests: CouponTests) -> ReadingTable:
-    """Rows of the readings that are judged, without values."""
+    """Build the rows of the readings that are judged, without values."""
     reading = tests.rows
     states = States.of(tests.film[reading], np.zeros(len(reading)), coupons.volts[reading],
                        np.nan_to_num(coupons.time[reading]), 0.0, tests.leg)
-    # No plate moves: they are states at a heave that is given.
+    # No plate moves: these are states at a given deflection.
     states = replace(states, heave=np.zeros(len(reading)))
     labels = [" ".join(filter(None, pair)) for pair in
               zip(coupons.specimen[reading].tolist(), coupons.run[reading].tolist(), strict=True)]

@@ -1,7 +1,7 @@
 """Coupon tests as evidence: the nominal stress of strips and sheets of a film.
 
-A test's stretch is known, so nothing is solved but the width of a strip that is free to narrow
-under voltage. Its film is the law and the branches of a specimen, from the virgin state.
+The stretch of a test is known, so only the width is solved, of a strip that is free to narrow
+under voltage. Its film has the law and the branches of a specimen, from the virgin state on.
 """
 
 from __future__ import annotations
@@ -38,32 +38,32 @@ from tympan.studies.material.relaxation import BranchStress
 
 #: 0 °C [K].
 ICE = 273.15
-#: Temperature at which constants of films hold [K], 20 °C.
+#: Temperature at which material constants are stated [K], 20 °C.
 USUAL_KELVIN = 293.15
 
 #: Most steps of Newton's method for a strip's width.
 _STEPS = 40
-#: Its largest step in the logarithm, so that it does not leave where laws are nearly straight.
+#: Largest step in the logarithm of the width, so that it stays where laws are nearly straight.
 _LARGEST = 0.2
-#: Change below which it is there: near to the rounding of numbers.
+#: Change of the logarithm at which the iteration has converged: near the rounding of numbers.
 _THERE = 1e-11
-#: How much wider than without voltage no strip is, as a factor. Further out it has no width.
+#: Largest width over that without voltage. Beyond it a strip is taken to have no equilibrium.
 _WIDEST = 3.0
 
-#: Share of the usual size by which derivatives are taken.
+#: Step for derivatives, as a share of the prior scale.
 _STEP = 1e-5
 
-#: By what share the stiffness of strips, and what voltage takes from their stress, usually differ
-#: from the actuators' film: makers of cast films and tapes state their thickness to 5 to 10 %, and
-#: what an actuator's grease stiffens and a load's label is off is in its factors alone.
+#: Usual difference between strips and the actuators' film, as a share of the stiffness and of the
+#: stress taken off by voltage: makers of cast films and tapes state their thickness to 5 to 10 %.
+#: Stiffening by an actuator's grease and wrong labels of loads are in the factors alone.
 BATCH = 0.1
-#: Of a permittivity that is as good as none, over the stated one.
+#: Permittivity over the stated one that acts as none.
 _NONE = 1e-9
 
-#: Degree of the polynomials in the stretch, as which misfits are looked for.
+#: Degree of the polynomials in the stretch that misfits are tested against.
 _DEGREE = 4
 
-#: Share of the largest logarithm of a stretch from which readings are held out.
+#: Share of the largest logarithm of the stretch above which readings are held out.
 _FAR = 0.7
 
 
@@ -71,10 +71,10 @@ _FAR = 0.7
 class CouponTests(StripEvidence):
     """Coupon tests of the films of a setup's specimens, as a kind of evidence.
 
-    ``film``: number of the specimen whose film each of the ``coupons`` is, shape (readings,);
-    ``references``: of each reading the shares, shape (readings, readings), of those it is counted
-    from, as a drop of the stress; None where readings are stresses. ``rows`` are numbers of the
-    readings that are judged, ``leg`` of the legs of runs they are of.
+    ``film``: number of the specimen whose film was tested in each of the ``coupons``, shape
+    (readings,); ``references``: shares of the readings that each reading is counted from, shape
+    (readings, readings), if it is a drop of the stress; None where readings are stresses. ``rows``:
+    numbers of the readings that are judged, ``leg``: numbers of the legs of runs they belong to.
     """
 
     setup: Setup
@@ -92,9 +92,9 @@ class CouponTests(StripEvidence):
         return CouponPrediction(self, hypothesis, unknowns, table.coupon, model.bounds(hypothesis))
 
     def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
-        """Setup with effects, and with the factor on stiffness on branches, too.
+        """Apply effects to a setup, and the factor on stiffness to branches too.
 
-        Readings of stress do not tell a thickness from a modulus, so one factor is on both.
+        Readings of stress cannot separate thickness and modulus, so one factor acts on both.
         """
         stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
 
@@ -156,7 +156,7 @@ class CouponTests(StripEvidence):
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
                 ) -> Mapping[str, AnyArray]:
-        """Values by the columns of strips.csv."""
+        """Build the columns of strips.csv with their values."""
         coupons, row = self.coupons, self.rows
         return {"line": table.line, "specimen": np.array(names, str)[self.film[row]],
                 "run": table.run, "leg": table.states.run[table.state], "mode": coupons.mode[row],
@@ -165,22 +165,22 @@ class CouponTests(StripEvidence):
                 "sigma": table.noise.total, "read": table.value, **models}
 
     def specimens(self, setup: Setup) -> tuple[Specimen, ...]:
-        """Those with the films that were tested, and as they are at the tests' temperatures."""
+        """List the specimens with the tested films, at the temperatures of the tests."""
         warm = [at_temperature(specimen, celsius) for specimen in setup.specimens
                 if specimen.membrane.temperature_power
                 for celsius in np.unique(self.coupons.degrees).tolist()]
         return (*setup.specimens, *warm)
 
     def of_one_film(self, setup: Setup) -> bool:
-        """Whether every strip is of a film that an actuator of a setup has."""
+        """Check whether every strip is of a film that an actuator of a setup has."""
         films = [specimen.membrane for specimen in setup.specimens]
         return all(specimen.membrane in films for specimen in self.setup.specimens)
 
     def batch(self, best: Setup) -> Array:
-        """Stresses of rows whose films differ from the actuators' [Pa], shape (rows, 2).
+        """Compute stresses of rows whose films differ from the actuators' [Pa], shape (rows, 2).
 
-        By what the best model of the coupons says: by what was read, what films differ by would be
-        along the readings' own noise.
+        The best model of the coupons predicts them. Measured stresses would align the difference
+        between films with the readings' own noise.
         """
         uncharged = best.with_films(lambda film: replace(
             film, relative_permittivity=_NONE * film.relative_permittivity))
@@ -188,7 +188,7 @@ class CouponTests(StripEvidence):
         return np.asarray(BATCH * np.stack([law, law - whole], axis=1)[self.rows])
 
     def shown(self, setup: Setup) -> tuple[Array, Mask]:
-        """Stress of each reading [Pa] and whether such a strip has an equilibrium, (readings,)."""
+        """Compute the stress of each reading [Pa], and whether the strip has an equilibrium."""
         stress, possible = np.zeros(len(self.coupons)), np.ones(len(self.coupons), bool)
         for number, specimen in enumerate(setup.specimens):
             part = np.flatnonzero(self.film == number)
@@ -198,7 +198,7 @@ class CouponTests(StripEvidence):
         return self.counted(stress), possible
 
     def counted(self, readings: Array) -> Array:
-        """Stresses as what is read: themselves, or by how much they drop, shape (readings,)."""
+        """Convert stresses to what is read: the stress or its drop, shape (readings,)."""
         shares = self.references
         return readings if shares is None else np.asarray(shares @ readings - readings)
 
@@ -224,7 +224,7 @@ class CouponTests(StripEvidence):
         return warmth * (law + pull) + field.derivatives(along, across)[1], possible
 
     def _branch_pull(self, film: Film, rig: Rig, rows: Numbers) -> Array:
-        """Nominal stress of a film's branches at the usual temperature [Pa], shape (rows,)."""
+        """Compute the nominal stress of a film's branches at 20 °C [Pa], shape (rows,)."""
         if not film.branches or not self.coupons.in_time:
             return np.zeros(len(rows))
         if any(branch.flow != ConstantFlow() for branch in film.branches):
@@ -243,25 +243,25 @@ class CouponTests(StripEvidence):
 
     @cached_property
     def branches(self) -> BranchStress:
-        """Stress of branches of unit modulus in the tests as their modes are stated."""
+        """Stress of branches of unit modulus in the tests, in their stated modes."""
         return BranchStress.of(self.coupons)
 
     @cached_property
     def other_width(self) -> BranchStress:
-        """The same with free widths held and held ones free."""
+        """The same stress with free widths held and held widths free."""
         mode = self.coupons.mode
         other = np.select([mode == "uniaxial", mode == "pure_shear"], ["pure_shear", "uniaxial"],
                           mode)
         return BranchStress.of(replace(self.coupons, mode=other))
 
     def feel(self, cause: Cause) -> bool:
-        """Whether an effect changes anything that the readings depend on."""
+        """Check whether an effect changes anything that the readings depend on."""
         if cause not in self._felt:
             usual = [item.deviation for item in cause.effect.parameters]
             try:
                 changed = self.seen_of(cause.effect.at(self.setup, usual, cause.which))
                 self._felt[cause] = changed != self.seen_of(self.setup)
-            except InputError:  # of what such a specimen does not have
+            except InputError:  # the specimen lacks what the effect acts on
                 self._felt[cause] = False
         return self._felt[cause]
 
@@ -270,7 +270,7 @@ class CouponTests(StripEvidence):
         return {}
 
     def seen_of(self, setup: Setup) -> tuple[Any, ...]:
-        """All of a setup that these tests may depend on."""
+        """Collect all parts of a setup that these tests may depend on."""
         rig, timed = setup.rig, self.coupons.in_time
         films = [(film.material, maxwell(specimen, 1.0), film.temperature_power,
                   film.branches if timed else ())
@@ -282,26 +282,26 @@ class CouponTests(StripEvidence):
 
 
 def _looked_up(stress: BranchStress, logs: Array) -> Array:
-    """Stresses of branches at logarithms of times; those beyond what tests tell, at its end."""
+    """Look up stresses of branches at logarithms of times; beyond the tests, their end values."""
     return stress.columns(np.clip(logs, *stress.bounds))
 
 
 def _stiffer(at_rest: Any, pull: Array) -> Array:
-    """Ratio of a strip's stiffness with its branches to that at rest: across as much as along."""
+    """Compute the ratio of a strip's stiffness with branches to that without, on both axes."""
     tiny = 1e-6 * np.abs(at_rest).max(initial=1e-300)
     ratio = np.divide(pull, at_rest, out=np.zeros_like(pull), where=np.abs(at_rest) > tiny)
     return np.asarray(1 + np.maximum(ratio, 0.0), float)
 
 
 def _width(film: Film, field: Any, stiffer: Array, along: Array) -> tuple[Array, Any]:
-    """Stretch across a strip on which nothing pulls there, and whether there is one."""
+    """Solve the stretch across a strip with no stress across, and whether it exists."""
     start = along**-0.5
     across, done = start.copy(), np.zeros(len(along), bool)
     for _ in range(_STEPS):
         elastic, electric = (part.derivatives(along, across) for part in (film.material, field))
         force = stiffer * elastic[2] + electric[2]
         rate = stiffer * elastic[5] + electric[5]
-        # By the logarithm, in which laws are nearly straight; outwards where it is not stable.
+        # Newton's method in the logarithm, where laws are nearly straight; outwards if unstable.
         slope = rate * across + force
         step = np.where(slope > 0, -force / np.where(slope > 0, slope, 1.0), _LARGEST)
         across = across * np.exp(np.clip(step, -_LARGEST, _LARGEST))
@@ -313,10 +313,10 @@ def _width(film: Film, field: Any, stiffer: Array, along: Array) -> tuple[Array,
 
 
 class CouponPrediction:
-    """Prediction of rows of coupons at some unknowns; with the names of a film's prediction.
+    """Prediction of rows of coupons at some unknowns; its interface is that of a film's prediction.
 
-    ``rows`` are numbers of those judged; between ``bounds``, shape (2, unknowns), derivatives are
-    taken.
+    ``rows``: numbers of the judged readings; derivatives are taken within ``bounds``, shape
+    (2, unknowns).
     """
 
     def __init__(self, tests: CouponTests, hypothesis: Hypothesis, unknowns: Array, rows: Numbers,
@@ -326,18 +326,18 @@ class CouponPrediction:
         self.extended, possible = self._shown(unknowns)
         self.possible: Mask = possible[tests.rows[rows]]
         self.short = np.zeros(len(rows), bool)
-        #: No plate moves.
+        #: Deflection of each row: no plate moves.
         self.heave = np.zeros(len(rows))
 
     @property
     def complete(self) -> bool:
-        """Whether all that was read is possible."""
+        """Whether every state that was read has an equilibrium."""
         return bool(self.possible.all())
 
     def beyond(self, before: CouponPrediction) -> bool:
-        """Whether a search must not go here, from where all is possible.
+        """Check whether a search must not go here, from a point where all states are possible.
 
-        What a strip without equilibrium shows leads nowhere.
+        The values of a strip without equilibrium guide no search.
         """
         return before.complete and not self.complete
 
@@ -347,7 +347,7 @@ class CouponPrediction:
         return np.where(self.possible, self.extended, np.nan)
 
     def _shown(self, unknowns: Array) -> tuple[Array, Mask]:
-        """Stress of each row, and which readings have an equilibrium."""
+        """Compute the stress of each row, and which readings have an equilibrium."""
         tests, uses = self.tests, uses_of(self.hypothesis, unknowns)
         felt = [use for cause, use in zip(self.hypothesis, uses, strict=True) if tests.feel(cause)]
         shown, possible = tests.shown(tests.extended(tests.setup, unknowns, felt))
@@ -371,7 +371,7 @@ class CouponPrediction:
 
 
 def at_temperature(specimen: Specimen, celsius: float) -> Specimen:
-    """The specimen as its film is at a temperature [°C], under a name of its own."""
+    """Change a specimen's film to a temperature [°C]; give the specimen a name of its own."""
     film = specimen.membrane
     factor = ((celsius + ICE) / USUAL_KELVIN) ** film.temperature_power
     warm = replace(film, material=scaled(film.material, factor), temperature_power=0.0,
@@ -381,7 +381,7 @@ def at_temperature(specimen: Specimen, celsius: float) -> Specimen:
 
 
 def _legendre(values: Array) -> Array:
-    """Legendre polynomials over the range of values, no more than they tell."""
+    """Evaluate Legendre polynomials over the range of values, no more than the values support."""
     span = float(np.ptp(values))
     degree = max(0, min(_DEGREE, len(np.unique(values.round(6))) - 2))
     share = 2 * (values - values.min()) / span - 1 if span > 0 else np.zeros_like(values)
@@ -389,7 +389,7 @@ def _legendre(values: Array) -> Array:
 
 
 def _times(values: Array | Mask, columns: Array) -> Array:
-    """Columns times a contrast, of mean 0 and spread 1; none where values are alike."""
+    """Multiply columns by a contrast of mean 0 and spread 1; drop them if all values are equal."""
     contrast = np.asarray(values, float) - np.mean(values)
     spread = float(contrast.std())
     contrast = contrast / spread if spread > 1e-12 else 0 * contrast
@@ -397,7 +397,7 @@ def _times(values: Array | Mask, columns: Array) -> Array:
 
 
 def _log_rate(coupons: Coupons) -> Array:
-    """Logarithm of the mean rate of each reading's run, 0 of runs without times or that rest."""
+    """Compute the logarithm of the mean rate of each run; 0 without times or motion."""
     rate = np.zeros(len(coupons))
     for run in coupons.timed_runs.values():
         duration = float(np.ptp(coupons.time[run]))
@@ -408,7 +408,7 @@ def _log_rate(coupons: Coupons) -> Array:
 
 
 def _way(run: Numbers, stretch: Array) -> Array:
-    """1 on legs that come back to the virgin stretch, else 0."""
+    """Mark with 1 the legs that return to the virgin stretch, others with 0."""
     back = np.zeros(len(run))
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)
@@ -418,7 +418,7 @@ def _way(run: Numbers, stretch: Array) -> Array:
 
 
 def _runs_apart(run: Numbers, stretch: Array) -> Array:
-    """A polynomial for each leg of a run that leaves some scatter."""
+    """Build a polynomial for each leg of a run that has enough readings to leave some scatter."""
     columns = []
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)

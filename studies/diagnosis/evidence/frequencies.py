@@ -1,4 +1,4 @@
-"""Small swings of plates: frequency.csv, and what runs in time tell of them."""
+"""Small oscillations of plates: frequency.csv, and frequencies found in runs in time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tympan.studies.effects.effect import Observable
 
 
 class Frequencies(PlateEvidence):
-    """Frequencies of small heaves [Hz]."""
+    """Frequencies of small oscillations of the plate [Hz]."""
 
     files = ("frequency.csv",)
     kinds = ("frequency",)
@@ -27,7 +27,7 @@ class Frequencies(PlateEvidence):
         read = dataset.frequencies
         if read is None:
             return [], []
-        # Damping of quality Q moves a peak by 1/(4 Q²) of its frequency.
+        # Damping with quality factor Q moves a peak by 1/(4 Q²) of its frequency.
         quality = np.nan_to_num(read.quality, nan=np.inf)
         share = np.maximum(CHANNEL, 0.25 / quality**2)
         sigma = np.where(np.isnan(read.sigma), share * read.frequency, read.sigma)

@@ -1,4 +1,4 @@
-"""Plates held by a tester: force.csv, the force that this takes."""
+"""Displacement-controlled plates: force.csv, the force that holds the plate."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Observable
 
-#: Polynomials in the heave that a loop's width follows: it opens and closes where the way turns.
+#: Number of polynomials in the deflection for a loop's width: it is 0 where the motion turns.
 _OF_A_LOOP = 3
-#: Most times that the plate turns in a run whose rows are in the order in which they were read.
+#: Most turns of the plate in a run whose rows count as being in the order of reading.
 _TURNS = 8
 
 
 class Held(PlateEvidence):
-    """Forces that hold plates at heaves [N], positive along the deflection."""
+    """Forces that hold plates at deflections [N], positive along the deflection."""
 
     files = ("force.csv",)
     kinds = ("force",)
@@ -55,9 +55,9 @@ class Held(PlateEvidence):
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
-        """Smooth in the heave, of each specimen, in the heave as the voltage changes, and a loop.
+        """Build columns smooth in the deflection: by specimen, with the voltage, and of a loop.
 
-        A loop is the difference on the way out and back, smooth in the heave.
+        A loop is the difference between the ways out and back, smooth in the deflection.
         """
         size = float(np.sqrt(np.mean(predicted**2))) or float(table.sigma.max())
         along = smooth(np.abs(table.states.heave[table.state]))
@@ -70,9 +70,9 @@ class Held(PlateEvidence):
 
 
 def _ways(read: Sheet) -> Array:
-    """Way in which each plate was moved: 1 out, -1 back, 0 where it is not known.
+    """Find the way in which each plate was moved: 1 out, -1 back, 0 where it is not known.
 
-    As it is written, else by the displacement before in the same run and file.
+    It is read from the file, else found from the displacement before in the same run and file.
     """
     written = (read.direction == "out") * 1.0 - (read.direction == "back")
     if written.any():
@@ -83,7 +83,7 @@ def _ways(read: Sheet) -> Array:
     for number in range(runs.max(initial=-1) + 1):
         rows = np.flatnonzero(runs == number)
         steps = np.sign(np.diff(read.displacement[rows]))
-        # A run that turns once or a few times is one as it was made; else its rows are shuffled.
+        # Rows that turn a few times are in the order of reading; else they are shuffled.
         if np.sum(np.diff(steps) != 0) <= _TURNS and len(steps):
             ways[rows] = np.r_[steps[0], steps]
     return ways if ways.min() < 0 < ways.max() else np.zeros(len(read))

@@ -1,4 +1,4 @@
-"""Interface of a kind of evidence, and the readings of a dataset that it makes."""
+"""Interface of a kind of evidence, and the prepared readings of a dataset."""
 
 from __future__ import annotations
 
@@ -29,24 +29,25 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, Unit
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.effects.effect import Observable
 
-#: Noise of a displacement that nobody states and nothing measures, as a share of the readings. No
+#: Noise of a displacement that is neither stated nor measured, as a share of the readings. No
 #: source.
 ASSUMED = 0.02
-#: Noise of what no file states the noise of, as a share of the readings. No source.
+#: Noise of other channels whose noise no file states, as a share of the readings. No source.
 CHANNEL = 0.01
-#: Readings below which nothing is concluded: stiffness, permittivity and noise take three.
+#: Fewest readings for a conclusion: stiffness, permittivity and noise take three.
 FEWEST = 5
 
-#: What is held out: its kind, such as "shape" or "mode", its name, and the rows.
+#: A held-out split: its kind, such as "shape" or "mode", its name, and the rows.
 Split = tuple[str, str, Mask]
 
 
 class Shown(Protocol):
     """Predicted readings of rows at some unknowns, with derivatives.
 
-    ``possible``: of each state whether it is one of equilibrium, ``short``: it might be by laws of
-    further reach; ``heave``: of each [m]. ``values``, (rows,), are nan without an equilibrium,
-    ``extended`` goes on there; ``jacobian`` is of these by the unknowns, (rows, unknowns).
+    ``possible``: whether each state has an equilibrium; ``short``: whether it might have one with
+    laws that reach further; ``heave``: deflection of each state [m]. ``values``, (rows,), are nan
+    without an equilibrium, ``extended`` continues smoothly there; ``jacobian`` holds its
+    derivatives by the unknowns, (rows, unknowns).
     """
 
     @property
@@ -67,23 +68,23 @@ class Shown(Protocol):
 
 
 class Predicts(Protocol):
-    """Predictions with derivatives, and how far unknowns may go: all that a fit asks for."""
+    """Predictions with derivatives, and the ranges of unknowns: all that a fit needs."""
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """Predicted readings of the rows of a table, with derivatives."""
+        """Predict the readings of the rows of a table, with derivatives."""
 
     def bounds(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
+        """Give the smallest and largest unknowns, (2, unknowns), for which films are sampled."""
 
     def limits(self, hypothesis: Hypothesis) -> Array:
-        """The same for which they could be, as far as known."""
+        """Give the same limits for which films could be sampled, as far as known."""
 
 
 class ReadingModel(ABC):
-    """Whatever says what readings show under hypotheses: the films of a ``setup``, or strips.
+    """A model that predicts readings under hypotheses: the films of a ``setup``, or strips.
 
-    ``evidence``: the kinds of readings that it shows. A model that is grown is the same object
-    where nothing changes.
+    ``evidence``: the kinds of readings that it predicts. Growing returns the same object where
+    nothing changes.
     """
 
     setup: Setup
@@ -91,57 +92,57 @@ class ReadingModel(ABC):
 
     @abstractmethod
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """Predicted readings of the rows of a table, with derivatives."""
+        """Predict the readings of the rows of a table, with derivatives."""
 
     @abstractmethod
     def bounds(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
+        """Give the smallest and largest unknowns, (2, unknowns), for which films are sampled."""
 
     @abstractmethod
     def limits(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns for which films could be sampled, as far as known."""
+        """Give the smallest and largest unknowns that sampling could reach, as far as known."""
 
     @abstractmethod
     def of_first(self) -> ReadingModel:
-        """Model of the first kind of evidence, and of those that are loaded as it is."""
+        """Restrict the model to the first kind of evidence, and kinds loaded in the same way."""
 
     @abstractmethod
     def grown(self, cause: Cause, index: int, side: int, workers: int = 1) -> ReadingModel:
-        """Model with a larger size of an effect's parameter, on side +1 or -1."""
+        """Extend the model to a larger size of an effect's parameter, on side +1 or -1."""
 
     @abstractmethod
     def refined(self, hypothesis: Hypothesis, unknowns: Array, workers: int = 1) -> ReadingModel:
-        """Model that is exact at the sizes of a hypothesis' unknowns."""
+        """Refine the model so that it is exact at the sizes of a hypothesis' unknowns."""
 
     @abstractmethod
     def coupled(self, hypotheses: Sequence[Hypothesis], unknowns: Sequence[Array],
                 workers: int = 1) -> ReadingModel:
-        """Model with what every two parameters add to each other."""
+        """Add the joint influence of every two parameters to the model."""
 
     @abstractmethod
     def further(self, workers: int = 1) -> ReadingModel:
-        """Model with larger deflections and voltages, where the films have them."""
+        """Extend the model to larger deflections and voltages, where the films have them."""
 
     @property
     def loaded(self) -> bool:
-        """Whether all that is read is of plates under loads."""
+        """Whether all readings are of plates under loads."""
         return all(kind.loaded for kind in self.evidence)
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
-        """Predicted reading of each row of a table, nan without an equilibrium."""
+        """Predict the reading of each row of a table, nan without an equilibrium."""
         return self.prediction(hypothesis, unknowns, table).values
 
     def extended(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-        """The setup with stiffness, permittivity and effects."""
+        """Apply stiffness, permittivity and effects to the setup."""
         return self.evidence[0].extended(self.setup, unknowns, uses_of(hypothesis, unknowns))
 
 
 class Evidence(Protocol):
     """Readings of one kind.
 
-    ``files`` are those they are written in, ``kinds`` those of the rows whose prediction is theirs.
-    ``loaded``: they are of plates under loads, whose labels may be exchanged, which other loads may
-    tell more of, and whose films can be shown.
+    ``files``: those that they are written in; ``kinds``: those of the rows that it predicts.
+    ``loaded``: whether they are of plates under loads. Only then may labels be exchanged, may other
+    loads add information, and can the films be shown.
     """
 
     files: ClassVar[tuple[str, ...]]
@@ -150,58 +151,58 @@ class Evidence(Protocol):
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
-        """Columns by name; a misfit of rows, all of this kind, may be a combination of them."""
+        """Build columns by name whose combination may be a misfit of rows, all of this kind."""
 
     def splits(self, setup: Setup, table: ReadingTable
                ) -> tuple[list[Split], dict[str, Array]]:
-        """Splits that hold out rows; and by kind of split the level of each row, shape (rows,)."""
+        """Build splits that hold out rows, and for each kind the level of each row, (rows,)."""
         return [], {}
 
     def observables(self, table: ReadingTable) -> set[Observable]:
-        """Observables that its rows read, of those that some effects show in alone."""
+        """Find the observables in its rows, among those that alone reveal some effects."""
         return set()
 
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
-        """Whether an effect can change anything that its rows depend on."""
+        """Check whether an effect can change anything that its rows depend on."""
         return True
 
     def extended(self, setup: Setup, unknowns: Array, uses: Iterable[Use]) -> Setup:
-        """The setup with the factors on stiffness and permittivity, then with effects."""
+        """Apply the factors on stiffness and permittivity to the setup, then effects."""
         factors = np.exp(unknowns[FACTORS]).tolist()
         return extended(setup.with_films(lambda film: with_factors(film, *factors)), uses)
 
     def written(self, table: ReadingTable, names: Sequence[str], models: Mapping[str, Array]
                 ) -> Mapping[str, Array] | None:
-        """Columns of a file of its own, with what models say of each row; None without one."""
+        """Build the columns of its own file, with the models' values; None without such a file."""
         return None
 
     def specimens(self, setup: Setup) -> tuple[Specimen, ...]:
-        """The specimens that are worth a file."""
+        """Select the specimens that get a file."""
         return setup.specimens
 
     def wrote(self, files: NDArray[np.str_]) -> Mask:
-        """Mask of the names of files, whatever their formats, that are of this kind's."""
+        """Mark the names of files that are of this kind, whatever their format."""
         stems = [name.partition(".")[0] for name in files.tolist()]
         return np.isin(np.array(stems, str), [Path(name).stem for name in self.files])
 
 
 @runtime_checkable
 class StripEvidence(Evidence, Protocol):
-    """Readings of films that no plate loads: they predict themselves what they show."""
+    """Readings of films that no plate loads; this evidence predicts them itself."""
 
     def predict(self, model: Predicts, hypothesis: Hypothesis, unknowns: Array,
                 table: ReadingTable) -> Shown:
-        """Predicted readings of a table's rows, all of this kind."""
+        """Predict the readings of a table's rows, all of this kind."""
 
 
 class FilmsUnderLoads(Protocol):
-    """Films under loads as kinds of evidence ask them, of every state, shape (states,).
+    """Films under loads as kinds of evidence see them; values of every state, shape (states,).
 
-    ``behind``: share of the last jump by which it is read late; ``moving``: what swings with the
-    plate [kg]. At heaves [m]: ``capacitance`` [F]; ``tilt``, whichever way [rad]; ``force`` that
-    holds the plate [N]; ``stiffness`` of film and rig [N/m], and ``swing``, that of a swinging
-    plate over it, complex; ``scanned``: displacements at the places of a scan, by its number, in
-    one state [m], shape (3, places).
+    ``behind``: share of the last jump by which the reading lags; ``moving``: mass that moves with
+    the plate [kg]. At deflections [m]: ``capacitance`` [F]; ``tilt``, its size [rad]; ``force``
+    that holds the plate [N]; ``stiffness`` of film and rig [N/m]; ``swing``: complex stiffness of
+    an oscillating plate over that; ``scanned``: displacements at the places of a scan, by its
+    number, in one state [m], shape (3, places).
     """
 
     @property
@@ -223,10 +224,10 @@ class FilmsUnderLoads(Protocol):
 class PlateEvidence(Evidence, Protocol):
     """Readings of plates under loads.
 
-    ``alone``: without others they tell a mass from a stiffness. ``noisy``: their rows come with
-    their noise, and are neither averaged nor rounded. ``columns`` of files that
-    :mod:`~tympan.studies.data.dataset` does not know, by name, and ``units`` of kinds of rows that
-    :mod:`~tympan.studies.diagnosis.reading_table` does not know.
+    ``alone``: without other readings they separate a mass from a stiffness. ``noisy``: their rows
+    come with their noise, and are neither averaged nor rounded. ``columns``: those of files that
+    :mod:`~tympan.studies.data.dataset` does not know, by name; ``units``: those of kinds of rows
+    that :mod:`~tympan.studies.diagnosis.reading_table` does not know.
     """
 
     columns: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
@@ -236,14 +237,14 @@ class PlateEvidence(Evidence, Protocol):
     noisy: ClassVar[bool] = False
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
-        """The rows of its files, of a setup's specimens, and what was done to the readings.
+        """Read the rows of its files for a setup's specimens; say what was done to the readings.
 
-        A standard deviation that nobody states is nan.
+        A standard deviation that is not stated is nan.
         """
         return [], []
 
     def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
-        """Predicted readings of rows of one of its kinds, at these deflections of states [m]."""
+        """Predict readings of rows of one of its kinds at these deflections of states [m]."""
 
     def patterns(self, table: ReadingTable, names: Sequence[str], predicted: Array
                  ) -> dict[str, Array]:
@@ -251,13 +252,13 @@ class PlateEvidence(Evidence, Protocol):
 
 
 def numbers_of(setup: Setup, names: NDArray[np.str_]) -> list[int]:
-    """The numbers of specimens with these names."""
+    """Find the numbers of specimens with these names."""
     numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
     return [numbers[name] for name in names.tolist()]
 
 
 def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
-    """Mask of the rows of a table that are of some kinds of evidence."""
+    """Mark the rows of a table that belong to some kinds of evidence."""
     return np.isin(table.kind, [name for kind in evidence for name in kind.kinds])
 
 
@@ -265,8 +266,8 @@ def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
 class PreparedReadings:
     """The setup with the specimens that were read, the table, and its kinds of evidence.
 
-    ``remarks`` say what was done to the readings. ``coupons``: those that are weighed with them, of
-    the same film.
+    ``remarks`` say what was done to the readings. ``coupons``: readings of coupons of the same
+    film, weighed with these.
     """
 
     setup: Setup
@@ -277,12 +278,12 @@ class PreparedReadings:
 
     @property
     def assumed(self) -> bool:
-        """Whether nothing says how large the noise is."""
+        """Whether the noise is only assumed."""
         return self.table.noise.source == "assumed"
 
     @property
     def observables(self) -> set[Observable]:
-        """Observables that are read, of those that some effects show in alone."""
+        """Observables that are read, among those that alone reveal some effects."""
         return set().union(*(kind.observables(self.table) for kind in self.evidence))
 
     @property
@@ -297,7 +298,7 @@ class PreparedReadings:
 
 
 def _has_place(cause: Cause, setup: Setup) -> bool:
-    """Whether an effect has what it acts on: some act on a plate."""
+    """Check whether a setup has what an effect acts on: some act on a plate."""
     if any(specimen.plate is not None for specimen in setup.specimens):
         return True
     sizes = [parameter.deviation for parameter in cause.effect.parameters]

@@ -1,4 +1,4 @@
-"""Every kind of evidence of plates under loads: a new one stands in a file of its own, and here."""
+"""Every kind of evidence of plates under loads: a new one is a file here and a line below."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from tympan.studies.diagnosis.evidence.scans import Scans
 from tympan.studies.diagnosis.evidence.transients import Transients
 from tympan.studies.diagnosis.reading_table import UNITS
 
-#: In the order in which their rows stand in a table; the first says how rows are held out.
+#: Kinds in the order of their rows in a table; the first one defines how rows are held out.
 PLATES: list[PlateEvidence] = []
 
-#: That which says what rows of a kind show.
+#: The evidence that predicts rows, by kind of row.
 BY_ROWS: dict[str, PlateEvidence] = {}
 
 Kind = TypeVar("Kind", bound=PlateEvidence)
 
 
 def register(kind: Kind) -> Kind:
-    """Add a kind of evidence: its files are read, and its rows have a unit and are predicted."""
+    """Add a kind of evidence: its files, and the units and predictions of its rows."""
     FILES.update(kind.columns)
     UNITS.update(kind.units)
     PLATES.append(kind)
@@ -31,9 +31,9 @@ def register(kind: Kind) -> Kind:
     return kind
 
 
-#: Displacements, which rows of other files are, too.
+#: Displacements; rows of other files are displacements, too.
 REST = register(Rest())
-#: Runs in time, of which no curve over the voltage is drawn.
+#: Runs in time. No curves over the voltage are drawn for them.
 TRANSIENTS = register(Transients())
 register(Frequencies())
 register(Held())

@@ -1,4 +1,4 @@
-"""Plates at rest: static.csv and range.csv, with what is read besides displacements."""
+"""Plates in equilibrium: static.csv and range.csv, with the channels read beside displacements."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from tympan.studies.effects.effect import Observable
 #: Least noise of a tilt [rad]. No source.
 TILT = 1e-4
 
-#: Share of the largest voltage up to which the extended model is fitted when it is tested above.
+#: Share of the largest voltage up to which the extended model is fitted before it is tested above.
 LOW_VOLTAGES = 0.7
 
 
 class Rest(PlateEvidence):
-    """Displacements of plates at rest, differences of two of them, and channels read with them.
+    """Displacements of plates in equilibrium, differences of two, and channels read with them.
 
-    Displacements that other files hold, of plates in time, are shown here, too.
+    Displacements in other files, of plates in time, are predicted here, too.
     """
 
     files = ("static.csv", "range.csv")
@@ -59,7 +59,7 @@ class Rest(PlateEvidence):
         if kind == "tilt":
             return films.tilt(heave)[at]
         if kind == "film_voltage":
-            # A probe shows what the supply gives, without the film's lag.
+            # A probe reads what the supply gives, without the film's lag.
             return np.asarray(rig.film_voltage(table.states.voltage))[at]
         shown = np.array(rig.reading(heave[at], table.states.elapsed[at]))
         late = since >= 0
@@ -68,7 +68,7 @@ class Rest(PlateEvidence):
         return shown
 
     def shares(self, films: FilmsUnderLoads, rows: Mask) -> tuple[Array, Array]:
-        """Shares of the heaves of both states that rows of two show, by the sensor's gain."""
+        """Compute the shares of both states' deflections that rows read, with the sensor's gain."""
         table = films.table
         ranges, late = table.kind[rows] == "range", films.behind[table.state[rows]]
         return np.where(ranges, 1.0, 1 - late), np.where(ranges, -1.0, late)
@@ -78,7 +78,7 @@ class Rest(PlateEvidence):
         specimens = setup.specimens
         frames = [(specimen.frame, specimen.plate) for specimen in specimens]
         shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
-        # Plates that are held carry no mass that could be held out.
+        # Displacement-controlled plates carry no mass that could be held out.
         mass = np.where(np.isnan(table.states.heave[table.state]), table.mass, np.nan)
         edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
         splits: list[Split] = []
@@ -121,7 +121,7 @@ def _static(readings: Sheet, setup: Setup, sigma: Array, used: Mask
             noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
             if kind == "tilt":
                 noise = max(noise, TILT)
-                # Whichever way; but noise about 0 keeps its sign, or it would look like a tilt.
+                # Sizes without sign; noise about 0 keeps its sign, or it would look like a tilt.
                 values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
             tables.append(rows(states, kind, noise, values, *origin)[seen])
     if ordered:
@@ -130,7 +130,7 @@ def _static(readings: Sheet, setup: Setup, sigma: Array, used: Mask
 
 
 def _held(states: States, dwell: Array, turn: Numbers) -> States:
-    """States with what their runs went through before, where all say how long they were held."""
+    """Add the history of their runs to states, where all rows state how long they were held."""
     passages, place = states.passage, np.arange(len(states))
     for run in states[turn].of_run:
         reached = turn[run]
@@ -141,7 +141,7 @@ def _held(states: States, dwell: Array, turn: Numbers) -> States:
 
 
 def _ranges(ranges: Sheet, setup: Setup, sigma: Array) -> ReadingTable:
-    # From the lowest voltage to the highest one.
+    # The difference from the lowest voltage to the highest one.
     specimen = np.array(2 * numbers_of(setup, ranges.specimen))
     mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
     states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))

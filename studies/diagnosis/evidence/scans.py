@@ -1,4 +1,4 @@
-"""Scans as evidence: displacements over the film, from a laser line or image correlation."""
+"""Scans as evidence: displacements over the film, from laser line or digital image correlation."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ from tympan.studies.estimation.noise import Noise, Shared
 #: Kinds of rows: the components of displacements at places, deflections last.
 COMPONENTS = ("film_x", "film_y", "film")
 
-#: What a scan as a whole may be off by, as a standard deviation [m]: nobody sets the zero of a
-#: line to that of the displacement sensor.
+#: Standard deviation of the zero of a scan [m]: nobody aligns the zero of a laser line with that of
+#: the displacement sensor.
 ZERO = 1e-3
 
-#: Places of a scan that are read, at most; those between say little more.
+#: Most places of a scan that are used; those between add little.
 MOST = 250
 
-#: Noise that nobody states and no repeat shows, as a share of the largest reading of a scan.
+#: Noise that is neither stated nor seen in repeats, as a share of a scan's largest reading.
 _ASSUMED = 0.01
 
 #: Degree of the polynomials in the place. Set by trial.
 _DEGREE = 5
-#: Share of a scan's readings that columns may take: the others must tell the noise.
+#: Largest share of a scan's readings that columns may take: the others must determine the noise.
 _COLUMNS = 0.34
 
 
 class Scans(PlateEvidence):
-    """Displacements at places of films, of plates under loads like any other."""
+    """Displacements at places of films, under loaded plates."""
 
     files = ("field.csv",)
     kinds = COMPONENTS
     noisy = True
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
-        """A row for each component read at a place."""
+        """Read the rows, one for each component at a place."""
         sheet = dataset.fields
         if sheet is None:
             return [], []
@@ -93,10 +93,10 @@ class Scans(PlateEvidence):
 
 
 def film_patterns(table: ReadingTable, predicted: Array) -> Array:
-    """Columns of all the scans of a table that has nothing else, shape (rows, columns).
+    """Build the pattern columns of all scans of a table with nothing else, shape (rows, columns).
 
-    Of each scan polynomials in the place, of their own on the plate, and what is ``predicted`` [m]
-    times the place: films that are off have a kink at the plate's edge, too.
+    Each scan has polynomials in the place, separate ones on the plate, and the ``predicted`` values
+    [m] times the place: deviating films also have a kink at the plate's edge.
     """
     predicted = table.noise.apart(predicted)
     typical = float(np.sqrt(np.mean(predicted**2))) or float(table.sigma.max())
@@ -116,7 +116,7 @@ def film_patterns(table: ReadingTable, predicted: Array) -> Array:
 
 
 def _scans(sheet: Sheet) -> Iterator[Numbers]:
-    """The rows of each scan: of one specimen, mass and voltage, in one repeat, read alike."""
+    """Yield the rows of each scan: one specimen, mass, voltage, repeat and method."""
     scan = groups(*(sheet[name] for name in ("specimen", "mass", "voltage", "repeat")),
                   *(np.isfinite(sheet[name]) for name in ("u", "v")))
     yield from (np.flatnonzero(scan == number) for number in range(1 + scan.max(initial=-1)))
@@ -124,7 +124,7 @@ def _scans(sheet: Sheet) -> Iterator[Numbers]:
 
 def _rows(dataset: Dataset, setup: Setup, sheet: Sheet, scan: Numbers, sigma: Array
           ) -> ReadingTable:
-    """The rows of one scan."""
+    """Build the rows of one scan."""
     number, = numbers_of(setup, sheet.specimen[scan[:1]])
     place = np.stack([sheet.x[scan], sheet.y[scan]], axis=1)
     plate = setup.specimens[number].needed_plate()
@@ -146,7 +146,7 @@ def _rows(dataset: Dataset, setup: Setup, sheet: Sheet, scan: Numbers, sigma: Ar
 
 
 def _sigma(dataset: Dataset, sheet: Sheet) -> Array:
-    """Standard deviation of each reading [m]: its own, of repeats, the dataset's, or assumed."""
+    """Find each reading's standard deviation [m]: stated, from repeats, or assumed."""
     scans = list(_scans(sheet))
     level = np.empty(len(sheet))
     assumed = np.empty(len(sheet))
@@ -163,7 +163,7 @@ def _sigma(dataset: Dataset, sheet: Sheet) -> Array:
 
 
 def _columns(scan: Scan, point: Numbers, predicted: Array) -> Array:
-    """Columns of some places of one scan."""
+    """Build the columns of some places of one scan."""
     place = scan.place[point] / np.abs(scan.place).max()
     basis = legendre.legvander2d(place[:, 0], place[:, 1], (_DEGREE, _DEGREE))
     degree = np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)).ravel()

@@ -1,4 +1,4 @@
-"""Plates in time: transient.csv as displacements of blocks of samples, and what swings say."""
+"""Plates in time: transient.csv as mean displacements of blocks of samples, and oscillations."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from tympan.studies.diagnosis.transients.block_means import BlockMeans, block_me
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise, Shared
 
-#: Factor beyond which a frequency is none of a weight on a spring that gives way so far.
+#: Factor from the frequency of a mass on a spring with that deflection beyond which it is wrong.
 _APART_FROM_USUAL = 4.0
-#: Share of a reading's own noise from which what its jump's time does to it is counted: less
-#: changes no verdict and takes time.
+#: Share of a reading's own noise from which the timing error of its jump counts: less changes no
+#: verdict and takes time.
 _MATTERS = 0.05
 
 
 class Transients(PlateEvidence):
-    """Runs in time: displacements and frequencies as any others, and rates of fading [1/s]."""
+    """Runs in time: displacements and frequencies like any others, and decay rates [1/s]."""
 
     files = ("transient.csv",)
     kinds = ("decay",)
     alone = True
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
-        """The rows of every run that can be used."""
+        """Read the rows of every run that can be used."""
         transients = dataset.transients
         if transients is None:
             return [], []
@@ -50,7 +50,7 @@ class Transients(PlateEvidence):
                 continue
             few = block_means(record, dataset.noise)
             if run.shift is not None:
-                # What hangs on a clock that was off by more than on the film tells nothing.
+                # Where a clock error exceeds the noise, a block says nothing about the film.
                 few = few[np.abs(few.later) * run.shift.deviation <= few.sigma]
             off = _out_of_time(few, dataset.rig)
             if off is not None:
@@ -69,16 +69,16 @@ class Transients(PlateEvidence):
 
     def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
         stiffness, mass = films.stiffness(heave), films.moving
-        # Branches take energy by the imaginary part of the stiffness.
+        # Branches dissipate energy through the imaginary part of the stiffness.
         loss = stiffness * films.swing(stiffness).imag
         rate = (films.rig.plate_damping + loss / np.sqrt(stiffness / mass)) / (2 * mass)
         return np.asarray(rate[films.table.state[rows]])
 
 
 def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
-    """Message that the plate swings at these times as no weight on this film can.
+    """Give a message if the plate oscillates at times that no mass on this film can have.
 
-    A weight on a spring that gives way by y has 2πf = √(g/y).
+    A mass on a spring that deflects by y under its weight has 2πf = √(g/y).
     """
     if rig.gas_pressure or rig.biases or not len(few.mean):
         return None
@@ -91,11 +91,11 @@ def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
 
 def _with_times_of_jumps(noise: Noise, lengths: Mask,
                          runs: Sequence[tuple[CheckedRun, BlockMeans]]) -> Noise:
-    """Add an error in common for the time of each jump, and one for those of all jumps.
+    """Add a common error for the time of each jump, and one for the times of all jumps.
 
-    They are known within a sample; a clock that starts with the voltage has them all alike. A run
-    whose clock was off is not known that well, nor are all of them together: how slowly a film
-    begins to move is the same in each.
+    They are known within a sample; a clock that starts with the voltage shifts all by the same
+    amount. A run with a shifted clock is known less well, and so are all runs together: how slowly
+    a film begins to move is the same in each.
     """
     columns = list[Array]()
     every = np.zeros(int(lengths.sum()))
@@ -116,14 +116,14 @@ def _with_times_of_jumps(noise: Noise, lengths: Mask,
 
 
 def _rows(record: SampledRun, few: BlockMeans, specimen: int, file: str) -> list[ReadingTable]:
-    """Displacements of blocks, counted from the state before the last jump; what swings say."""
+    """Build displacements of blocks, counted from the state before the last jump; oscillations."""
     times = [0.0, *(float(record.time[first:last].mean())
                     for first, last in zip(few.first, few.last, strict=True))]
     jump, run = np.r_[-1, few.jump], record.run
     states = replace(States.of([specimen] * len(jump), np.full(len(jump), record.mass),
                                np.r_[record.voltage[0], few.voltage], np.array(times)),
                      passage=few.passages)
-    # The first state is not read: there the run begins.
+    # The first state has no reading: the run begins there.
     before = np.array([np.flatnonzero(jump < max(number, 0))[-1] for number in jump.tolist()])
     table = rows(states, "displacement", np.r_[1.0, few.sigma], np.r_[0.0, few.mean], run=run,
                  file=file, line=np.r_[0, record.line[few.first]])

@@ -1,4 +1,4 @@
-"""Films unlike what is written of them: none that can be, or one specimen of several."""
+"""Films that differ from their description: impossible ones, or one specimen of several."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tympan.studies.diagnosis.sentences import WORDS
 
 
 def no_such_film(judged: Judgement, written: Written | None = None) -> Explanation | None:
-    """Factors on stiffness and permittivity that hardly any film has."""
+    """Report factors on stiffness and permittivity that hardly any film has."""
     if not judged.unusual:
         return None
     factors = np.exp((judged.chosen or judged.nominal).unknowns[FACTORS])
@@ -21,7 +21,7 @@ def no_such_film(judged: Judgement, written: Written | None = None) -> Explanati
 
 
 def odd_specimen(judged: Judgement, written: Written | None = None) -> Explanation | None:
-    """Specimen that is the only one the simulation misses."""
+    """Name the specimen that is the only one the simulation misses."""
     name = judged.weighed.odd_specimen
     if not name:
         return None

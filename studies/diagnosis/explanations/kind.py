@@ -1,4 +1,4 @@
-"""An explanation of a misfit by the data alone, and what it is sought in."""
+"""An explanation of a misfit by the data alone, and the input of the search for one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 class Explanation:
     """Fault of the data that would explain a misfit: a sentence, and what to do about it.
 
-    ``finding``: the fault in the dataset that is to be put right; None where the sentence only says
+    ``finding``: the fault in the dataset that is to be corrected; None where the sentence only says
     where to look.
     """
 
@@ -23,7 +23,7 @@ class Explanation:
 
     @classmethod
     def of(cls, finding: Finding) -> Explanation:
-        """Fault in the dataset."""
+        """Build the explanation from a fault in the dataset."""
         return cls(finding.what, finding.check, finding)
 
 

@@ -1,4 +1,4 @@
-"""Labels that look exchanged or a row off: put right, they explain what any effects do."""
+"""Labels that look exchanged or shifted by a row; corrected, they explain as much as any effect."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tympan.studies.diagnosis.inference.verdict import ALARM, EXCLUDED, MORE, Ju
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.sentences import WORDS, plain
 
-#: How many effects are asked whether they explain the readings with other labels: a real one may
-#: be there besides.
+#: Number of effects that are tested on the readings with corrected labels: a real effect may be
+#: present as well.
 _BESIDE = 2
 
 
 def wrong_labels(judged: Judgement, written: Written | None = None) -> Explanation | None:
-    """Labels that, put right, let the nominal model or one effect explain the readings."""
+    """Find labels whose correction lets the nominal model or one effect explain the readings."""
     labels = other_labels(judged)
     if labels is None:
         return None
@@ -28,15 +28,15 @@ def wrong_labels(judged: Judgement, written: Written | None = None) -> Explanati
 
 
 def other_labels(judged: Judgement) -> Relabelling | None:
-    """Other labels that explain as much as any effects do with those stated.
+    """Find other labels that explain as much as any effects do with the stated labels.
 
-    All effects may miss :data:`MORE` of χ² less; and a film of its own for the odd specimen must
-    miss more by :data:`EXCLUDED`.
+    All effects together may leave at most :data:`MORE` of χ² less. A separate film for the odd
+    specimen must leave at least :data:`EXCLUDED` more.
     """
     misfit = judged.misfit
     if judged.test.p_value >= ALARM or not misfit.simulation.loaded:
         return None
-    # Other labels may explain what was taken for readings that are off by themselves.
+    # Corrected labels may explain readings that were taken for outliers.
     table = misfit.table.with_noise(misfit.table.noise.ordinary)
 
     def missed(one: Fit) -> float:
@@ -59,7 +59,7 @@ def other_labels(judged: Judgement) -> Relabelling | None:
 
 
 def _with_a_film_of_its_own(judged: Judgement, table: ReadingTable) -> float:
-    """χ² with factors of its own for the film of the odd specimen; infinite where there is none."""
+    """Compute χ² with separate factors for the odd specimen's film; infinite without one."""
     specimens = judged.simulation.setup.specimens
     odd = [specimens[number].name == judged.weighed.odd_specimen
            for number in table.specimen.tolist()]
@@ -71,7 +71,7 @@ def _with_a_film_of_its_own(judged: Judgement, table: ReadingTable) -> float:
 
 
 def _words(judged: Judgement, labels: Relabelling) -> str:
-    """Labels that look wrong, and what the simulation misses as it is and with them put right."""
+    """Describe labels that look wrong, and the simulation's misfit before and after correction."""
     noise = 1e6 * float(np.median(judged.table.sigma[judged.table.lengths]))
     before, after = (noise * (chi_squared / len(judged.table)) ** 0.5
                      for chi_squared in (labels.before, labels.after))

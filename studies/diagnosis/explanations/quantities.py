@@ -1,6 +1,6 @@
-"""Numbers that are often written for others: a unit, a diameter, a stretch, a thickness.
+"""Numbers often mistaken for others: a unit, a diameter, a stretch, a thickness.
 
-No film is ten times as stiff as stated; but people write centimetres into a column of millimetres.
+No film is ten times as stiff as stated, but people write centimetres into a column of millimetres.
 So where the fitted factors are far from those of the stated film, each quantity that is often
 confused is read as the other one, and the films are fitted again.
 """
@@ -32,25 +32,25 @@ from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
 from tympan.studies.diagnosis.sentences import WORDS, listed
 from tympan.studies.effects import Setup
 
-#: Probability beforehand from which factors are those of an ordinary film.
+#: Prior probability from which factors are those of an ordinary film.
 _ORDINARY = 0.05
 
-#: As large a part of the largest displacement is nothing.
+#: Share of the largest displacement below which a displacement counts as zero.
 _NOTHING = 0.02
 
-#: Units that a number may be in, whatever its column says [SI].
+#: Units in which a number may be written, whatever its column says [SI].
 _LENGTHS = {"micrometres": 1e-6, "millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0,
             "inches": 25.4e-3}
-#: Those of a load: weights are taken for masses.
+#: Units of a load: weights are mistaken for masses.
 _LOADS = {"grams": 1e-3, "kilograms": 1.0, "ounces": 28.349523e-3, "millinewtons": 1e-3 / g,
           "newtons": 1 / g}
-#: Those of a force: masses are taken for weights.
+#: Units of a force: masses are mistaken for weights.
 _FORCES = {"millinewtons": 1e-3, "newtons": 1.0, "grams": 1e-3 * g}
-#: Those of a voltage.
+#: Units of a voltage.
 _VOLTAGES = {"volts": 1.0, "kilovolts": 1e3}
 
-#: By column: the units it may be in, and the powers of what it is multiplied by in the factors on
-#: stiffness and permittivity, of small deflections.
+#: For each column: the units it may be in, and the powers of its factor in the factors on stiffness
+#: and permittivity, for small deflections.
 _COLUMNS: dict[str, tuple[dict[str, float], tuple[float, float]]] = {
     "displacement": (_LENGTHS, (-1.0, -1.0)),
     "range": (_LENGTHS, (-1.0, -1.0)),
@@ -64,7 +64,7 @@ _COLUMNS: dict[str, tuple[dict[str, float], tuple[float, float]]] = {
 class Confusion:
     """A quantity that was written as if it were another, in words.
 
-    ``of``: the column and file, or the key of the specimens; ``taken``: how it reads; ``check``:
+    ``of``: the column and file, or the key of the specimens; ``taken``: how it is read; ``check``:
     the key of the sentence on what to do about it.
     """
 
@@ -75,10 +75,10 @@ class Confusion:
 
 @dataclass(frozen=True, eq=False)
 class _Other:
-    """Readings and specimens as they are with one quantity taken for another, or as stated.
+    """Readings and specimens with one quantity read as another, or as stated.
 
-    ``shift``: change of the logarithms of both factors at small deflections, None where it takes a
-    fit; ``larger``: sum over the readings of the logarithm of the factor on them.
+    ``shift``: change of the logarithms of both factors at small deflections, None where only a fit
+    can find it; ``larger``: sum over the readings of the logarithm of the factor on them.
     """
 
     setup: Setup
@@ -88,22 +88,22 @@ class _Other:
     larger: float = 0.0
 
     def unlikely(self, found: Fit) -> float:
-        """Minus twice the logarithm of the readings' probability.
+        """Compute minus twice the logarithm of the readings' probability.
 
-        Their scatter determines the noise, together with the stated one, which counts as a few
+        Their scatter determines the noise, together with the stated noise, which counts as a few
         readings. So a wrong unit of readings differs from a wrong unit of loads, although both
-        change the stiffness alike.
+        change the stiffness in the same way.
         """
         return self.scatter(found.chi_squared) - 2 * self.larger
 
     def scatter(self, chi_squared: float) -> float:
-        """Part of :meth:`unlikely` that depends on χ² alone."""
+        """Compute the part of :meth:`unlikely` that depends on χ² alone."""
         stated = float(self.table.noise.freedom.sum())
         return float((len(self.table) + stated) * np.log(stated + chi_squared))
 
 
 def mistaken_quantity(judged: Judgement, written: Written | None = None) -> Explanation | None:
-    """Quantities that, read as others they are often taken for, make a film an ordinary one."""
+    """Find quantities that, read as others often mistaken for them, make the film ordinary."""
     films = judged.of_first()
     if written is None or not films.simulation.loaded:
         return None
@@ -124,10 +124,10 @@ def mistaken_quantity(judged: Judgement, written: Written | None = None) -> Expl
 
 def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
                   ) -> tuple[Confusion, ...]:
-    """Confusions that make unusual factors ordinary and miss readings no more; the likeliest first.
+    """Find confusions that make unusual factors ordinary and add no misfit; likeliest first.
 
-    ``nominal``: the nominal model's fit to the readings with their noise as it came. Specimens of
-    other sizes are tried only where no unit and no thickness does it.
+    ``nominal``: the nominal model's fit to the readings with their noise as stated. Specimens of
+    other sizes are tried only where no unit and no thickness makes the factors ordinary.
     """
     setup, table = readings.setup, readings.table
     as_stated = _Other(setup, table)
@@ -139,7 +139,7 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
 
 
 def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
-    """Mistaken sizes that leave noise, with ordinary factors, of a misfit of one odd specimen."""
+    """Find mistaken sizes that reduce the misfit of one odd specimen to noise, factors ordinary."""
     table, which = judged.table, judged.weighed.odd_specimen
     most = len(table) + 2 * (2 * len(table)) ** 0.5
     noise = _Other(setup, table).scatter(most)
@@ -147,7 +147,7 @@ def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
 
 
 def _may_be(nominal: Fit, shift: Array) -> bool:
-    """Whether factors may be ordinary after a shift; one that was stopped may be further off."""
+    """Check if shifted factors may be ordinary; a fit stopped at a bound may be further off."""
     logs = nominal.unknowns[FACTORS] + shift
     before = nominal.unknowns[FACTORS]
     short = nominal.stopped[FACTORS] & (np.sign(logs) != np.sign(before))
@@ -155,7 +155,7 @@ def _may_be(nominal: Fit, shift: Array) -> bool:
 
 
 def _ordinary(others: Iterable[_Other], most: float) -> tuple[Confusion, ...]:
-    """Those that fit with ordinary factors, nearly as probable as the best of them."""
+    """Select those that fit with ordinary factors, nearly as probable as the best of them."""
     fitted = [(other, found) for other in others if (found := _fit(other)) is not None
               and found.usual >= _ORDINARY and other.unlikely(found) < most]
 
@@ -169,7 +169,7 @@ def _ordinary(others: Iterable[_Other], most: float) -> tuple[Confusion, ...]:
 
 
 def _fit(other: _Other) -> Fit | None:
-    """The nominal model fitted to all of it; None where it cannot be at all that was read."""
+    """Fit the nominal model to all readings; None where it cannot reach all of them."""
     try:
         found = calibrated(other.setup, other.table)
     except (InputError, ArithmeticError):
@@ -178,7 +178,7 @@ def _fit(other: _Other) -> Fit | None:
 
 
 def _readings(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_Other]:
-    """Columns that may be in another unit than their name says."""
+    """Yield columns that may be in another unit than their name says."""
     for sheet in dataset.sheets:
         rows = table.file == sheet.file.name
         for column, (units, powers) in _COLUMNS.items():
@@ -197,7 +197,7 @@ def _readings(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_
 
 
 def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_Other]:
-    """Displacements that are counted from the loaded plate: without voltage all are nothing."""
+    """Yield displacements counted from the loaded plate: without voltage all are zero."""
     states = table.states
     for sheet in dataset.sheets:
         rows = np.flatnonzero((table.file == sheet.file.name) & (table.kind == "displacement")
@@ -222,7 +222,7 @@ def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_O
 
 def _scaled(setup: Setup, table: ReadingTable, rows: Mask, column: str,
             factor: float) -> ReadingTable | None:
-    """Rows of a file with a column times a factor; None where that cannot be."""
+    """Multiply a column of some rows of a file by a factor; None where that is impossible."""
     if column in ("mass", "voltage"):
         states, of_file = table.states, np.zeros(len(table.states), bool)
         of_file[table.state[rows]] = True
@@ -242,7 +242,7 @@ def _scaled(setup: Setup, table: ReadingTable, rows: Mask, column: str,
 
 def _thicknesses(setup: Setup, table: ReadingTable, which: str | None = None
                  ) -> Iterator[_Other]:
-    """The thickness of the mounted film for that of the virgin one."""
+    """Yield setups with the thickness of the mounted film read as that of the virgin film."""
     share = float(np.mean([specimen.membrane.area_prestretch for specimen in setup.specimens]))
 
     def virgin(film: Film) -> Film:
@@ -254,7 +254,7 @@ def _thicknesses(setup: Setup, table: ReadingTable, which: str | None = None
 
 
 def _sizes(setup: Setup, table: ReadingTable, which: str | None = None) -> Iterator[_Other]:
-    """Diameters and radii for each other, and area stretches and those along an axis."""
+    """Yield diameters read as radii and back, and area stretches read as stretches of an axis."""
     for part in ("plate", "frame"):
         for factor, taken in ((0.5, "it were its diameter"), (2.0, "it were half of it")):
             yield from _edited(setup, table, f"the radius of the {part}", taken,
@@ -265,7 +265,7 @@ def _sizes(setup: Setup, table: ReadingTable, which: str | None = None) -> Itera
 
 
 def _stretched(power: float) -> Callable[[Specimen], Specimen]:
-    """Change that raises a specimen's stretches to a power."""
+    """Build a change that raises a specimen's stretches to a power."""
 
     def edit(specimen: Specimen) -> Specimen:
         film = specimen.membrane
@@ -279,7 +279,7 @@ def _stretched(power: float) -> Callable[[Specimen], Specimen]:
 def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
             edit: Callable[[Specimen], Specimen], which: str | None, shift: Array | None = None
             ) -> Iterator[_Other]:
-    """Setup with one specimen or all edited, where such can be built."""
+    """Edit one specimen or all; yield the setup if it can be built."""
     try:
         confusion = Confusion(f"{of} of {which}" if which else of, taken)
         yield _Other(setup.with_specimens(edit, which), table, confusion, shift)
@@ -288,7 +288,7 @@ def _edited(setup: Setup, table: ReadingTable, of: str, taken: str,
 
 
 def _resized(part: str, factor: float) -> Callable[[Specimen], Specimen]:
-    """Change that makes a specimen's plate or frame so many times as large."""
+    """Build a change that scales a specimen's plate or frame by a factor."""
 
     def larger(outline: Any) -> Any:
         if hasattr(outline, "radius"):

@@ -1,4 +1,4 @@
-"""Every explanation of a misfit by the data alone: a new one stands in a file here, and below."""
+"""Every explanation of a misfit by the data alone: a new one is a file here and a line below."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from tympan.studies.diagnosis.explanations.quantities import mistaken_quantity
 from tympan.studies.diagnosis.explanations.runs import odd_run
 from tympan.studies.diagnosis.inference.verdict import Judgement
 
-#: Seeks an explanation of what is judged. Without files nothing is known of how numbers are
-#: written.
+#: Function that seeks an explanation for a judgement. Without files it does not know how numbers
+#: are written.
 Seeks = Callable[[Judgement, Written | None], Explanation | None]
 
 #: Explanations in the order in which they are sought: the first that is found is reported.
@@ -21,7 +21,7 @@ EXPLANATIONS: tuple[Seeks, ...] = (
 
 
 def explanation_of(judged: Judgement, written: Written | None = None) -> Explanation | None:
-    """The first explanation by the data alone; None where nothing is wrong or none is found."""
+    """Find the first explanation by the data alone; None if nothing is wrong or none applies."""
     if judged.verdict == "nothing":
         return None
     found = (seek(judged, written) for seek in EXPLANATIONS)

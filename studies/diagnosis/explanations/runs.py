@@ -1,6 +1,6 @@
-"""A run or a load that is off by itself, which no effect of the library is.
+"""A single run or load that deviates in a way that no effect of the library describes.
 
-Its columns serve to say where a misfit is, not to test whether there is one.
+Its columns serve to locate a misfit, not to test whether there is one.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.sentences import WORDS
 
-#: Columns of a run: polynomials in the voltage's square.
+#: Number of columns of a run: polynomials in the voltage's square.
 COLUMNS = 3
 
-#: Fewest masses of which one can be off: of two, either may be.
+#: Fewest masses among which one can deviate: of two, either may be wrong.
 _MASSES = 3
 
 
 def odd_run(judged: Judgement, written: Written | None = None) -> Explanation | None:
-    """The run or load that takes more of the misfit than any pattern."""
+    """Name the run or load that explains more of the misfit than any pattern."""
     taken = taken_by(judged.nominal.free_jacobian)
     odd = _odd_columns(judged, taken)
     shares = shares_of(judged, taken, pattern_columns(judged) | odd)
@@ -37,7 +37,7 @@ def odd_run(judged: Judgement, written: Written | None = None) -> Explanation | 
 
 
 def _odd_columns(judged: Judgement, taken: Array) -> dict[str, Array]:
-    """Columns of the run and of the load that is off more than the others, if one is."""
+    """Build columns of the run and of the load that deviate more than the others, if one does."""
     table, odd = judged.table, dict[str, Array]()
     names = [specimen.name for specimen in judged.simulation.setup.specimens]
     for columns in (run_columns(table, names), load_columns(table)):
@@ -49,9 +49,9 @@ def _odd_columns(judged: Judgement, taken: Array) -> dict[str, Array]:
 
 
 def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
-    """Columns over the noise of each run of deflections, where its specimen has others beside it.
+    """Build columns over the noise for each run of deflections whose specimen has other runs.
 
-    Each is a length that is smooth in the voltage.
+    Each column is a length that is smooth in the voltage.
     """
     smooth = _smooth(table)
     labels = np.stack([part.astype(str) for part in (table.specimen, table.mass, table.run)], 1)
@@ -65,7 +65,7 @@ def run_columns(table: ReadingTable, names: Sequence[str]) -> dict[str, Array]:
 
 
 def load_columns(table: ReadingTable) -> dict[str, Array]:
-    """Columns over the noise of all deflections under each mass, of three or more."""
+    """Build columns over the noise of all deflections under each mass, for three masses or more."""
     masses = np.unique(table.mass[table.lengths])
     return {f"load {1e3 * mass:.4g} g": np.where(
         ((table.mass == mass) & table.lengths)[:, None], _smooth(table), 0.0)
@@ -73,13 +73,13 @@ def load_columns(table: ReadingTable) -> dict[str, Array]:
 
 
 def _smooth(table: ReadingTable) -> Array:
-    """Polynomials in the voltage's square over the noise."""
+    """Evaluate polynomials in the voltage's square, over the noise."""
     squared = (table.voltage / max(float(table.voltage.max(initial=0.0)), 1.0)) ** 2
     return np.asarray(squared[:, None] ** np.arange(COLUMNS) / table.sigma[:, None])
 
 
 def _run_words(table: ReadingTable, names: Sequence[str], rows: Mask) -> str:
-    """A run by its specimen and mass, and its label where there is one."""
+    """Describe a run by its specimen and mass, and its label where there is one."""
     first = int(np.flatnonzero(rows)[0])
     label = f" in run {table.run[first]}" if table.run[first] else ""
     return f"{names[table.specimen[first]]} under {1e3 * table.mass[first]:.4g} g{label}"

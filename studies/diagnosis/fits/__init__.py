@@ -1,1 +1,1 @@
-"""Hypotheses fitted to readings, and how probable the readings then are."""
+"""Fits of hypotheses to readings, and the probability of the readings under each."""

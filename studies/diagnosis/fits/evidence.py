@@ -1,4 +1,4 @@
-"""Probability of readings by a hypothesis, whatever its unknowns: Laplace and quadrature."""
+"""Probability of readings under a hypothesis, integrated over its unknowns: Laplace, quadrature."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from tympan.base.arrays import Array
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, parameters_of
 
-#: Points of quadrature in one size, in each of two, of three or more: all their products are
-#: summed.
+#: Quadrature points of a size, for one size, two, three or more sizes. The sum runs over all
+#: products.
 _NODES = (32, 20, 12, 6, 4, 3)
-#: Points in a size of which limits are asked: quantiles are interpolated between them.
+#: Points in a size whose limits are computed: quantiles are interpolated between them.
 _FINE = 128
-#: How far the quadrature reaches, in standard deviations: 2e-9 of a normal distribution is beyond.
+#: Range of the quadrature in standard deviations: 2e-9 of a normal distribution is beyond.
 _REACH = 6.0
 
-#: Standard deviations within which a value lies on a bound.
+#: Standard deviations from a bound within which a value counts as lying on it.
 _AT_BOUND = 1e-6
 
 
 def evidence(fit: Fit, widen: float = 1.0) -> float:
-    """Logarithm of the integral of prior times likelihood, usual sizes ``widen`` times as large.
+    """Compute the logarithm of the integral of prior times likelihood.
 
-    The logarithm of likelihood is taken as a parabola about the fit, Laplace's approximation. It is
-    integrated exactly over stiffness and permittivity, and with the sizes' priors as they are by
-    quadrature within their limits.
+    The prior scales are multiplied by ``widen``. The log-likelihood is taken as a parabola about
+    the fit (Laplace's approximation). It is integrated exactly over stiffness and permittivity, and
+    by quadrature within their limits over the sizes with their own priors.
     """
     parabola = _Parabola.of(fit)
     if not fit.hypothesis:
@@ -41,7 +41,7 @@ def evidence(fit: Fit, widen: float = 1.0) -> float:
 
 
 def interval(fit: Fit, number: int) -> tuple[float, float, float]:
-    """An unknown's most probable value and 95 % limits; a bound that the value lies on is one."""
+    """Find an unknown's best value and 95 % limits; a bound that the value lies on is a limit."""
     centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
     low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
     parts = ((0.0, 0.95) if low >= -_AT_BOUND else (0.05, 1.0) if high <= _AT_BOUND
@@ -55,10 +55,11 @@ def interval(fit: Fit, number: int) -> tuple[float, float, float]:
 
 
 def quantiles(fit: Fit, number: int, shares: Sequence[float]) -> Array:
-    """Sizes below which shares of an effect's posterior lie, the other unknowns whatever they are.
+    """Find sizes below which given shares of an effect's posterior lie, marginal over the others.
 
-    ``number`` is the place of the size among the unknowns. By the same quadrature as the evidence,
-    as far as sizes may go, so that one that readings hardly tell has the prior's limits.
+    ``number`` is the place of the size among the unknowns. The quadrature is that of the evidence
+    and covers the full range of sizes, so a size that the readings hardly determine has the prior's
+    limits.
     """
     sizes = list(range(len(fit.unknowns) - SIZES.start))
     first = number - SIZES.start
@@ -71,9 +72,9 @@ def quantiles(fit: Fit, number: int, shares: Sequence[float]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Parabola:
-    """The logarithm of likelihood about a fit, stiffness and permittivity at their best.
+    """Log-likelihood about a fit as a function of the sizes; the two factors are at their best.
 
-    ``top`` - ``slope``·x - x·``curvature``·x/2, x the sizes less those of the fit.
+    It is ``top`` - ``slope``·x - x·``curvature``·x/2, where x are the sizes minus those of the fit.
     """
 
     top: float
@@ -82,10 +83,10 @@ class _Parabola:
 
     @classmethod
     def of(cls, fit: Fit) -> _Parabola:
-        """Integrated over stiffness and permittivity and their prior."""
+        """Integrate over stiffness and permittivity with their prior."""
         weights = np.zeros(len(fit.unknowns))
         weights[FACTORS] = NUISANCE**-2.0
-        # A factor at its bound stays there whatever the sizes are.
+        # A factor at its bound stays there for all sizes.
         moves = np.ones(len(fit.unknowns))
         moves[FACTORS] = ~fit.stopped[FACTORS]
         jacobian, residual = fit.whitened(fit.jacobian) * moves, fit.whitened(fit.residual)
@@ -102,11 +103,12 @@ class _Parabola:
 
     def quadrature(self, fit: Fit, bounds: Array, widen: float, order: Sequence[int],
                    first: int | None = None) -> tuple[Array, Array]:
-        """Nodes, shape (n, sizes) in that ``order``, and the logarithms of their weights.
+        """Build nodes, shape (n, sizes) in that ``order``, and the logarithms of their weights.
 
-        Weights are of priors times exp(-slope·x - x·curvature·x/2) within ``bounds``. One size
-        after the other, by Gauss–Legendre quadrature in the inverse hyperbolic sine of its size
-        over its scale, about where those before it leave it. ``first``: nodes in the first size.
+        The weights are of priors times exp(-slope·x - x·curvature·x/2) within ``bounds``. Sizes are
+        taken one after the other, by Gauss–Legendre quadrature in the inverse hyperbolic sine of
+        the size over its scale, centred where the sizes before it leave it. ``first``: number of
+        nodes in the first size.
         """
         count = len(order)
         parameters = parameters_of(fit.hypothesis)
@@ -115,7 +117,7 @@ class _Parabola:
         sizes = fit.unknowns[SIZES][order]
         low, high = bounds[:, SIZES][:, order]
         slope = self.slope[order]
-        # A size that readings do not tell keeps a little curvature, of what priors allow.
+        # A size that the readings do not determine keeps a small curvature within its prior.
         curvature = self.curvature[np.ix_(order, order)] + np.diag((1e-3 / scales) ** 2)
         places, logs = np.zeros((1, count)), np.zeros(1)
         for k in range(count):
@@ -124,8 +126,8 @@ class _Parabola:
             inverse = np.linalg.inv(curvature[last, last])
             towards = slope[last] + places[:, :k] @ curvature[:k, last]
             centre, width = -(towards @ inverse)[:, 0], inverse[0, 0] ** 0.5
-            # Where likelihood falls from a limit, as far as it falls.
-            with np.errstate(over="ignore"):  # where it does not fall at all
+            # Where the likelihood falls from a limit, integrate as far as it falls.
+            with np.errstate(over="ignore"):  # if it does not fall
                 fall = np.minimum(_REACH * width,
                                   40 * width**2 / np.maximum(np.abs(centre), 1e-300))
             from_, to = low[k] - sizes[k], high[k] - sizes[k]
@@ -146,5 +148,5 @@ class _Parabola:
 
 @lru_cache
 def _legendre(count: int) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss–Legendre quadrature."""
+    """Compute nodes and weights of Gauss–Legendre quadrature."""
     return np.polynomial.legendre.leggauss(count)

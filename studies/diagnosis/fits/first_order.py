@@ -1,7 +1,8 @@
 """Fits to a part of the readings, to first order about the fits to all of them.
 
-A part of the readings moves most fits by little, so derivatives at the fits to all of them tell
-which hypotheses it speaks for. The few that matter are then fitted by the model itself.
+Most fits move little if only a part of the readings is used. So derivatives at the fits to all
+readings show which hypotheses that part supports. The few that matter are then fitted with the
+model itself.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 
 @dataclass(frozen=True, eq=False)
 class FitTangent:
-    """Predictions of rows to first order about some unknowns, at others.
+    """Predictions of rows at some unknowns, to first order about others.
 
-    ``about`` and ``unknowns``: shape (p,); ``predicted``: at ``about``, (rows,); ``jacobian``:
-    (rows, p); ``heave`` of states [m], not known; ``cost`` at ``about``. All states are taken as
-    possible.
+    ``about``: where derivatives were taken, and ``unknowns``, shape (p,); ``predicted``: at
+    ``about``, (rows,); ``jacobian``: (rows, p); ``heave``: deflection of states [m], not known;
+    ``cost``: at ``about``. All states are taken as possible.
     """
 
     about: Array
@@ -46,13 +47,13 @@ class FitTangent:
 
     @classmethod
     def at(cls, fit: Fit, table: ReadingTable) -> FitTangent:
-        """Tangent of a fit at its unknowns, in the rows of the table that it was fitted to."""
+        """Build the tangent of a fit at its unknowns, in the rows of the table it was fitted to."""
         return cls(fit.unknowns, fit.predicted(table), table.noise.coloured(fit.jacobian),
                    fit.unknowns, fit.heave, fit.cost)
 
     @classmethod
     def made(cls, shown: Shown, unknowns: Array, cost: float) -> FitTangent:
-        """Tangent of what a model shows at some unknowns, at a cost."""
+        """Build the tangent of a model's prediction at some unknowns, with its cost."""
         return cls(unknowns, shown.extended, shown.jacobian, unknowns, shown.heave, cost)
 
     @property
@@ -67,7 +68,7 @@ class FitTangent:
 
     @property
     def possible(self) -> Mask:
-        """Mask of the states of equilibrium: all."""
+        """Mask of the states with an equilibrium: all."""
         return np.ones(len(self.heave), bool)
 
     @property
@@ -76,7 +77,7 @@ class FitTangent:
         return np.zeros(len(self.heave), bool)
 
     def beyond(self, before: Any) -> bool:
-        """Whether a search must not go here: never."""
+        """Check whether a search must not go here: never."""
         return False
 
 
@@ -84,9 +85,9 @@ class FitTangent:
 class FirstOrder:
     """Model of some ``rows`` of a table by tangents at fits to all of them.
 
-    ``tangents``: by hypothesis, of effects alone and of some pairs. Of other pairs both effects add
-    up. ``whole`` is the model that has the bounds of all, and predicts the hypotheses that are
-    ``exact`` and those without a tangent.
+    ``tangents``: by hypothesis, for effects alone and some pairs. For other pairs, the changes by
+    both effects are added. ``whole``: the model that has the bounds of all hypotheses and predicts
+    those that are ``exact`` and those without a tangent.
     """
 
     whole: Predicts
@@ -97,9 +98,9 @@ class FirstOrder:
     @classmethod
     def of(cls, whole: Predicts, causes: Iterable[Cause], nominal: Fit, fits: Iterable[Fit],
            table: ReadingTable) -> FirstOrder:
-        """Model of all rows by all fits that are possible; of one hypothesis by its last fit.
+        """Build the model of all rows from all possible fits; of several the last one counts.
 
-        Of causes that were not fitted, since they are not seen, without size beside the nominal
+        Causes that were not fitted, since they are not seen, get a tangent of size 0 at the nominal
         fit.
         """
         known = {fit.hypothesis: FitTangent.at(fit, table) for fit in fits if fit.possible}
@@ -111,20 +112,20 @@ class FirstOrder:
         return cls(whole, known, np.ones(len(table), bool))
 
     def approximates(self, hypothesis: Hypothesis) -> bool:
-        """Whether a hypothesis is predicted to first order."""
+        """Check whether a hypothesis is predicted to first order."""
         return hypothesis not in self.exact and bool(hypothesis) and (
             hypothesis in self.tangents or all((cause,) in self.tangents for cause in hypothesis))
 
     def bounds(self, hypothesis: Hypothesis) -> Array:
-        """Smallest and largest unknowns, shape (2, unknowns), for which films are sampled."""
+        """Give the smallest and largest unknowns, (2, unknowns), for which films are sampled."""
         return self.whole.bounds(hypothesis)
 
     def limits(self, hypothesis: Hypothesis) -> Array:
-        """The same for which they could be, as far as known."""
+        """Give the same limits for which films could be sampled, as far as known."""
         return self.whole.limits(hypothesis)
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:
-        """Predicted readings of the rows, with derivatives."""
+        """Predict the readings of the rows, with derivatives."""
         if not self.approximates(hypothesis):
             return self.whole.prediction(hypothesis, unknowns, table)
         tangent = self.tangents.get(hypothesis) or self._added(hypothesis)
@@ -133,7 +134,7 @@ class FirstOrder:
                        heave=np.full(len(table.states), np.nan))
 
     def _added(self, hypothesis: Hypothesis) -> FitTangent:
-        """Tangent at the best of a hypothesis' effects alone, the others without size."""
+        """Add the tangents of a hypothesis' effects alone, about the best of these fits."""
         alone = [self.tangents[cause,] for cause in hypothesis]
         best = min(alone, key=lambda tangent: tangent.cost)
         about = np.zeros(unknown_count(hypothesis))

@@ -13,9 +13,8 @@ from tympan.studies.diagnosis.hypothesis import FACTORS, SIZES, Cause, Hypothesi
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise
 
-#: What is known beforehand of the logarithms of the factors on stiffness and permittivity, as
-#: standard deviations: sources on one tape differ by a factor of 1.7 in stiffness, and from 2.6 to
-#: 4.7 in permittivity.
+#: Prior standard deviations of the logarithms of the factors on stiffness and permittivity: sources
+#: on one tape differ by a factor of 1.7 in stiffness, and from 2.6 to 4.7 in permittivity.
 NUISANCE = np.array([0.5, 0.4])
 
 
@@ -24,13 +23,14 @@ class Fit:
     """A hypothesis fitted to a table.
 
     ``residual``: readings minus predictions, whitened by their noise, shape (rows,); ``jacobian``:
-    derivatives of the predictions, whitened, by the unknowns; ``bounds`` and ``limits``: what
-    films are sampled for and could be, shape (2, unknowns); ``slope`` and ``precision``:
-    first and second derivatives of the cost; ``cost``: minus the logarithm of posterior density,
-    and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
-    ``heave``: of the states [m]. Where not all states are possible, cost and evidence are infinite,
-    and ``short`` is the cost that laws of further reach might have, or inf. Usual sizes were taken
-    ``widen`` times as large, and there may be small errors ``beside`` the hypothesis.
+    derivatives of the predictions, whitened, by the unknowns; ``bounds`` and ``limits``: unknowns
+    for which films are sampled and could be sampled, shape (2, unknowns); ``slope`` and
+    ``precision``: first and second derivatives of the cost; ``cost``: minus the logarithm of the
+    posterior density; ``evidence``: logarithm of the readings' probability, up to a constant that
+    all hypotheses share; ``heave``: deflections of the states [m]. Where not all states are
+    possible, cost and evidence are infinite, and ``short`` is the cost that laws of further reach
+    might have, or inf. Prior scales were multiplied by ``widen``. Small errors may be assumed
+    ``beside`` the hypothesis.
     """
 
     hypothesis: Hypothesis
@@ -50,7 +50,7 @@ class Fit:
 
     @property
     def possible(self) -> bool:
-        """Whether any unknowns make a state of equilibrium of every state that was read."""
+        """Whether some unknowns give an equilibrium in every state that was read."""
         return bool(np.isfinite(self.cost))
 
     @property
@@ -60,33 +60,33 @@ class Fit:
 
     @property
     def misfit(self) -> float:
-        """Root of χ² per degree of freedom, small errors taken for noise; at least 1."""
+        """Root of χ² per degree of freedom, with small errors as noise; at least 1."""
         left = self.whitened(self.residual)
         freedom = max(len(left) - int(np.sum(~self.stopped)), 1)
         return max(1.0, float(np.sqrt(left @ left / freedom)))
 
     def louder(self, factor: float) -> Fit:
-        """The same unknowns, as if the noise were a factor larger: for their limits."""
+        """Scale the noise by a factor at the same unknowns: for their limits."""
         jacobian = self.whitened(self.jacobian)
         return replace(self, residual=self.residual / factor, jacobian=self.jacobian / factor,
                        precision=self.precision - (1 - factor**-2) * jacobian.T @ jacobian)
 
     def part(self, rows: Mask) -> Fit:
-        """The same unknowns, with some of the readings."""
+        """Restrict the fit to some of the readings at the same unknowns."""
         return replace(self, residual=self.residual[rows], jacobian=self.jacobian[rows],
                        beside=self.beside and self.beside[rows])
 
     @property
     def covariance(self) -> Array:
         """Covariance of the unknowns, shape (p, p)."""
-        # Over their own widths, since unknowns in different units are of different magnitude.
+        # Scaled by their own widths, since unknowns in different units differ in magnitude.
         width = np.maximum(np.abs(np.diag(self.precision)), 1e-300) ** -0.5
         scaled = self.precision * width * width[:, None]
         return np.asarray(np.linalg.pinv(scaled, hermitian=True) * width * width[:, None], float)
 
     @property
     def usual(self) -> float:
-        """Probability beforehand that factors are as far from 1 as those found, or further.
+        """Prior probability that factors are as far from 1 as those found, or further.
 
         A prior predictive check (Box, J. R. Stat. Soc. A 143, 383, 1980).
         """
@@ -99,7 +99,7 @@ class Fit:
 
     @property
     def stopped(self) -> Mask:
-        """Mask of unknowns that would go on, were they not at a bound."""
+        """Mask of unknowns that are stopped by a bound."""
         low, high = self.bounds
         return np.asarray(((self.unknowns <= low) & (self.slope > 0))
                           | ((self.unknowns >= high) & (self.slope < 0)))
@@ -112,24 +112,24 @@ class Fit:
 
     @property
     def free_jacobian(self) -> Array:
-        """Jacobian by the unknowns that are not stopped, which alone take up what is missed."""
+        """Jacobian by the unknowns that are not stopped: only these can reduce the residuals."""
         return np.asarray(self.jacobian[:, ~self.stopped])
 
     def predicted(self, table: ReadingTable) -> Array:
-        """Predicted readings of the table it was fitted to, shape (rows,)."""
+        """Compute the predicted readings of the table it was fitted to, shape (rows,)."""
         return np.asarray(table.value - table.noise.coloured(self.residual))
 
     def whitened(self, values: Array) -> Array:
-        """Values of readings over their noise as if that were all, not small errors besides."""
+        """Divide values of readings by their noise alone, without small errors."""
         return values if self.beside is None else self.beside.whitened(values)
 
     def surprise(self, cause: Cause) -> float:
-        """The largest size of a cause's parameters over its usual one."""
+        """Find the largest size of a cause's parameters over its prior scale."""
         sizes = np.abs(self.unknowns[sizes_of(self.hypothesis, cause)])
         usual = [parameter.deviation for parameter in cause.effect.parameters]
         return float((sizes / usual).max())
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
-    """The most probable, possible ones first."""
+    """Select the most probable fit, possible ones first."""
     return min(fits, key=lambda fit: (fit.cost, fit.short))

@@ -1,4 +1,4 @@
-"""Hypotheses fitted to a table of readings: the nominal one, and others from it."""
+"""Fitting of hypotheses to a table of readings: the nominal one first, others from it."""
 
 from __future__ import annotations
 
@@ -29,26 +29,27 @@ from tympan.studies.estimation.least_squares import (
 )
 from tympan.studies.estimation.noise import Noise
 
-#: Most steps of a fit. A bound of the cost.
+#: Most steps of a fit. It limits the cost.
 _ITERATIONS = 40
-#: A fit ends where a step lowers the cost by less: odds change by as much.
+#: Decrease of the cost by a step at which a fit ends: the log odds change by as much.
 _SMALL = 1e-4
 
-#: A fit is none where derivatives promise a cost that is lower by more than this: a search ended on
-#: a kink, where a plate begins to rub or a film to wrinkle. Odds would be wrong by 1.6 and more.
+#: Largest decrease of the cost that derivatives may still promise at a fit. With more, the search
+#: ended on a kink, where a plate begins to rub or a film to wrinkle, and the fit is not used: odds
+#: would be wrong by a factor of 1.6 or more.
 _UNFINISHED = 0.5
 
-#: Shares of the readings, those of the lowest voltages first, that the nominal model is fitted to.
+#: Shares of the readings that the nominal model is fitted to in turn, lowest voltages first.
 _SHARES = (0.25, 0.5, 0.75, 1.0)
 
 
 def fit(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
         start: Array | None = None, widen: float = 1.0, beside: Noise | None = None) -> Fit:
-    """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
+    """Fit a hypothesis to readings, with prior scales multiplied by ``widen``.
 
-    It begins at ``start``, of which the nominal hypothesis' unknowns are enough; without effects
-    else, or, where a sign changes nothing, with some of the usual size. Small errors ``beside`` it
-    count as noise.
+    The search begins at ``start``; for it the unknowns of the nominal hypothesis are enough.
+    Without ``start`` it begins without effects or, where the sign of a size changes nothing, at
+    some of the prior scale. Small errors ``beside`` the hypothesis count as noise.
     """
     return best_of([_fit_from(simulation, hypothesis, table, first, widen, beside)
                     for first in _starts(hypothesis, start)])
@@ -92,7 +93,7 @@ def _fit_from(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
                   problem.slope(unknowns, point), problem.curvature(unknowns, point), minimum.cost,
                   0.0, prediction.heave, widen=widen, beside=beside)
     if prediction.complete:
-        # Derivatives at what is no minimum would count as evidence that the readings do not give.
+        # Derivatives off a minimum would count as evidence that the readings do not give.
         known = finished or not hypothesis
         return replace(reached, evidence=evidence(reached, widen) if known else -np.inf)
     further = np.all(prediction.possible | prediction.short)
@@ -101,7 +102,7 @@ def _fit_from(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
 
 
 def _promised(problem: LeastSquares, minimum: Minimum) -> float:
-    """Decrease of the cost that derivatives promise nearby, within the bounds."""
+    """Compute the decrease of the cost that derivatives promise nearby, within the bounds."""
     slope = problem.slope(minimum.unknowns, minimum.point)
     free = ~(((minimum.unknowns <= problem.low) & (slope > 0))
              | ((minimum.unknowns >= problem.high) & (slope < 0)))
@@ -127,29 +128,29 @@ def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
 
 
 def nominal_fit(simulation: ReadingModel, table: ReadingTable) -> Fit:
-    """The nominal model fitted: to the readings of low voltages first, and from there to more.
+    """Fit the nominal model: first to readings of low voltages, then to more of them.
 
-    So films find their stiffness before their limits matter.
+    So the stiffness is found before the films' limits matter.
     """
     return list(nominal_fits(simulation, table))[-1]
 
 
 def nominal_fits(simulation: ReadingModel, table: ReadingTable) -> Iterator[Fit]:
-    """The nominal model fitted to more and more readings, in the end to all."""
+    """Fit the nominal model to more and more readings, in the end to all."""
     order, unknowns = np.argsort(table.voltage, kind="stable"), np.zeros(FACTORS.stop)
     for share in _SHARES:
         count = max(int(share * len(order)), FACTORS.stop)
         lowest = table[np.sort(order[:count])].compact() if count < len(order) else table
         nominal = fit(simulation, (), lowest, unknowns)
         if not (simulation.loaded or nominal.possible):
-            # Factors that others liked may leave a charged strip without width.
+            # Factors that suit other readings may leave a charged strip without equilibrium width.
             nominal = best_of([nominal, fit(simulation, (), lowest)])
         unknowns = nominal.unknowns
         yield nominal
 
 
 def with_sizes(hypothesis: Hypothesis, *fits: Fit) -> Array:
-    """Unknowns of a hypothesis with the factors of the last fit, and the sizes of all, else 0."""
+    """Combine the factors of the last fit and the sizes of all fits; other sizes are 0."""
     unknowns = np.zeros(unknown_count(hypothesis))
     for member in fits:
         unknowns[FACTORS] = member.unknowns[FACTORS]

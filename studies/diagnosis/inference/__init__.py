@@ -1,5 +1,6 @@
-"""Steps from readings to probabilities: tests of what is left, posterior, verdict.
+"""Steps from readings to probabilities: tests of residuals, posterior, verdict.
 
-It asks a :class:`~tympan.studies.diagnosis.evidence.kind.ReadingModel` what readings show and how
-far it reaches, and knows no film: a contract keeps that. A new test or search is a new file here.
+It asks a :class:`~tympan.studies.diagnosis.evidence.kind.ReadingModel` for predictions and for
+their range, and does not depend on films: an import contract ensures that. A new test or search is
+a new file here.
 """

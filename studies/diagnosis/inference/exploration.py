@@ -1,4 +1,4 @@
-"""Hypotheses fitted as far as physics lets them go: the reduced model grown as the readings ask."""
+"""Exploration: hypotheses fitted over their physical range, with the reduced model grown for it."""
 
 from __future__ import annotations
 
@@ -25,55 +25,55 @@ from tympan.studies.diagnosis.hypothesis import (
 from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
-#: Size of one effect at which a fit starts besides none, as a share of what is sampled: near to the
+#: Size of an effect at which a further search starts, as a share of the sampled range: near its
 #: end, not on it.
 _SHARE = 0.9
-#: The largest such size, in usual ones. Further out a start is no help. Set by trial.
+#: Largest such size over the prior scale. A start further out does not help. Set by trial.
 _USUAL = 8.0
 
-#: Sizes at which fits of effects begin that are no sum of their parameters, over usual ones.
+#: Starting sizes over the prior scale of effects whose parameters do not act additively.
 _TOGETHER = 1.5 * np.array([-1.0, 0.0, 1.0])
 
-#: What a fit that presses against the end of what is sampled may promise, by what factor more than
-#: its derivatives do: films harden. Set by trial.
+#: Factor on the decrease of the cost that derivatives promise beyond the sampled range: films
+#: harden, so it may be more. Set by trial.
 _PROMISE = 3.0
-#: How far behind the best fit it may still end, in the cost: odds of e to the minus 15 are not
-#: worth a film.
+#: Distance in cost from the best fit up to which an effect is grown: for odds of exp(-15) no new
+#: film is solved.
 _BEHIND = 15.0
 
-#: Fits that are made exact are at most so far behind the best one, by evidence and prior: e to the
-#: minus 6 is a quarter of a per cent.
+#: Distance in log probability from the best fit up to which a fit is made exact: exp(-6) is a
+#: quarter of a per cent.
 _NEAR = 6.0
-#: And they are at most so many. A bound of the cost.
+#: Most fits that are made exact. It limits the cost.
 _MOST = 4
-#: Effects of a smaller share of their usual size are left out where films are made exact: there
-#: force laws are good.
+#: Size over the prior scale below which an effect is left out where films are made exact: there
+#: force laws are accurate.
 _ACTIVE = 0.2
-#: How often fits are made exact: each time they move a little.
+#: Rounds in which fits are made exact: each time they move a little.
 _ROUNDS = 3
 
-#: By what factor more than its derivatives tell a second effect may help.
+#: Factor on the improvement that derivatives promise from a second effect.
 _HELP = 1.5
 
-#: Effects alone that are tried far beyond their best fit where none explains the readings. A bound
-#: of the cost.
+#: Number of single effects that are tried far beyond their best fit where none explains the
+#: readings. It limits the cost.
 _VENTURES = 3
-#: How often each of them is grown for that. A bound of the cost.
+#: Times that each of them is grown for that. It limits the cost.
 _STEPS = 4
-#: How much χ² an effect may be behind the best one so that it could rival it once it is exact. Set
-#: by trial.
+#: χ² by which an effect may be behind the best one and still rival it once it is exact. Set by
+#: trial.
 _RIVAL = 30.0
 
-#: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
+#: Decrease of the logarithm of a hypothesis' prior probability for each of its effects.
 COUNT = 3.0
 
 
-#: The size at which effects are tried together, over the usual one.
+#: Size at which effects are tried together, over the prior scale.
 _FIRST = 1.3
 
-#: How often effects may be grown, alone and in pairs. A bound of the cost.
+#: Most times that effects are grown, alone and in pairs. It limits the cost.
 _GROWTHS = (40, 12)
-#: Share of a limit at which a fit lies on it, as searches end a little before.
+#: Distance from a limit, as a share of it, at which a fit lies on it: searches end a little before.
 _AT = 1e-3
 
 
@@ -81,8 +81,8 @@ _AT = 1e-3
 class Exploration:
     """Fits of hypotheses of one or two causes to a table, and the simulation grown for them.
 
-    ``adequate`` tells whether what a fit leaves may be noise; ``widen`` is a factor on usual sizes,
-    ``workers`` the processes for new films.
+    ``adequate`` checks whether the residuals of a fit may be noise; ``widen``: a factor on prior
+    scales; ``workers``: processes for new films.
     """
 
     simulation: ReadingModel
@@ -95,14 +95,14 @@ class Exploration:
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Fit every cause alone, and every two together that may help."""
+        """Fit every cause alone, and every pair that may help."""
         singles: list[Hypothesis] = [(cause,) for cause in self.causes]
         pairs = hypotheses_of(self.causes)[len(singles) :]
         for single in singles:
             self._fit(single, self._starts(single))
         self._reach()
         self._grow(singles, _GROWTHS[0])
-        # Before pairs, since a second effect may make up for what a force law is off.
+        # Before pairs, since a second effect may compensate the error of a force law.
         self._refine(_BEHIND)
         if not self._explained():
             self._venture(self.ranked()[:_VENTURES])
@@ -124,12 +124,12 @@ class Exploration:
             self._refine(_NEAR)
 
     def ranked(self) -> list[Fit]:
-        """Fits that are possible, and minima, the most probable first."""
+        """List fits that are possible and at a minimum, most probable first."""
         return sorted((fit for fit in self.fits.values() if np.isfinite(fit.evidence)),
                       key=lambda fit: -self._log(fit))
 
     def alone(self, factor: float) -> list[Fit]:
-        """Every effect fitted by itself with usual sizes ``factor`` times as large."""
+        """Fit every effect alone, with prior scales multiplied by ``factor``."""
         again = [fit(self.simulation, before.hypothesis, self.table, before.unknowns,
                      factor * self.widen)
                  for before in self.fits.values() if len(before.hypothesis) == 1]
@@ -140,10 +140,10 @@ class Exploration:
         return min((fit.cost for fit in self.fits.values()), default=np.inf)
 
     def _starts(self, hypothesis: Hypothesis) -> list[Array]:
-        """Starts of a search: without effect, and with each parameter large to either side.
+        """List starts of a search: without effect, and with each parameter large to either side.
 
-        Where a sign changes nothing there is no way from 0; sizes of which the readings are no sum
-        also begin together.
+        Where the sign changes nothing a search cannot leave 0. Parameters that do not act
+        additively are also started together.
         """
         bounds = self.simulation.bounds(hypothesis)
         none = np.zeros(bounds.shape[1])
@@ -168,7 +168,7 @@ class Exploration:
         self.fits[hypothesis] = best_of(fits)
 
     def _join(self, pairs: Sequence[Hypothesis]) -> None:
-        """Fit pairs of which each effect hides or turns what the other does."""
+        """Fit pairs in which each effect hides or changes what the other does."""
         usual = [_usual(self.nominal, pair) for pair in pairs]
         self.simulation = self.simulation.coupled(pairs, usual, self.workers)
         taken, promises = taken_by(self.nominal.free_jacobian), []
@@ -187,12 +187,12 @@ class Exploration:
                 self._fit(pair, [*corners, *([before.unknowns] if before else [])])
 
     def _shown(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
-        """Predicted readings over their noise."""
+        """Predict readings, over their noise."""
         shown = self.simulation.prediction(hypothesis, unknowns, self.table)
         return self.table.noise.whitened(shown.extended)
 
     def _reach(self) -> None:
-        """Force laws of further heaves and voltages, where an effect alone may ask for them."""
+        """Extend force laws to larger deflections and voltages, where one effect may need them."""
         short = [fit.hypothesis for fit in self.fits.values()
                  if not fit.possible and fit.short < self._least + _BEHIND]
         if short:
@@ -204,14 +204,14 @@ class Exploration:
         return any(map(self.adequate, self.ranked()[:_MOST]))
 
     def _contenders(self) -> list[Fit]:
-        """Other effects alone that may come as near the readings as the most probable fit."""
+        """List other single effects that may come as near the readings as the most probable fit."""
         best = self.ranked()[0]
         return [fit for fit in self.ranked()
                 if len(fit.hypothesis) == 1 and fit.hypothesis[0] not in best.hypothesis
                 and fit.chi_squared < best.chi_squared + _RIVAL]
 
     def _venture(self, fits: Sequence[Fit]) -> None:
-        """Look for other minima of effects alone, far beyond those found, and make these exact."""
+        """Search other minima of single effects far beyond those found, and make them exact."""
         for before in fits:
             for number in range(SIZES.start, len(before.unknowns)):
                 side = 1 if before.unknowns[number] > 0 else -1
@@ -228,7 +228,7 @@ class Exploration:
             self._solve_at(before.hypothesis)
 
     def _alone_again(self) -> None:
-        """The members of the best pairs alone, from where the pair has them."""
+        """Fit the members of the best pairs alone, starting at their sizes in the pair."""
         for best in self.ranked()[:_MOST]:
             for cause in best.hypothesis if len(best.hypothesis) > 1 else ():
                 sizes = best.unknowns[sizes_of(best.hypothesis, cause)]
@@ -236,7 +236,7 @@ class Exploration:
                 self._fit((cause.first,), [self.fits[cause.first,].unknowns, start])
 
     def _grow(self, hypotheses: Sequence[Hypothesis], most: int) -> None:
-        """Grow the effects that press against the end of what is sampled, promising ones first."""
+        """Grow the effects stopped at the end of the sampled range, most promising first."""
         ended: set[tuple[Hypothesis, int]] = set()
         for _ in range(most):
             pressing = [(cost, hypothesis, number) for hypothesis in hypotheses
@@ -260,7 +260,7 @@ class Exploration:
             self._fit(hypothesis, [before.unknowns, further])
 
     def _pressing(self, fit: Fit) -> Iterator[tuple[float, int]]:
-        """Sizes at the end of what is sampled, and the cost they promise beyond it."""
+        """Yield sizes at the end of the sampled range, and the costs they promise beyond it."""
         if not fit.possible:
             return
         limits, variance = self.simulation.limits(fit.hypothesis), np.diag(fit.covariance)
@@ -272,7 +272,7 @@ class Exploration:
                     yield fit.cost - _PROMISE * 0.5 * slope**2 * variance[number], number
 
     def _refine(self, near: float) -> None:
-        """Exact films where the most probable fits are, until these stay where they were."""
+        """Make films exact at the most probable fits, until these stay where they were."""
         for _ in range(_ROUNDS):
             before = self.simulation
             for hypothesis in [fitted.hypothesis for fitted in self._near(near)]:
@@ -295,16 +295,16 @@ class Exploration:
         return [fit for fit in ranked[:_MOST] if self._log(fit) > self._log(ranked[0]) - near]
 
     def _log(self, fit: Fit) -> float:
-        """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""
+        """Compute the logarithm of evidence and prior, without the count of such hypotheses."""
         return fit.evidence - COUNT * len(fit.hypothesis)
 
 
 def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float,
                 simulation: ReadingModel, table: ReadingTable) -> list[Array]:
-    """Starts of a fit of two effects: at either alone that the other may help enough.
+    """List starts of a fit of two effects: each single fit that the other may improve enough.
 
-    ``fits`` of both alone; ``least``: the cost that a fit must not be far behind. An effect that is
-    there again begins without size, at a time, or the like, that is usual from the first one's.
+    ``fits``: of both alone; ``least``: the cost that a fit must not be far behind. A repeated
+    effect begins without size, at a time (or similar) one prior scale from that of the first.
     """
     def may_help(member: Fit, columns: Array) -> bool:
         more = beside(taken_by(member.free_jacobian), columns)
@@ -318,7 +318,7 @@ def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float,
     starts, (low, high) = list[Array](), simulation.bounds(first.hypothesis)
     parameters = parameters_of(first.hypothesis)
     apart = np.array([item.spread for item in parameters])
-    # By usual sizes: of a pascal readings tell nothing.
+    # In prior scales: readings say nothing about a single pascal.
     usual = np.array([item.deviation for item in parameters])
     for way in (-1, 1) if first.possible else ():
         unknowns = first.unknowns.copy()
@@ -331,6 +331,6 @@ def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float,
 
 
 def _usual(nominal: Fit, hypothesis: Hypothesis) -> Array:
-    """Unknowns with effects of about their usual sizes."""
+    """Build unknowns with effects of about their prior scales."""
     sizes = [_FIRST * parameter.deviation for parameter in parameters_of(hypothesis)]
     return np.concatenate([nominal.unknowns, sizes])

@@ -1,4 +1,4 @@
-"""Sizes of causes, and of families of them that readings do not tell apart."""
+"""Sizes of causes, and of families of causes that readings do not distinguish."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tympan.studies.effects.findings import FoundSize
 
 def undecided(cause: Cause, read: set[Observable], suspects: Collection[Cause] = ()
               ) -> tuple[Cause, ...]:
-    """Causes of one family that readings do not tell apart; none if they single out this one.
+    """List causes of one family that readings do not distinguish; none if they single one out.
 
     ``read``: the quantities that are read. The cause is among those returned, and the first of its
-    family among ``suspects`` is the first. Where no quantity would tell them apart, it takes two
-    suspects.
+    family among ``suspects`` comes first. Where no quantity would distinguish them, the list needs
+    two suspects.
     """
     family = cause.effect.family
     if family is None or (family.told_by and read.issuperset(family.told_by)):
@@ -35,7 +35,7 @@ def undecided(cause: Cause, read: set[Observable], suspects: Collection[Cause] =
 
 
 def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
-    """The parameters of a cause at a fit with their 95 % limits."""
+    """List the parameters of a cause at a fit with their 95 % limits."""
     first = sizes_of(fit.hypothesis, cause).start
     sizes = {}
     for number, parameter in enumerate(cause.effect.parameters, first):
@@ -45,15 +45,15 @@ def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
 
 
 def has_size(fit: Fit, cause: Cause) -> bool:
-    """Whether a cause at a fit is there at all: the limits of some parameter leave none out."""
+    """Check whether a cause at a fit is present: the limits of some parameter exclude zero."""
     return any(size.clear for size in found_sizes(fit, cause).values())
 
 
 def family_size(model: ReadingModel, fits: Mapping[Cause, Fit]) -> FoundSize:
-    """The measure of a family at fits of some of it, with limits that hold it for all of them.
+    """Measure a family at the fits of some members, with limits that hold for all of them.
 
-    The value is that of the first one: the mean of the specimens that it changes. The limits are
-    those at the 95 % limits of the causes' sizes, and further by what others have that do as much.
+    The value is that of the first member: the mean over the specimens that it changes. The limits
+    span those at the 95 % limits of the members' sizes, widened to include equivalent members.
     """
     sizes = [_size(model, fitted, cause) for cause, fitted in fits.items()]
     return replace(sizes[0], low=min(size.low for size in sizes),
@@ -62,11 +62,11 @@ def family_size(model: ReadingModel, fits: Mapping[Cause, Fit]) -> FoundSize:
 
 def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
                      ) -> dict[float, tuple[float, float]]:
-    """Limits of the mass [kg] of one of two loads by itself that does as much, by its label [kg].
+    """Find the limits of the mass [kg] that one of two loads would need instead, by label [kg].
 
     Where deflections under two loads were read, with stiffness and permittivity fitted, only the
-    ratio of the loads tells: that one label is wrong does the same as a mass on every load. Empty
-    with more loads, readings of other kinds, springs, mechanisms or gas: those tell the two apart.
+    ratio of the loads matters: one wrong label has the same effect as a mass on every load. Empty
+    with more loads, readings of other kinds, springs, mechanisms or gas: these distinguish the two.
     """
     labels = np.unique(table.states.mass).tolist()
     alone = not (rig.spring or rig.biases or rig.plate_pressure)
@@ -87,7 +87,7 @@ def _size(model: ReadingModel, fitted: Fit, cause: Cause) -> FoundSize:
     family = cause.effect.family
     assert family is not None
     place = sizes_of(fitted.hypothesis, cause)
-    # What the cause changes of films with the factors that all have: these are none of its doing.
+    # Changes by the cause in films whose common factors are 1: the factors are not its effect.
     neutral = fitted.unknowns.copy()
     neutral[place] = 0.0
     without = model.extended(fitted.hypothesis, neutral)

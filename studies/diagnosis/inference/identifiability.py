@@ -1,4 +1,4 @@
-"""Detectable effects before readings are made: which are seen and told apart."""
+"""Detectable effects before readings are made: which ones are seen and distinguished."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Knowable
 from tympan.studies.effects import EffectParameter
 
-#: What causes do to readings over noise that stiffness and permittivity do not take up: columns of
-#: their parameters at a typical size, shape (rows, parameters).
+#: Changes of readings by causes, over noise, that stiffness and permittivity do not absorb: columns
+#: of their parameters at a typical size, shape (rows, parameters).
 Signatures = dict[Cause, Array]
 
-#: Distance in χ² from which an effect is seen in 95 % of all cases among many effects.
+#: Distance in χ² from which an effect among many is seen in 95 % of all cases.
 SEEN = 25.0
-#: Distance in χ² from which two effects are told apart at odds of a hundred to one, 2 ln 100.
+#: Distance in χ² from which two effects are distinguished at odds of a hundred to one, 2 ln 100.
 TOLD = 9.2
-#: Distance in χ² below which nothing tells them apart.
+#: Distance in χ² below which two effects are indistinguishable.
 SAME = 0.5
 
 #: The size at which effects are compared, in standard deviations of their priors.
 TYPICAL = 2.0
-#: As small as sizes are tried, in standard deviations: what they do is then lost in rounding.
+#: Smallest size that is tried, in standard deviations: changes are then lost in rounding.
 _LEAST = 1e-6
 
 
 def signatures(simulation: ReadingModel, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
-    """The signatures of causes about a nominal fit, each at its typical size."""
+    """Compute the signatures of causes about a nominal fit, each at its typical size."""
     low, high = simulation.bounds(())
     jacobian = simulation.prediction((), unknowns, table).jacobian[:, (low < unknowns)
                                                                    & (unknowns < high)]
@@ -47,10 +47,10 @@ def signatures(simulation: ReadingModel, table: ReadingTable, unknowns: Array,
 
 def _shown(simulation: ReadingModel, cause: Cause, index: int, unknowns: Array,
            table: ReadingTable, typical: float = TYPICAL) -> Array:
-    """Residuals of the nominal model fitted to readings with one parameter at its typical size.
+    """Compute residuals of the nominal model for readings with one parameter at its typical size.
 
-    At a smaller size, in proportion, where the typical one has no equilibria; nothing of a film
-    that has none itself.
+    A smaller size, scaled up in proportion, is used where the typical one has no equilibria; the
+    result is zero for a film without an equilibrium.
     """
     bounds = simulation.bounds((cause,))
     share = typical
@@ -69,9 +69,9 @@ def _shown(simulation: ReadingModel, cause: Cause, index: int, unknowns: Array,
 
 def shows_when_large(simulation: ReadingModel, cause: Cause, nominal: Fit,
                      table: ReadingTable) -> bool:
-    """Whether an effect that nobody sees at its typical size is seen at ten times that.
+    """Check whether an effect that is not seen at its typical size is seen at ten times that.
 
-    With either sign: about its limit an effect may hide on one side alone.
+    Either sign counts: near its limit an effect may be hidden on one side only.
     """
     return any(float(np.sum(_shown(simulation, cause, index, nominal.unknowns, table, typical)
                             ** 2)) >= SAME
@@ -80,20 +80,20 @@ def shows_when_large(simulation: ReadingModel, cause: Cause, nominal: Fit,
 
 
 def visibility(signature: Array) -> float:
-    """χ² of the typical size, of the parameter that shows most."""
+    """Compute χ² of the typical size of the parameter that shows most."""
     return float((signature**2).sum(0).max())
 
 
 def distance(signature: Array, other: Array) -> float:
-    """χ² that remains of the first's typical readings when the other may explain them."""
+    """Compute χ² of the first's typical readings that the other cannot explain."""
     column = signature[:, np.argmax((signature**2).sum(0))]
     return float(np.sum(without(orthonormal(other), column[:, None]) ** 2))
 
 
 def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
-    """Causes nobody can see at the typical size, and classes that nobody can tell apart.
+    """Separate causes that are not seen at the typical size; group indistinguishable ones.
 
-    Stiffness and permittivity take up the first; members of a class make the same readings.
+    Stiffness and permittivity absorb the first; members of a class give the same readings.
     """
     invisible = tuple(cause for cause in signs if visibility(signs[cause]) < SAME)
     classes: list[list[Cause]] = []
@@ -112,7 +112,7 @@ def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause,
 
 
 def detectable_effects(signs: Signatures) -> list[Knowable]:
-    """Sizes that each effect must reach to be detected, whatever the readings will be."""
+    """List the sizes that each effect must reach to be detected, whatever the readings will be."""
     invisible, classes = classes_of(signs)
     alike = {cause: group for group in classes for cause in group}
     effects = []
@@ -133,7 +133,7 @@ def detectable_effects(signs: Signatures) -> list[Knowable]:
 
 
 def _reached(parameter: EffectParameter, needed: float, have: float) -> float | None:
-    """The value at which χ² is what is needed, of what it is at the typical size."""
+    """Find the value at which χ² is as needed, from the χ² that it has at the typical size."""
     power = 0.25 if parameter.sign == "even" else 0.5
     typical = TYPICAL * parameter.deviation
     size = typical * (needed / have) ** power if have > 1e-9 else np.inf

@@ -1,10 +1,10 @@
-"""Terms of the noise as readings show them: which are off by themselves, what errors remember.
+"""Terms of the noise that readings show: outliers, and correlated errors.
 
-Beside what a model misses, a reading may be off by itself, as a slip of the pen is, and an error
-may remember the one before. Each is weighed as any cause is: by how probable it makes what several
-models miss. Rivals of such noise are misfits of no cause: smooth in voltage, mass and specimen, or
-with a jump. Noise that is less probable than a rival is not taken for noise. Mixtures of good and
-bad readings: Hogg, Bovy, Lang, arXiv:1008.4686 (2010).
+Besides the misfit of a model, a reading may be an outlier, such as a transcription error, and an
+error may be correlated with the one before. Each is weighed as any cause is: by how probable it
+makes the residuals of several models. Its rivals are misfits of no cause: smooth in voltage, mass
+and specimen, or with a jump. Noise that is less probable than a rival is not taken as noise.
+Mixtures of good and bad readings: Hogg, Bovy, Lang, arXiv:1008.4686 (2010).
 """
 
 from __future__ import annotations
@@ -22,49 +22,50 @@ from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, wit
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise, NoiseMemory, NoiseTerm, Off
 
-#: Share of readings that are off by themselves, beforehand: careful hands write one in a hundred.
+#: Prior share of outliers: a careful person writes one wrong reading in a hundred.
 SLIPS = 0.01
-#: Logarithm of the largest such error over the least, of which all magnitudes are as probable.
+#: Log ratio of the largest to the least outlier; magnitudes between have a log-uniform prior.
 _MAGNITUDES = float(np.log(1e3))
-#: Largest share of readings that may be off: with more, the others do not determine the curve.
+#: Largest share of outliers: with more, the other readings do not determine the curve.
 _MOST = 0.2
-#: Most readings that are tried as off, those that are missed most. A bound of the cost.
+#: Most readings that are tried as outliers, those with the largest residuals. It limits the cost.
 _CANDIDATES = 200
-#: Readings taken without gain after which no more are tried: two may hide each other.
+#: Readings tried without gain after which the search ends: two may hide each other.
 _PATIENT = 4
 
-#: Correlations of the errors of neighbouring readings that are tried.
+#: Trial values of the correlation of neighbouring errors.
 CORRELATIONS = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-#: Shares of the variance that remember which are tried.
+#: Trial values of the share of the variance that is correlated.
 SHARES = (1.0, 0.5)
 
-#: Largest ratio of errors that remember to the stated noise: people state by how much the next
-#: reading differs, which for a correlation of 0.9 is half of the whole error.
+#: Largest ratio of correlated errors to the stated noise: people state by how much the next reading
+#: differs, which for a correlation of 0.9 is half of the whole error.
 LOUDER = 2.0
 
-#: Largest ratio of errors that remember to the scatter of neighbours, where no noise is stated. A
-#: sensor may wander by more between successive ramps than from reading to reading, but its owner
-#: knows.
+#: Largest ratio of correlated errors to the scatter of neighbours, where no noise is stated. A
+#: sensor may drift by more between successive ramps than from reading to reading, but then its
+#: owner knows.
 WANDERS = 3.0
 
-#: Fewest readings before and after a jump: fewer are off by themselves, as slips of the pen are.
+#: Fewest readings before and after a jump: fewer are outliers, such as transcription errors.
 _FEW = 4
 
-#: Sizes of misfits that are tried: the root of all their squares, over the noise.
+#: Trial sizes of misfits: root of the sum of squares, over the noise.
 _SMOOTH = np.geomspace(1.0, 1e4, 9)
 
-#: Models for which readings are taken away, those that are missed least. A bound of the cost.
+#: Number of models, those with the smallest misfit, for which readings are removed. It limits the
+#: cost.
 _MODELS = 8
 
-#: Logarithm of how much more probable readings must be for another noise than is stated: 20 to 1.
+#: Log ratio of probabilities from which another noise than the stated one is taken: 20 to 1.
 _BETTER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Missed:
-    """Residuals of a model, (n,), and what its unknowns could change, (n, p).
+    """Residuals of a model, (n,), and their changes by its unknowns, (n, p).
 
-    Both in the readings' units.
+    Both are in the readings' units.
     """
 
     residual: Array
@@ -78,7 +79,7 @@ class Smooth:
     columns: Array
 
     def value(self, model: Missed, noise: Noise, stated: float) -> float:
-        """Logarithm of how probable what is missed is with such a misfit, as an error in common."""
+        """Compute the log probability of the residuals with such a misfit as a common error."""
         basis = orthonormal(noise.whitened(model.jacobian))
         columns = without(basis, noise.whitened(self.columns))
         rest = without(basis, noise.whitened(model.residual))
@@ -90,15 +91,15 @@ class Smooth:
 
 @dataclass(frozen=True, eq=False)
 class Jump:
-    """Misfit that is one of some ``columns``, (n, columns), of any size, whichever it is.
+    """Misfit that is any one of some ``columns``, (n, columns), of any size.
 
-    Of a few readings it is none: these are off by themselves.
+    A shift of only a few readings is no jump: those are outliers.
     """
 
     columns: Array
 
     def value(self, model: Missed, noise: Noise, stated: float) -> float:
-        """Logarithm of how probable what is missed is with such a misfit."""
+        """Compute the log probability of the residuals with such a misfit."""
         jumps = noise.whitened(self.columns)
         rows = np.count_nonzero(jumps, axis=0)
         jumps = jumps[:, (rows >= _FEW) & (rows <= len(jumps) - _FEW)]
@@ -114,7 +115,7 @@ class Jump:
 
 
 def same_terms(terms: Sequence[NoiseTerm], others: Sequence[NoiseTerm]) -> bool:
-    """Whether the same readings are off, and errors remember as much."""
+    """Check whether both have the same outliers and the same correlation of errors."""
     return list(map(_meaning, terms)) == list(map(_meaning, others))
 
 
@@ -125,25 +126,25 @@ def _meaning(term: NoiseTerm) -> tuple[object, ...]:
 
 
 def remembers(terms: Sequence[NoiseTerm]) -> bool:
-    """Whether some errors remember those before."""
+    """Check whether some errors are correlated with those before."""
     return any(isinstance(term, NoiseMemory) for term in terms)
 
 
 def noise_terms(noise: Noise, models: Sequence[Missed],
                 rivals: Callable[[], Iterable[Smooth | Jump]] = tuple,
                 chain: NoiseMemory | None = None, most: float = np.inf) -> tuple[NoiseTerm, ...]:
-    """Terms that make the residuals of some models most probable; none if ``noise`` is enough.
+    """Find the terms that make the residuals of models most probable; none if ``noise`` is enough.
 
     Parameters
     ----------
     models
-        The nominal one first.
+        Models whose residuals are used, the nominal one first.
     rivals
         Misfits of the nominal model that are no noise.
     chain
-        Readings whose errors may remember, a step of the clock apart.
+        Readings whose errors may be correlated, with a step of the clock between neighbours.
     most
-        Largest ratio of errors that remember to those of neighbours apart, where no noise is known
+        Largest ratio of correlated errors to the scatter of neighbours, where no noise is known
         beforehand.
     """
     stated = float(noise.freedom.sum())
@@ -158,7 +159,7 @@ def noise_terms(noise: Noise, models: Sequence[Missed],
         trial = noise
         if chain is not None and correlation:
             trial = noise.plus(chain.of(correlation, share))
-        # Errors that remember must do better than readings that are off do alone.
+        # Correlated errors must be more probable than outliers alone.
         volume = trial.log_volume + (_BETTER if correlation else 0.0)
         white = [(trial.whitened(model.residual), trial.whitened(model.jacobian))
                  for model in models]
@@ -180,7 +181,7 @@ def noise_terms(noise: Noise, models: Sequence[Missed],
                 alone = max(alone, reached, key=attrgetter("value"))
     value = best.value + (_BETTER if remembers(best.terms) else 0.0)
     if value < plain.max() + _BETTER:
-        # An effect must be as much more probable than errors that remember, beside fewer effects.
+        # An effect must beat correlated errors by as much, with fewer effects present.
         best, value = alone, alone.value + _BETTER
         if value < plain.max() - _BETTER:
             return ()
@@ -191,28 +192,28 @@ def noise_terms(noise: Noise, models: Sequence[Missed],
 
 @dataclass(frozen=True)
 class _Trial:
-    """Terms that are tried, and the logarithm of how probable they make what is missed."""
+    """Terms that are tried, and the log probability of the residuals with them."""
 
     value: float = -np.inf
     terms: tuple[NoiseTerm, ...] = ()
 
 
 def _over_neighbours(correlation: float, share: float) -> float:
-    """Errors of readings over those by which neighbours are apart, over √2."""
+    """Compute the ratio of errors to the difference of neighbours over √2."""
     return float((1 - share * correlation) ** -0.5)
 
 
 def probability_off(size: Array) -> Array:
-    """Probability that readings are off by themselves, by what is missed over the noise."""
+    """Compute the probability that readings are outliers, from residuals over noise."""
     odds = np.log(SLIPS / (1 - SLIPS)) + _slip_density(size) + 0.5 * size**2
     return np.asarray(expit(odds))
 
 
 def chain_of(table: ReadingTable) -> NoiseMemory:
-    """Readings of lengths at rest as they were made, a step of the clock from one to the next.
+    """Chain static readings of lengths in the order they were made, with their clock steps.
 
-    By the order that is written, else by the lines of each ramp; by the clock where that runs
-    along.
+    The order is the written one, else that of the lines of each ramp; steps are those of the clock
+    where it follows that order.
     """
     resting = table.lengths & (table.point < 0) & ~np.isin(table.state, table.states.in_time)
     rows = np.flatnonzero(resting)
@@ -229,16 +230,16 @@ def chain_of(table: ReadingTable) -> NoiseMemory:
 
 
 def _rest(residual: Array, jacobian: Array) -> tuple[float, int]:
-    """Squares that are left beside unknowns, and how many of these readings determine."""
+    """Compute the squares left after fitting unknowns, and the number of unknowns determined."""
     basis = orthonormal(jacobian)
     rest = without(basis, residual)
     return float(rest @ rest), basis.shape[1]
 
 
 def _value(squares: float, unknowns: int, count: int, stated: float) -> float:
-    """Logarithm of how probable so many good readings are, whatever a factor on their noise is.
+    """Compute the log probability of ``count`` good readings, marginal over a factor on the noise.
 
-    Schwarz' penalty for each unknown; the constants of a normal distribution are left out.
+    It contains Schwarz's penalty for each unknown, and no constants of a normal distribution.
     """
     freedom = count + stated
     return (-0.5 * freedom * float(np.log(max(squares + stated, 1e-12) / freedom))
@@ -246,24 +247,24 @@ def _value(squares: float, unknowns: int, count: int, stated: float) -> float:
 
 
 def _slip(size: float) -> float:
-    """Logarithm of how probable a reading is that is off, by its size over the noise.
+    """Compute the log probability of an outlier by its size over the noise.
 
-    Over that of the constants left out of a good one's.
+    It is relative to the constants left out for a good reading.
     """
     return float(np.log(SLIPS) + _slip_density(np.array(size)) + 0.5)
 
 
 def _slip_density(size: Array) -> Array:
-    """Logarithm of the density of slips by their size, over that of noise at 0."""
+    """Compute the log density of outliers by their size, over that of noise at 0."""
     return np.asarray(0.5 * np.log(2 * np.pi)
                       - np.log(2 * _MAGNITUDES * np.maximum(np.abs(size), 1.0)))
 
 
 def _readings_off(residual: Array, jacobian: Array, noise: Noise, stated: float
                   ) -> tuple[Off, float, float]:
-    """Errors of single readings, and how probable these make all readings.
+    """Find outliers and the log probability of all readings with them.
 
-    And the size of the others' errors over the noise.
+    Return also the size of the other errors over the noise.
     """
     count = len(residual)
     basis = orthonormal(jacobian)
@@ -292,7 +293,7 @@ def _readings_off(residual: Array, jacobian: Array, noise: Noise, stated: float
 
 
 def _largest(rest: Array, columns: Array) -> Iterator[tuple[int, float, float]]:
-    """Columns that take most of what is left away, one by one: number, squares left, size."""
+    """Yield the columns that reduce the residuals most, in turn: number, squares left, size."""
     for _ in range(columns.shape[1]):
         lengths = np.sum(columns**2, axis=0)
         parts = columns.T @ rest
@@ -308,10 +309,10 @@ def _largest(rest: Array, columns: Array) -> Iterator[tuple[int, float, float]]:
 
 def _of_any_size(parts: Array, sizes: Array, squares: float, unknowns: int, count: int,
                  stated: float) -> float:
-    """Probability of ``squares`` with a misfit of any size beside unknowns.
+    """Compute the log probability of ``squares`` with a misfit of any size besides unknowns.
 
-    ``parts`` of the squares are along its directions, ``sizes`` those of its directions, over the
-    largest.
+    ``parts``: squares along the directions of the misfit; ``sizes``: sizes of these directions,
+    over the largest.
     """
     values = []
     for size in _SMOOTH.tolist():

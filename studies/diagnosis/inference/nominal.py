@@ -1,4 +1,4 @@
-"""Residuals of the nominal model, and the noise of readings as these show it."""
+"""Residuals of the nominal model, and the noise of readings that they show."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, 
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import STATED, Noise, NoiseTerm
 
-#: How often force laws are made to reach further for the nominal fit.
+#: Most times that force laws are extended for the nominal fit.
 _REACHES = 3
 
-#: Smallest factor by which the noise of a channel is taken below the assumed one.
+#: Least factor on the assumed noise of a channel.
 _QUIETEST = 0.05
 
 #: Confidence with which a channel's scatter excludes a larger noise.
 _EXCLUDES = 0.9
 
-#: Smallest share of the readings of a channel that all patterns together may leave for its noise.
+#: Least share of a channel's readings that all patterns together must leave to determine its noise.
 _SHARE = 0.5
 
-#: Readings of a channel from which single ones that are off hardly move its noise.
+#: Readings of a channel from which single outliers hardly change its noise.
 _SINGLE = 200
 
 #: Ratio of a channel's scatter about smooth curves to its stated noise from which the stated noise
-#: is wrong: people state it too small by a factor of two, hardly by more.
+#: is wrong: people understate it by a factor of two, hardly by more.
 UNLIKE = 3.0
 #: Fewest degrees of freedom of such a scatter.
 _KNOWN = 5.0
@@ -59,10 +59,10 @@ TOO_FEW = "there are too few readings to tell a misfit from noise"
 class NominalMisfit:
     """The fit of the nominal model to a table's readings.
 
-    ``causes``: effects that may be wrong; ``patterns``: what its misfit may be a combination of, in
+    ``causes``: effects that may be wrong; ``patterns``: columns that its misfit may combine, in
     units of the readings, by name; ``stated``: the noise without ``terms``, those that the readings
-    show; ``scatter``: scatter about smooth curves over the stated noise of the channels, by kind,
-    of which both are known.
+    show; ``scatter``: scatter about smooth curves over the stated noise, by kind of channel, where
+    both are known.
     """
 
     simulation: ReadingModel
@@ -79,8 +79,8 @@ class NominalMisfit:
            workers: int = 1, terms: Sequence[NoiseTerm] | None = None) -> NominalMisfit:
         """Fit a simulation, extended as far as the fit needs.
 
-        ``terms`` of the noise, by default those that the misfit shows.
-        Raises ArithmeticError where there is no equilibrium at the readings' states.
+        ``terms`` of the noise are by default those that the misfit shows.
+        Raise ArithmeticError where there is no equilibrium at the readings' states.
         """
         nominal = nominal_fit(simulation, table)
         for _ in range(_REACHES):
@@ -98,7 +98,7 @@ class NominalMisfit:
         misfit = (misfit.with_terms(misfit.shown_terms()) if terms is None
                   else misfit._fitted_with(terms))
         if table.noise.common and not table.lengths.any():
-            # Errors that last along strips are separated from noise once its size is known.
+            # Errors correlated along strips are separated from noise once its size is known.
             misfit = misfit.louder(misfit.tests.noise(misfit.fit.residual))
         return misfit
 
@@ -114,7 +114,7 @@ class NominalMisfit:
 
     @property
     def indistinguishable(self) -> tuple[tuple[Cause, ...], ...]:
-        """Classes of causes that these readings cannot tell apart."""
+        """Classes of causes that these readings cannot distinguish."""
         return self._classes[1]
 
     @cached_property
@@ -123,16 +123,16 @@ class NominalMisfit:
 
     @property
     def rough(self) -> dict[str, float]:
-        """Scatter of the channels whose stated noise is too small to be theirs."""
+        """Scatter of the channels whose stated noise is too small."""
         return {kind: scatter for kind, scatter in self.scatter.items() if scatter > UNLIKE}
 
     @property
     def quiet(self) -> dict[str, float]:
-        """Scatter of the channels whose stated noise is too large to be theirs."""
+        """Scatter of the channels whose stated noise is too large."""
         return {kind: scatter for kind, scatter in self.scatter.items() if scatter < 1 / UNLIKE}
 
     def part(self, rows: Mask, simulation: ReadingModel) -> NominalMisfit:
-        """The same of some readings, which a simulation shows."""
+        """Restrict the misfit to some readings, which a simulation predicts."""
         patterns = {name: values[rows] for name, values in self.patterns.items()
                     if values[rows].any()}
         return replace(self, simulation=simulation, table=self.table[rows].compact(),
@@ -140,7 +140,7 @@ class NominalMisfit:
 
     @property
     def of_unknown_noise(self) -> NominalMisfit:
-        """The same as if nothing were known of the noise beforehand."""
+        """The misfit as if no noise were stated."""
         def unknown(noise: Noise) -> Noise:
             return replace(noise, freedom=0 * noise.freedom)
 
@@ -148,15 +148,15 @@ class NominalMisfit:
                        table=self.table.with_noise(unknown(self.table.noise)))
 
     def louder(self, factor: float) -> NominalMisfit:
-        """All of it with a factor on the noise of each reading by itself."""
+        """Multiply the independent noise of each reading by a factor throughout."""
         table = self.table.with_noise(self.table.noise.times(factor))
         nominal = fit(self.simulation, (), table, self.fit.unknowns)
         return replace(self, table=table, fit=nominal)
 
     def shown_terms(self, remembers: bool = False, most: float = WANDERS) -> tuple[NoiseTerm, ...]:
-        """Terms of the noise that readings show beside the model and each cause.
+        """Find the noise terms that readings show besides the model and each cause.
 
-        ``remembers``: errors may remember those before; ``most`` as :func:`noise_terms` has it.
+        ``remembers``: whether errors may be correlated; ``most``: see :func:`noise_terms`.
         """
         nominal, colour = self.missed_by(self.fit), self.table.noise.coloured
         beside = [replace(nominal, jacobian=np.hstack([nominal.jacobian, colour(values)]))
@@ -165,19 +165,19 @@ class NominalMisfit:
 
     def terms_by(self, models: Sequence[Missed], remembers: bool, most: float = WANDERS
                  ) -> tuple[NoiseTerm, ...]:
-        """Terms of the noise by the residuals of models."""
+        """Find the noise terms from the residuals of models."""
         chain = chain_of(self.table) if remembers else None
         return noise_terms(self.stated, models, self._rivals, chain, most)
 
     def as_a_sensor_that_wanders(self) -> NominalMisfit:
-        """The same with noise as if all that is missed were errors that remember."""
+        """Change the noise as if the whole misfit were correlated errors."""
         missed = [self.missed_by(self.fit)]
         return self.with_terms(noise_terms(self.stated, missed, chain=chain_of(self.table)))
 
     def _rivals(self) -> Iterator[Smooth | Jump]:
-        """Misfits that are no noise: jumps, patterns, and smooth processes.
+        """Yield misfits that are no noise: jumps, patterns, and smooth processes.
 
-        That each run is off in its own way is none of them: noise does that, too.
+        A separate deviation of each run is not among them: noise makes that, too.
         """
         for name in JUMPS:
             if name in self.patterns:
@@ -188,12 +188,12 @@ class NominalMisfit:
         yield from map(Smooth, smooth_columns(self.table))
 
     def missed_by(self, fit: Fit) -> Missed:
-        """Residuals of a fit to the table."""
+        """Compute the residuals of a fit to the table."""
         colour = self.table.noise.coloured
         return Missed(colour(fit.residual), colour(fit.free_jacobian))
 
     def with_terms(self, terms: Sequence[NoiseTerm]) -> NominalMisfit:
-        """The misfit fitted again with these terms of the noise; the same object if it has them."""
+        """Fit the misfit again with these noise terms; the same object if it has them already."""
         return self if same_terms(terms, self.terms) else self._fitted_with(terms)
 
     def _fitted_with(self, terms: Sequence[NoiseTerm]) -> NominalMisfit:
@@ -210,17 +210,16 @@ class NominalMisfit:
 
     @cached_property
     def tests(self) -> ResidualTests:
-        """Tests of what is missed against all that is shown."""
+        """Tests of the residuals against all these columns."""
         return ResidualTests.of(self.fit.free_jacobian, self.shown,
                                 float(self.table.noise.freedom.sum()), one_sided(self.causes))
 
     def _with_noise_of_channels(self) -> NominalMisfit:
-        """Misfit with the noise of each channel by its scatter, since files state it or do not.
+        """Set the noise of each channel from its scatter, whether files state the noise or not.
 
-        The scatter is that about all that is shown. A channel with too few readings for that is
-        taken about its own smooth misfit: what is missed by much is not noise, nor is a reading
-        that is off by itself. A noise that is given beside readings has its say, unless readings
-        scatter by far more.
+        The scatter is that about all columns that may be shown. A channel with too few readings for
+        that uses its own smooth misfits: neither a large misfit nor an outlier is noise. A noise
+        that is given beside the readings counts too, unless the readings scatter far more.
         """
         factor, table, found = np.ones(len(self.table)), self.table, dict[str, float]()
         shown = self.shown
@@ -237,10 +236,10 @@ class NominalMisfit:
                 tests = ResidualTests.of(jacobian, few | single, stated)
             if tests.freedom <= 0:
                 continue
-            # Where lengths are all there is, the tests of all readings find their noise.
+            # With lengths alone, the tests of all readings find their noise.
             if not table.lengths.all():
                 factor[rows] = _factor(tests.noise(residual), tests.freedom + stated)
-            # Of a film's places a misfit has a shape that no smooth curve here follows.
+            # At places of a film, a misfit has a shape that no smooth curve here follows.
             placed = table.point[rows[0]] >= 0
             if stated and tests.freedom >= _KNOWN and not placed:
                 found[kind] = replace(tests, stated=0.0).noise(residual)
@@ -254,7 +253,7 @@ class NominalMisfit:
 
     def _channel(self, kind: str, rows: Numbers, shown: Mapping[str, Array]
                  ) -> tuple[Numbers, list[str], float]:
-        """Rows of a channel that determine its noise, its smooth misfits, and its stated freedom.
+        """Find a channel's rows that determine its noise, its smooth misfits, its stated freedom.
 
         There are no misfits where the scatter does not determine the noise.
         """
@@ -268,14 +267,14 @@ class NominalMisfit:
 
 
 def one_sided(causes: Iterable[Cause]) -> frozenset[str]:
-    """Names of the causes whose size has one sign alone."""
+    """List the names of the causes whose size has only one sign."""
     return frozenset(str(cause) for cause in causes
                      if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
 
 
 def with_noise_found(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause]
                      ) -> ReadingTable:
-    """A table with the noise that the nominal model's misfit shows."""
+    """Add the noise that the nominal model's misfit shows to a table."""
     misfit = NominalMisfit.of(simulation, table, causes)
     tests = misfit.tests
     if not tests.freedom + tests.stated:
@@ -285,7 +284,7 @@ def with_noise_found(simulation: ReadingModel, table: ReadingTable, causes: Sequ
 
 
 def _patterns(simulation: ReadingModel, table: ReadingTable, nominal: Fit) -> dict[str, Array]:
-    """Patterns that a misfit may be a combination of, in units of the readings."""
+    """Build patterns that a misfit may combine, in units of the readings."""
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()
     for kind in simulation.evidence:
@@ -297,10 +296,10 @@ def _patterns(simulation: ReadingModel, table: ReadingTable, nominal: Fit) -> di
 
 
 def _factor(scatter: float, freedom: float) -> float:
-    """Factor on a channel's noise by its scatter.
+    """Compute the factor on a channel's noise from its scatter.
 
-    Less than 1 only as far as the scatter excludes more: of a few degrees of freedom it is small by
-    chance.
+    It is below 1 only as far as the scatter excludes more noise: with a few degrees of freedom the
+    scatter may be small by chance.
     """
     most = scatter * float((freedom / chdtri(freedom, _EXCLUDES)) ** 0.5)
     return max(min(most, max(scatter, 1.0)), _QUIETEST)

@@ -1,4 +1,4 @@
-"""Shares of the nominal model's misfit that patterns take away: where the misfit is."""
+"""Shares of the nominal model's misfit that patterns explain: where the misfit is."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from tympan.studies.diagnosis.inference.projection import beside, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
 
-#: Factors on what vague patterns take away, so that more specific ones are reported instead.
+#: Factors on the χ² of vague patterns, so that more specific ones are reported instead.
 _VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9, "coupon_level": 0.5, "coupon_stretch": 0.9}
-#: Factors on what the best of many columns takes away: it fits a little of anything.
+#: Factors on the χ² of the best of many columns: it fits a little of anything.
 _BEST_OF_MANY = {"step": 0.8, "stick": 0.8}
 
 #: χ² from which a second pattern is reported. Set by trial.
 _CLEAR = 30.0
-#: Factor by which a specimen or run that is off itself takes away more than any other.
+#: Factor by which a specimen or run that deviates alone must explain more than any other.
 _ALONE = 2.0
 
 
 def largest_patterns(judged: Judgement) -> tuple[list[str], dict[str, float]]:
-    """The pattern that takes most of the misfit, and one more; and what all take at first.
+    """Find the pattern that explains most of the misfit, and one more; and the shares of all.
 
-    The second takes most beside all of the first one's kind. Each is counted by what it takes that
-    the refitted stiffness and permittivity leave; so a specimen is not blamed for what these have
-    moved.
+    The second one explains most besides all patterns of the first one's kind. A pattern is counted
+    by what it explains beyond the refitted stiffness and permittivity, so a specimen is not blamed
+    for a change of these factors.
     """
     columns = pattern_columns(judged)
     taken, largest = taken_by(judged.nominal.free_jacobian), list[str]()
@@ -48,14 +48,14 @@ def largest_patterns(judged: Judgement) -> tuple[list[str], dict[str, float]]:
 
 
 def shares_of(judged: Judgement, taken: Array, columns: Mapping[str, Array]) -> dict[str, float]:
-    """χ² that patterns take away, vague ones and the best of many columns less."""
+    """Compute χ² that patterns explain, reduced for vague ones and for the best of many."""
     weights = _VAGUE | _BEST_OF_MANY
     return {name: _taken(judged.nominal, taken, values) * weights.get(name.split()[0], 1.0)
             for name, values in columns.items()}
 
 
 def pattern_columns(judged: Judgement) -> dict[str, Array]:
-    """Columns of patterns over the noise; of jumps the best one.
+    """Build columns of patterns over the noise; of jumps only the best one.
 
     Jumps are left out where another pattern is less probable by noise alone.
     """
@@ -73,12 +73,12 @@ def pattern_columns(judged: Judgement) -> dict[str, Array]:
 
 
 def alone(best: str, shares: Mapping[str, float], rivals: Iterable[str] = ()) -> bool:
-    """Whether no other specimen, or none of some rivals, takes nearly as much."""
+    """Check that no other specimen, or none of some rivals, explains nearly as much."""
     among = rivals or [name for name in shares if name.startswith("specimen ")]
     return shares[best] >= _ALONE * max([*(shares[name] for name in among if name != best), 0.0])
 
 
 def _taken(nominal: Fit, taken: Array, columns: Array) -> float:
-    """χ² that columns take away beside what is taken already, beyond their number."""
+    """Compute χ² that columns explain besides those taken already, beyond their number."""
     basis = beside(taken, columns)
     return float(np.sum((basis.T @ nominal.residual) ** 2) - basis.shape[1])

@@ -1,4 +1,4 @@
-"""Hypotheses weighed: their probabilities given the readings, by evidence and prior."""
+"""Probabilities of hypotheses given the readings, by evidence and prior."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.inference.projection import orthonormal, taken_by, without
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS
 
-#: Probability before any data that nothing is wrong: as probable as that something is.
+#: Prior probability that nothing is wrong: equal to that of something being wrong.
 NOTHING = 0.5
-#: Probability that it is one effect of the library. Effects share it equally, an effect on one
-#: specimen among these.
+#: Prior probability of one effect of the library. Effects share it equally; an effect on each
+#: specimen shares that of its effect.
 SINGLE = 0.3
-#: Probability that it is two of them, shared equally.
+#: Prior probability of two of them, shared equally by pairs.
 PAIR = 0.1
-#: Probability that it is none of them.
+#: Prior probability of none of them.
 DISCREPANCY = 0.1
 
-#: Sizes a discrepancy may have over the noise, each as probable as the other.
+#: Sizes of a discrepancy over the noise, all with the same prior probability.
 _SIZES = np.geomspace(0.3, 100.0, 12)
 
 
@@ -34,8 +34,8 @@ _SIZES = np.geomspace(0.3, 100.0, 12)
 class Posterior:
     """Probabilities given the readings, which add up to 1.
 
-    ``fits`` are the hypotheses with an effect, the most probable first, ``probabilities`` theirs;
-    ``nothing`` that of the nominal model; ``discrepancy`` that of something else beside them.
+    ``fits``: the hypotheses with an effect, most probable first; ``probabilities``: theirs;
+    ``nothing``: that of the nominal model; ``discrepancy``: that of something else besides.
     """
 
     fits: tuple[Fit, ...]
@@ -46,11 +46,11 @@ class Posterior:
     @classmethod
     def of(cls, nominal: Fit, fits: Sequence[Fit], log_odds: Mapping[Hypothesis, float],
            among: Sequence[Hypothesis]) -> Posterior:
-        """Weigh fits by evidence and by prior, that of all hypotheses ``among`` which they are.
+        """Weigh fits by their evidence, and by their prior ``among`` all hypotheses.
 
-        ``log_odds``: of some hypotheses, the logarithm of the odds that there is a discrepancy
-        beside them, by what they leave (:func:`odds_of_more`); of others those are taken to be as
-        before any data. Without any fits, of the nominal one.
+        ``log_odds``: for some hypotheses the logarithm of the odds that there is also a
+        discrepancy, from their residuals (:func:`odds_of_more`); for others these odds keep their
+        prior value. Without any fits they are those of the nominal model.
         """
         logs = np.array([fit.evidence for fit in fits])
         shares = priors(among)
@@ -71,19 +71,20 @@ class Posterior:
         return 1 - self.nothing
 
     def of_causes(self) -> dict[Cause, float]:
-        """Probability of each cause given that something is wrong; most probable first."""
+        """Compute each cause's probability given that something is wrong; most probable first."""
         return self._shares(self.wrong)
 
     def in_library(self) -> dict[Cause, float]:
-        """Share of each cause in the probability of all effects of the library, alone and in pairs.
+        """Compute each cause's share in the probability of the library's effects and pairs.
 
-        The most probable first. A cause is named by it, however probable something beside the
-        library is up to a limit; so it may be named at a lower probability than its share.
+        The most probable is first. This share decides whether a cause is named, however probable
+        something outside the library is, up to a limit. So a cause may be named at a lower
+        probability than its share.
         """
         return self._shares(float(self.probabilities.sum()))
 
     def _shares(self, whole: float) -> dict[Cause, float]:
-        """Probabilities of causes over that of a whole."""
+        """Divide probabilities of causes by that of a whole."""
         shares: dict[Cause, float] = {}
         for fit, share in zip(self.fits, self.probabilities.tolist(), strict=True):
             for cause in fit.hypothesis:
@@ -91,18 +92,18 @@ class Posterior:
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
     def fit_of(self, causes: Sequence[Cause]) -> Fit | None:
-        """The fit of these causes together."""
+        """Find the fit of these causes together."""
         return next((fit for fit in self.fits if set(fit.hypothesis) == set(causes)), None)
 
     def credible(self) -> tuple[Fit, ...]:
-        """The fewest hypotheses that together have 95 % of all that have an effect."""
+        """Select the fewest hypotheses that hold 95 % of the probability of all with an effect."""
         total = np.cumsum(self.probabilities)
         return self.fits[: int(np.searchsorted(total, 0.95 * total[-1])) + 1] if len(total) else ()
 
 
 def priors(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
-    """Prior probabilities of hypotheses with one or two causes."""
-    # How many specimens an effect may happen to.
+    """Compute the prior probabilities of hypotheses with one or two causes."""
+    # Number of specimens that an effect may act on.
     variants = Counter(cause.name for cause in {cause.first for cause in chain(*hypotheses)})
     weight = np.array([np.prod([1 / variants[cause.name] for cause in hypothesis])
                        for hypothesis in hypotheses])
@@ -114,12 +115,12 @@ def priors(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
 
 
 def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
-    """Logarithm by which readings raise the odds that some smooth pattern is beside a hypothesis.
+    """Compute the log Bayes factor for a smooth pattern in addition to a hypothesis.
 
-    Only what its unknowns cannot take up counts, whatever their size: a large effect that leaves
-    nothing is no reason to look for another. A pattern's columns have independent normal
-    coefficients that make it a typical size, the same for one pattern of the table at a time or for
-    all. Columns are over the noise of the readings.
+    Only what its unknowns cannot absorb counts, whatever their size: a large effect that leaves
+    nothing is no reason to look for another. The columns of a pattern have independent normal
+    coefficients of a typical size, the same for one pattern of the table at a time or for all.
+    Columns are over the noise of the readings.
     """
     taken = taken_by(fit.free_jacobian)
     residual = without(taken, fit.residual)
@@ -134,13 +135,13 @@ def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
 
 def log_odds_to_smooth(fit: Fit, nominal: Fit, patterns: dict[str, Array],
                        among: Sequence[Hypothesis]) -> float:
-    """Logarithm of a hypothesis' odds against something smooth that the nominal model lacks."""
+    """Compute a hypothesis' log odds against a smooth misfit of the nominal model."""
     smooth = nominal.evidence + odds_of_more(nominal, patterns) + np.log(DISCREPANCY)
     return float(fit.evidence + np.log(priors(among)[fit.hypothesis]) - smooth)
 
 
 def _log_gain(residual: Array, spread: Array) -> float:
-    """Logarithm of normal residuals' density with covariance 1 + spread · spreadᵀ, over with 1."""
+    """Compute the log ratio of normal densities with covariance 1 + spread · spreadᵀ and with 1."""
     inner = np.eye(spread.shape[1]) + spread.T @ spread
     along = spread.T @ residual
     return float(0.5 * along @ np.linalg.solve(inner, along) - 0.5 * np.linalg.slogdet(inner)[1])

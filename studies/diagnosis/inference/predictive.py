@@ -1,4 +1,4 @@
-"""Expected readings: a mixture of hypotheses, each with its own uncertainty."""
+"""Predictive distribution of readings: a mixture of hypotheses with their uncertainties."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
-#: The share of readings that a band is to hold.
+#: Share of the readings that a band must contain.
 SHARE = 0.95
 
-#: Hypotheses of which nobody need know are those less probable than this.
+#: Hypotheses less probable than this are left out of the mixture.
 _LEAST = 1e-3
 
-#: Halvings of the interval in which a limit of a band is sought.
+#: Halvings of the interval in which a limit of a band is searched.
 _HALVINGS = 50
 
 
 @dataclass(frozen=True, eq=False)
 class Predictive:
-    """Normal distributions of what rows show without noise, shape (members, rows) each.
+    """Normal distributions of noise-free predictions of rows, shape (members, rows) each.
 
-    Their ``weight`` adds up to 1 over the members, and is 0 in rows of which a member makes no
-    state of equilibrium; rows where no member does have nan. ``mean`` and ``deviation`` are in the
-    rows' units.
+    Their ``weight`` adds up to 1 over the members. It is 0 in rows where a member has no
+    equilibrium; rows where no member has one are nan. ``mean`` and ``deviation`` are in the rows'
+    units.
     """
 
     weight: Array
@@ -40,9 +40,9 @@ class Predictive:
     @classmethod
     def of(cls, simulation: Predicts, fits: Sequence[Fit], weights: Array, table: ReadingTable,
            discrepancy: Discrepancy | None = None) -> Predictive:
-        """Fits by their weights, shape (fits,), each linear in its unknowns about the best.
+        """Mix fits by their weights, shape (fits,), each linear in its unknowns about its best.
 
-        The least probable ones are left out. ``discrepancy``: what may be there beside them all.
+        The least probable fits are left out. ``discrepancy``: may be present besides all of them.
         """
         used = np.flatnonzero(weights >= _LEAST * weights.max())
         fits, weights = [fits[k] for k in used.tolist()], weights[used]
@@ -62,13 +62,13 @@ class Predictive:
         return cls(weight, np.where(there, mean, 0.0), np.where(there, deviation, 0.0))
 
     def below(self, values: Array, noise: Array | float) -> Array:
-        """Probabilities that rows show less than some values with that noise, shape (rows,)."""
+        """Compute the probabilities that rows with that noise read less than values, (rows,)."""
         spread = np.sqrt(self.deviation**2 + np.square(noise))
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray((self.weight * ndtr((values - self.mean) / spread)).sum(0))
 
     def band(self, noise: Array | float, share: float = SHARE) -> tuple[Array, Array]:
-        """Limits between which a ``share`` of readings with that noise lies, shape (rows,) each."""
+        """Find the limits that contain a ``share`` of readings with that noise, (rows,) each."""
         spread = np.sqrt(self.deviation**2 + np.square(noise))
         used = self.weight > 0
         there = used.any(0)

@@ -1,4 +1,4 @@
-"""Ratios of strokes between specimens and between masses, as read and as simulated."""
+"""Ratios of strokes between specimens and between masses, measured and simulated."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Ratio
 
-#: A stroke as read and as simulated, and the standard deviation of the one read [m].
+#: A stroke, measured and simulated, and the standard deviation of the measured one [m].
 Stroke = tuple[float, float, float]
 
 
 def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> list[Ratio]:
-    """Ratios to the first specimen under the same mass, and to the specimen's smallest mass.
+    """Compute ratios to the first specimen under the same mass, and to a specimen's least mass.
 
-    A stroke is a range, or the mean reading at the largest voltage less that at the smallest one.
+    A stroke is a range, or the mean reading at the largest voltage minus that at the smallest one.
     """
     strokes = _strokes(table, predicted)
     masses = sorted({mass for _, mass in strokes})
@@ -43,7 +43,7 @@ def _ratio(kind: Literal["shape", "mass"], what: str, stroke: Stroke, base: Stro
 
 
 def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], Stroke]:
-    """Strokes by specimen and mass, those too small to divide by left out."""
+    """Compute strokes by specimen and mass, without those too small to divide by."""
     strokes = {}
     for number in np.unique(table.ramp):
         ramp = table.ramp == number
@@ -65,6 +65,6 @@ def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], S
 
 
 def _mean(table: ReadingTable, predicted: Array, rows: Mask) -> Stroke:
-    """Means over some rows, and the standard deviation of the one read."""
+    """Compute means over some rows, and the standard deviation of the measured one."""
     return (float(table.value[rows].mean()), float(predicted[rows].mean()),
             float(np.sqrt(np.sum(table.sigma[rows]**2)) / rows.sum()))

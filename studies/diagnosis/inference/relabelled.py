@@ -1,8 +1,8 @@
 """Wrong labels of readings that nothing explains: exchanged ones, or shifted by a row.
 
-Each way in which labels may have got wrong gives every written row another label. For a part of the
-rows that label may be the right one: for all, for those of a specimen, of a mass, of both, or for
-some that stand one after the other.
+Each way in which labels may be wrong gives every written row another label. That label may be the
+right one for a part of the rows: all rows, those of a specimen, of a mass, of both, or some
+consecutive rows.
 """
 
 from __future__ import annotations
@@ -22,20 +22,21 @@ from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Hypothesis
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
 
-#: The share of χ² beyond noise that other labels must leave at most: a third of what is missed.
+#: Largest share of χ² beyond noise that other labels may leave: a third of the residuals.
 _LEFT = 0.1
-#: χ² that other labels must take away at least.
+#: Least χ² that other labels must remove.
 _CLEAR = 30.0
 #: Standard deviations of χ² that count as noise.
 _SCATTER = 2.0
-#: Relabelled parts that are fitted anew, of those that leave least to first order, for each way.
+#: For each way, number of relabelled parts that are refitted: those with the least χ² to first
+#: order.
 _FITTED = 3
-#: χ² by which rows between two lines must do better than a part that has a name. So much do a few
-#: rows gain by chance, whose labels hardly matter.
+#: χ² by which rows between two lines must do better than a part that has a name. A few rows whose
+#: labels hardly matter gain as much by chance.
 _NAMED = 12.0
-#: How often rows between two lines are asked of the factors that the last ones left.
+#: Rounds in which rows between two lines are chosen with the factors of the round before.
 _ASKED = 2
-#: What changed rows may be missed by, root mean square over that of the others.
+#: Largest root mean square residual of changed rows, over that of the others.
 _ALIKE = 3.0
 
 #: Columns whose labels may be wrong.
@@ -44,9 +45,9 @@ Labels = Literal["specimen", "mass", "voltage"]
 
 @dataclass(frozen=True)
 class RelabelledPart:
-    """Some rows by words: those of a specimen, under a mass, or of some lines of a file.
+    """Some rows in words: those of a specimen, under a mass, or of some lines of a file.
 
-    All if nothing is said.
+    All rows if nothing is said.
     """
 
     specimen: str = ""
@@ -59,9 +60,9 @@ class RelabelledPart:
 class Relabelling:
     """Labels of a ``column`` that look wrong in a ``part`` of the rows.
 
-    ``pair``: two labels that stand for each other, or none where all stand ``rows`` too far down
-    (1) or up (-1); ``lines`` of ``file`` are those concerned; ``before`` and ``after``: χ² of the
-    hypothesis as it is and with the labels put right.
+    ``pair``: two labels that were exchanged, or empty where all are ``rows`` too far down (1) or up
+    (-1); ``lines`` of ``file`` are those concerned; ``before`` and ``after``: χ² of the hypothesis
+    with the stated and with the corrected labels.
     """
 
     column: Labels
@@ -76,15 +77,15 @@ class Relabelling:
 
     @property
     def plain(self) -> bool:
-        """Whether the part has a name, so that nothing else is to be sought."""
+        """Whether the part has a name, so that no other part is needed."""
         return not self.part.file
 
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """Other labels of all rows: states with these, rows that change, and rows that lose theirs.
+    """Other labels of all rows: states with them, rows that change, and rows that lose a label.
 
-    ``rows``: by how many rows the labels stated are off; 0 if two of them are exchanged.
+    ``rows``: by how many rows the stated labels are shifted; 0 if two of them are exchanged.
     """
 
     column: Labels
@@ -97,9 +98,10 @@ class _Way:
 
 def relabelling_of(simulation: ReadingModel, table: ReadingTable, fitted: Fit
                    ) -> Relabelling | None:
-    """The other labels that leave least of what a fit misses; None if none leave little.
+    """Find the other labels that leave least of a fit's misfit; None if none leave little.
 
-    ``fitted`` is of any hypothesis, and each part with other labels is fitted anew by the same.
+    ``fitted`` is a fit of any hypothesis; each part with other labels is refitted with the same
+    one.
     """
     names = [specimen.name for specimen in simulation.setup.specimens]
     tried = [one for way in _ways(table, names)
@@ -107,7 +109,7 @@ def relabelling_of(simulation: ReadingModel, table: ReadingTable, fitted: Fit
     best = min(tried, key=_left, default=None)
     if best is None or _left(best) > fitted.chi_squared - _CLEAR:
         return None
-    # Labels of some lines, and an effect besides, can be had for much: they must leave noise.
+    # Labels of some lines, or an effect in addition, fit too easily: they must leave noise alone.
     much = bool(best.part.file or fitted.hypothesis)
     count = len(table)
     beyond = best.chi_squared - count - _SCATTER * (2 * count) ** 0.5
@@ -121,9 +123,9 @@ def relabelling_of(simulation: ReadingModel, table: ReadingTable, fitted: Fit
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """A part with other labels, fitted anew.
+    """A part with other labels, refitted.
 
-    ``alike``: several rows change, and are then missed by as little as the others.
+    ``alike``: several rows change, and their residuals are then as small as those of the others.
     """
 
     way: _Way
@@ -135,15 +137,16 @@ class _Tried:
 
 
 def _left(tried: _Tried) -> float:
-    """χ² that is left; rows between two lines count as more than parts that have a name."""
+    """Compute χ² that is left; it is increased for rows between two lines, which have no name."""
     return tried.chi_squared + _NAMED * bool(tried.part.file)
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Search for what parts of the rows leave with other labels.
+    """Search for parts of the rows that fit better with other labels.
 
-    ``residual`` and ``jacobian``: of all rows with these, over the noise, at a fit of those stated.
+    ``residual`` and ``jacobian``: of all rows with these labels, over the noise, at a fit with the
+    stated ones.
     """
 
     simulation: ReadingModel
@@ -155,7 +158,7 @@ class _Search:
 
     @classmethod
     def of(cls, simulation: ReadingModel, table: ReadingTable, fitted: Fit, way: _Way) -> _Search:
-        """Residuals of the other labels, before anything is fitted anew."""
+        """Compute the residuals with the other labels, before any refit."""
         relabelled = replace(table, states=way.states)
         shown = simulation.prediction(fitted.hypothesis, fitted.unknowns, relabelled)
         return cls(simulation, table, fitted, way,
@@ -163,11 +166,11 @@ class _Search:
                    table.noise.whitened(shown.jacobian))
 
     def tried(self, names: Sequence[str]) -> list[_Tried]:
-        """Parts that leave little, and rows one after the other that do."""
+        """Refit the parts, and consecutive rows, that leave little with the other labels."""
         parts = _parts(self.table, self.way, names)
         rough = [self.roughly(rows) for _, rows in parts]
         tried = [self.fit(*parts[number]) for number in np.argsort(rough)[:_FITTED].tolist()]
-        # Which rows do better is asked of the factors found with some others put right.
+        # Which rows improve is judged with the factors found with some labels corrected.
         for start in (self.fitted, min(tried, key=_left).reached):
             unknowns = start.unknowns
             for _ in range(_ASKED):
@@ -179,7 +182,7 @@ class _Search:
         return tried
 
     def roughly(self, rows: Mask) -> float:
-        """χ² that is left to first order where a part has the other labels."""
+        """Compute χ² to first order where a part has the other labels."""
         there = rows & self.way.changed
         stay = ~(rows & self.way.lost)
         missed = np.where(there, self.residual, self.fitted.residual)[stay]
@@ -188,7 +191,7 @@ class _Search:
         return float(np.sum((missed - slopes @ step) ** 2)) + float((~stay).sum())
 
     def fit(self, part: RelabelledPart, rows: Mask) -> _Tried:
-        """A part with the other labels, fitted anew; a lost row counts as noise."""
+        """Refit with the other labels in a part; a lost row counts as noise."""
         changed, lost = rows & self.way.changed, rows & self.way.lost
         moved = np.zeros(len(self.table.states), bool)
         moved[self.table.state[changed]] = True
@@ -206,7 +209,7 @@ class _Search:
         return _Tried(self.way, part, rows, reached, left, alike)
 
     def block(self, unknowns: Array) -> Mask:
-        """The rows one after the other that the other labels serve best at some unknowns."""
+        """Find the consecutive rows for which the other labels fit best at some unknowns."""
         table, way = self.table, self.way
         stated, other = (table.noise.whitened(table.value - self.simulation.prediction(
             self.fitted.hypothesis, unknowns, replace(table, states=states)).extended)
@@ -222,20 +225,20 @@ class _Search:
 
 
 def _where(rows: Mask, states: States, others: States) -> States:
-    """Some states of one set, the others of another."""
+    """Combine states of two sets by a mask of rows."""
     return replace(others, specimen=np.where(rows, states.specimen, others.specimen),
                    mass=np.where(rows, states.mass, others.mass),
                    voltage=np.where(rows, states.voltage, others.voltage))
 
 
 def _ways(table: ReadingTable, names: Sequence[str]) -> Iterator[_Way]:
-    """All ways in which labels may be wrong."""
+    """Yield all ways in which labels may be wrong."""
     yield from _exchanges(table, names)
     yield from _shifts(table)
 
 
 def _exchanges(table: ReadingTable, names: Sequence[str]) -> Iterator[_Way]:
-    """Two labels for each other, where both were read of some other label."""
+    """Yield exchanges of two labels, where both were read under some other label."""
     states = table.states
     specimens = np.array(names)[states.specimen]
     masses = np.array([_grams(mass) for mass in states.mass.tolist()])
@@ -254,9 +257,9 @@ def _exchanges(table: ReadingTable, names: Sequence[str]) -> Iterator[_Way]:
 
 
 def _shifts(table: ReadingTable) -> Iterator[_Way]:
-    """Labels of a column one row further down or up: along a file, and along each ramp."""
+    """Yield labels of a column one row further down or up: along a file, and along each ramp."""
     states = table.states
-    # A run in time has its voltages from its own clock, and a scan many places in one state.
+    # A run in time has its voltages from its own clock, and a scan has many places in one state.
     plain = ((table.since < 0) & (table.point < 0)
              & ~np.isin(table.state, states.in_time))
     rows = np.flatnonzero(plain)
@@ -281,7 +284,7 @@ def _shifts(table: ReadingTable) -> Iterator[_Way]:
 
 def _shifted(table: ReadingTable, rows: Numbers, group: Numbers, column: Labels, shift: int
              ) -> _Way:
-    """Labels of rows in the same group from the line before (1) or after (-1) in the file."""
+    """Build labels from the line before (1) or after (-1) in the file, within groups of rows."""
     labels: Array = getattr(table.states, column)
     moved, lost = labels.copy(), np.zeros(len(table), bool)
     for number in range(int(group.max()) + 1):
@@ -296,13 +299,13 @@ def _shifted(table: ReadingTable, rows: Numbers, group: Numbers, column: Labels,
     changed = (moved != labels)[table.state] & ~lost
     values: dict[str, Any] = {column: moved}
     states = replace(table.states, **values)
-    # A label too far up stands where that of the line before should.
+    # A label that stands too far up belongs to the next line.
     return _Way(column, (), -shift, states, changed, lost)
 
 
 def _parts(table: ReadingTable, way: _Way, names: Sequence[str]
            ) -> list[tuple[RelabelledPart, Mask]]:
-    """Parts with a name in which labels may be wrong, among them all."""
+    """List parts with a name in which labels may be wrong; all rows are one of them."""
     specimens = np.array(names)[table.specimen]
     masses = np.array([_grams(mass) for mass in table.mass.tolist()])
     parts = [(RelabelledPart(), np.full(len(table), True))]
@@ -313,7 +316,7 @@ def _parts(table: ReadingTable, way: _Way, names: Sequence[str]
     parts += [(RelabelledPart(name, mass), (specimens == name) & (masses == mass))
               for name in np.unique(specimens).tolist() for mass in np.unique(masses).tolist()]
     if way.pair:
-        # Both labels are in what they are exchanged in.
+        # A part is kept only if both exchanged labels occur in it.
         parts = [(part, rows) for part, rows in parts
                  if not (part.specimen if way.column == "specimen" else part.mass)]
     kept, seen = list[tuple[RelabelledPart, Mask]](), list[Mask]()
@@ -326,7 +329,7 @@ def _parts(table: ReadingTable, way: _Way, names: Sequence[str]
 
 
 def _lines(table: ReadingTable, rows: Mask) -> RelabelledPart:
-    """The first and the last line of some rows, in the file of the first."""
+    """Find the first and the last line of some rows, in the file of the first row."""
     file = str(table.file[rows][0]) if rows.any() else ""
     lines = table.line[rows & (table.file == file)]
     ends = (int(lines.min()), int(lines.max())) if len(lines) else (0, 0)

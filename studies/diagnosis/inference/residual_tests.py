@@ -1,9 +1,9 @@
 """Structure of residuals: tests with smooth columns by voltage, mass, specimen and time.
 
 Noise is rough: what is smooth along a ramp is not noise. So the scatter about smooth curves
-measures the noise whether or not the one stated is right, and what the smooth curves take from the
-residuals is what the simulation gets wrong. What jumps is rough too: patterns of jumps are tested
-one by one, each against the scatter that is left without it.
+measures the noise whether or not the stated noise is right, and the smooth part of the residuals
+is the error of the simulation. Jumps are rough too: patterns of jumps are tested one by one, each
+against the scatter that remains without it.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from tympan.studies.diagnosis.inference.projection import (
 from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, WORDS, words_of
 from tympan.studies.estimation.noise import STATED, Noise
 
-#: Sets of noise drawn to learn how large ratios get by chance.
+#: Sets of noise drawn to find how large ratios become by chance.
 _DRAWS = 4000
 
-#: Most jumps that are taken from the scatter, as a share of its degrees of freedom: what is left
-#: must still tell the noise.
+#: Most jumps that are removed from the scatter, as a share of its degrees of freedom: the remainder
+#: must still determine the noise.
 _MOST_JUMPS = 0.25
-#: Probability by noise below which a jump is one, allowing for how many are tried.
+#: Probability by noise below which a jump counts, allowing for the number of jumps tried.
 _CLEAR = 1e-3
 
-#: Probability below which scatter beyond the stated noise is no noise: what no curve here follows
-#: may be a misfit too.
+#: Probability below which scatter beyond the stated noise is not all noise: a misfit that no curve
+#: here follows may be part of it.
 _ROUGH = 1e-3
 
 
@@ -44,9 +44,9 @@ _ROUGH = 1e-3
 class TestResult:
     """Result of tests of residuals.
 
-    ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
-    the strongest of them, corrected for their number; ``noise``: over the stated one, known with
-    ``freedom`` degrees of freedom; ``reading``: the number of that from which the readings are
+    ``p_values``: for each pattern the probability that noise alone shows as much; ``p_value``: that
+    of the strongest one, corrected for their number; ``noise``: noise over the stated one, known
+    with ``freedom`` degrees of freedom; ``reading``: number of the reading from which readings are
     shifted, if they are.
     """
 
@@ -57,7 +57,7 @@ class TestResult:
     reading: int = 0
 
     def words(self, name: str) -> str:
-        """Description of a misfit of a pattern, in words."""
+        """Describe a misfit of a pattern in words."""
         if name == "step" and self.reading:
             return WORDS["shifted"].format(self.reading)
         return words_of(name)
@@ -65,13 +65,13 @@ class TestResult:
 
 @dataclass(frozen=True, eq=False)
 class ResidualTests:
-    """Tests of residuals over their noise against patterns, less what a model's unknowns take up.
+    """Tests of residuals over their noise against patterns, without what unknowns absorb.
 
-    ``bases`` are orthonormal columns by name, shape (rows, columns); of those in ``one_sided`` only
-    a positive part counts. ``jumps`` are columns of length 1 of which any may be there. ``smooth``
-    spans all ``bases``, ``taken`` what the model's unknowns take up. ``freedom`` is that of the
-    scatter about both, ``stated`` what the stated noise counts as. ``readings`` are the numbers of
-    those with which steps begin.
+    ``bases``: orthonormal columns by name, shape (rows, columns); for those in ``one_sided`` only a
+    positive part counts. ``jumps``: columns of length 1, any of which may be present. ``smooth``:
+    basis of all ``bases``; ``taken``: basis of what the model's unknowns absorb. ``freedom``:
+    degrees of freedom of the scatter about both; ``stated``: degrees of freedom that the stated
+    noise counts as. ``readings``: numbers of the readings at which steps begin.
     """
 
     bases: dict[str, Array]
@@ -86,9 +86,9 @@ class ResidualTests:
     @classmethod
     def of(cls, jacobian: Array, columns: dict[str, Array], stated: float = STATED,
            one_sided: frozenset[str] = frozenset()) -> ResidualTests:
-        """Build for patterns' columns by name and a model's jacobian, both over the noise.
+        """Build from patterns' columns by name and a model's jacobian, both over the noise.
 
-        ``stated`` are degrees of freedom of the stated noise, 0 where there is none.
+        ``stated``: degrees of freedom of the stated noise, 0 where there is none.
         """
         taken = taken_by(jacobian)
         columns = {name: values[:, told_apart(taken, values)] for name, values in columns.items()}
@@ -119,11 +119,10 @@ class ResidualTests:
                 for name, columns in (self.bases | self.jumps).items()}
 
     def noise(self, residual: Array) -> float:
-        """Scatter about smooth curves and stated noise together, over the stated one.
+        """Estimate the noise from scatter about smooth curves and stated noise, over the latter.
 
-        Less jumps that stand out from it: one after the other is taken away, to the last that
-        stands out from what is left, since several hide one another (Rosner, Technometrics 25,
-        1983).
+        Jumps that stand out are removed first, one after the other, up to the last that stands out
+        from the remainder, since several hide one another (Rosner, Technometrics 25, 1983).
         """
         scatter = without(self.taken, residual)
         scatter, freedom = scatter - self.smooth @ (self.smooth.T @ scatter), self.freedom
@@ -147,7 +146,7 @@ class ResidualTests:
         return float(np.sqrt(self._variance(least, self.stated, known)))
 
     def _variance(self, squares: Any, stated: Any, freedom: float) -> Any:
-        """Variance by the rough part's squares and those of the stated noise."""
+        """Combine the squares of the rough part and those of the stated noise to a variance."""
         if self.stated > 0 and freedom > 0:
             most = float(f_distribution.isf(_ROUGH, freedom, self.stated))
             squares = np.minimum(squares, freedom * most)
@@ -160,9 +159,9 @@ class ResidualTests:
                  found: Noise | None = None) -> TestResult:
         """Test residuals at a best fit, shape (rows,), against their noise and the stated one.
 
-        Or against the noise of each part as it was ``found`` before.
+        Given the noise of each part as ``found`` before, test against that.
         """
-        # Draws are of the readings, not of any basis: those turn with the last digit of a column.
+        # Readings are drawn, not coefficients: bases turn with the last digit of a column.
         draws = np.column_stack([residual, generator.standard_normal((len(residual), _DRAWS))])
         if found is None:
             scatter = (generator.chisquare(self.stated, _DRAWS) if self.stated
@@ -186,9 +185,9 @@ class ResidualTests:
                           0 if step is None else int(self.readings[step]))
 
     def _ratios(self, residuals: Array, stated: Array) -> dict[str, tuple[Array, int, float]]:
-        """Ratios of variances of residuals, shape (n,), and their degrees of freedom, by pattern.
+        """Compute variance ratios of residuals, shape (n,), and degrees of freedom, by pattern.
 
-        Of jumps those of each column, shape (columns, n).
+        For jumps the ratios are those of each column, shape (columns, n).
         """
         inner = self.smooth.T @ residuals
         squares = np.sum(residuals**2, axis=0) - np.sum((self.taken.T @ residuals) ** 2, axis=0)
@@ -210,9 +209,9 @@ class ResidualTests:
 
     def _ratios_to(self, found: Noise, residuals: Array, variances: Array
                    ) -> dict[str, tuple[Array, int, float]]:
-        """The same over noise whose parts have these ``variances``, shape (parts, n).
+        """Compute the same ratios to noise whose parts have these ``variances``, (parts, n).
 
-        A pattern's noise is that of the parts it is in, by its share in each.
+        A pattern's noise is the mean over the parts it is in, weighted by its share in each.
         """
         inner, ratios = self.smooth.T @ residuals, {}
         for name, columns in self.bases.items():
@@ -226,7 +225,7 @@ class ResidualTests:
         return ratios
 
     def _mean_square(self, name: str, inner: Array) -> Array:
-        """Mean square of residuals along a pattern, (n,); less than 0 on its wrong side."""
+        """Compute residuals' mean square along a pattern, (n,); negative on its wrong side."""
         parts = self._small[name].T @ inner
         squares = np.sum(parts**2, axis=0) / len(parts)
         return np.asarray(squares * np.sign(parts[0]) if name in self.one_sided else squares)
@@ -238,7 +237,7 @@ class ResidualTests:
             return np.asarray(np.where(ratios > 0, tail / 2, 1 - tail / 2))
         if name in self.jumps:
             tail = tail[0]
-            # As many columns as would do as much where one in a hundred draws gets.
+            # Effective number of columns: that which reaches as much in one draw of a hundred.
             many = 0.01 / max(float(np.quantile(tail[1:], 0.01)), 1e-300)
             return np.asarray(np.minimum(many * tail, 1.0))
         return np.asarray(tail)

@@ -1,10 +1,11 @@
-"""Causes weighed as on a bench where nothing is quite as stated.
+"""Causes weighed together with small errors of every other kind.
 
-Beside what is wrong a bench has small errors of every kind. Readings enough see them all, and then
-no one or two causes leave noise alone. Here every cause but those of a hypothesis is there at some
-share of its usual size, the same share for all, as noise that readings have in common; what it does
-is taken in proportion to its signature. The share is weighed with the hypotheses, as a model's
-discrepancy is (Kennedy, O'Hagan, J. R. Stat. Soc. B 63, 425, 2001), but one made of the library.
+Besides what is wrong, a test bench has small errors of every kind. Many readings detect them all,
+and then no one or two causes leave noise alone. Here every cause outside a hypothesis is present at
+some share of its prior scale, the same share for all, as noise that readings have in common; its
+effect is proportional to its signature. The share is weighed with the hypotheses, as a model
+discrepancy is (Kennedy, O'Hagan, J. R. Stat. Soc. B 63, 425, 2001), but this one is made of the
+library's effects.
 """
 
 from __future__ import annotations
@@ -27,26 +28,26 @@ from tympan.studies.diagnosis.inference.projection import taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise, Shared
 
-#: Shares of usual sizes that small errors may have, each as probable as another.
+#: Shares of the prior scales that small errors may have, all with the same prior probability.
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
 
-#: The largest of them that still is small.
+#: Largest share that still counts as small.
 SMALL = 0.5
 
-#: Hypotheses that are fitted again beside small errors are at most so far behind the best one, by
-#: logarithm of probability.
+#: Distance in log probability from the best one up to which hypotheses are refitted with small
+#: errors.
 _NEAR = 8.0
-#: And they are at most so many. A bound of the cost.
+#: Most hypotheses that are refitted. It limits the cost.
 _MOST = 8
 
 
 @dataclass(frozen=True, eq=False)
 class RoughBench:
-    """Hypotheses beside small errors of every kind.
+    """Hypotheses with small errors of every kind in addition.
 
-    ``fits``: those weighed, that of the nominal model first; ``logs``: logarithms of their
-    probabilities with each of ``SHARES``, shape (fits, shares), which add up to 1; ``among``: all
-    hypotheses there are.
+    ``fits``: those weighed, the nominal model first; ``logs``: logarithms of their probabilities
+    with each of ``SHARES``, shape (fits, shares), which add up to 1; ``among``: all hypotheses
+    there are.
     """
 
     fits: tuple[Fit, ...]
@@ -59,8 +60,8 @@ class RoughBench:
            widen: float = 1.0) -> RoughBench:
         """Weigh fits to readings with noise alone, and with small errors to first order.
 
-        The nominal one is the first. Usual sizes are taken ``widen`` times as large, but not those
-        of small errors.
+        The first is the nominal one. Prior scales are multiplied by ``widen``, but not those of
+        small errors.
         """
         weights = priors(among)
         total = np.array(list(weights.values())).sum()
@@ -71,27 +72,27 @@ class RoughBench:
         return cls(tuple(fits), logs - logsumexp(logs), signatures, among)
 
     def share(self, hypothesis: Hypothesis) -> float:
-        """The most probable share of their usual sizes that small errors have beside it."""
+        """Find the most probable share of their prior scales that small errors have with it."""
         number = [member.hypothesis for member in self.fits].index(hypothesis)
         return SHARES[int(np.argmax(self.logs[number]))]
 
     @property
     def small(self) -> float:
-        """Probability that they are small."""
+        """Probability that the errors are small."""
         return float(np.exp(self.logs[:, np.array(SHARES) <= SMALL]).sum())
 
     def near(self) -> list[Fit]:
-        """Those with causes that are worth another look, the most probable first."""
+        """List the fits with causes that are probable enough for another fit, best first."""
         each = logsumexp(self.logs, axis=1)
         order = 1 + np.argsort(-each[1:], kind="stable")[:_MOST]
         return [self.fits[k] for k in order if each[k] > each.max() - _NEAR]
 
     def widened(self, widen: float) -> RoughBench:
-        """Those near weighed with other usual sizes."""
+        """Weigh the near fits with other prior scales."""
         return self.of((self.fits[0], *self.near()), self.signatures, self.among, widen)
 
     def sure(self, least: float) -> tuple[Cause, ...]:
-        """Causes of at least that probability, that nothing stands out being another."""
+        """List the causes of at least that probability; none standing out counts as a rival."""
         shares: dict[Cause, float] = {}
         for member, chance in zip(self.fits, np.exp(self.logs).sum(1).tolist(), strict=True):
             for cause in member.hypothesis:
@@ -100,9 +101,9 @@ class RoughBench:
 
     def again(self, simulation: ReadingModel, table: ReadingTable, widen: float
               ) -> tuple[Posterior, Fit]:
-        """Those near fitted again, each beside small errors as is most probable; and the best.
+        """Refit the near ones, each with its most probable small errors; return also the best.
 
-        That nothing stands out from them counts as a discrepancy.
+        The case that no cause stands out from the small errors counts as a discrepancy.
         """
         nominal, *members = (
             fit(simulation, member.hypothesis, table, member.unknowns, widen,
@@ -121,9 +122,9 @@ class RoughBench:
 
 
 def least_chi_squared(fitted: Fit) -> float:
-    """χ² of a fit with its unknowns where readings alone want them, small errors taken for noise.
+    """Compute the least χ² of a fit over its unknowns without priors, small errors as noise.
 
-    In proportion to its derivatives.
+    It is extrapolated with the fit's derivatives.
     """
     taken = taken_by(fitted.whitened(fitted.free_jacobian))
     return float(np.sum(without(taken, fitted.whitened(fitted.residual)) ** 2))
@@ -131,25 +132,25 @@ def least_chi_squared(fitted: Fit) -> float:
 
 def near_rivals(named: Fit, others: Sequence[Fit], signatures: Signatures, share: float,
                 within: float) -> tuple[Fit, ...]:
-    """Other causes alone that miss readings by hardly more χ², of whatever size they would be."""
+    """Find other single causes with hardly more χ², whatever their size would be."""
     most = least_chi_squared(_beside(named, signatures, share)) + within
     return tuple(other for other in others if other.hypothesis[0] not in named.hypothesis
                  and least_chi_squared(_beside(other, signatures, share)) < most)
 
 
 def _beside_each(member: Fit, signatures: Signatures) -> list[Fit]:
-    """Fits with small errors of each of the shares."""
+    """Build fits with small errors of each of the shares."""
     errors = _errors_beside(member, signatures)
     return [_with(member, errors, share) for share in SHARES]
 
 
 def _beside(member: Fit, signatures: Signatures, share: float) -> Fit:
-    """Fit with small errors of every kind but those of its hypothesis."""
+    """Build a fit with small errors of every kind but those of its hypothesis."""
     return _with(member, _errors_beside(member, signatures), share)
 
 
 def _errors_beside(member: Fit, signatures: Signatures) -> Shared | None:
-    """Errors of their usual size of every kind but those of its hypothesis; None without any."""
+    """Build errors of prior scale of all kinds outside its hypothesis; None if there are none."""
     columns = [signature for cause, signature in signatures.items()
                if cause not in member.hypothesis]
     if not columns:
@@ -158,7 +159,7 @@ def _errors_beside(member: Fit, signatures: Signatures) -> Shared | None:
 
 
 def _with(member: Fit, errors: Shared | None, share: float) -> Fit:
-    """Fit beside errors a share as large."""
+    """Build a fit with these errors, scaled by a share."""
     if errors is None:
         return replace(member, beside=None)
     whole = Noise(np.ones(len(member.residual)))

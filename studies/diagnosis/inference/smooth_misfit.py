@@ -15,21 +15,21 @@ from tympan.studies.diagnosis.patterns.reading_patterns import among
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import root_of
 
-#: Lengths of the Gaussian process that are tried, in U² over its largest, from quick changes to
-#: nearly a line.
+#: Trial lengths of the Gaussian process, in U² over its largest value, from quick changes to nearly
+#: a line.
 _VOLTAGES = (0.2, 0.5, 1.0, 3.0)
-#: The same in mass over its largest.
+#: Trial lengths in mass over its largest value.
 _MASSES = (0.1, 0.5, 2.0)
 
-#: Likeness of specimens that is tried, from none to nearly one film.
+#: Trial correlations of specimens, from independent to nearly one film.
 _LIKE = (0.0, 0.5, 0.9, 0.99)
-#: Sizes of the process that are tried, over the residuals'.
+#: Trial sizes of the process, over that of the residuals.
 _SIZES = (0.3, 1.0, 3.0, 10.0)
 
-#: More rows than this are thinned evenly before the process is trained.
+#: Most rows on which the process is trained; more are thinned evenly.
 MOST_ROWS = 400
 
-#: Share of the largest direction of a process below which one is left out.
+#: Share of the largest direction of a process below which a direction is left out.
 _LEAST = 1e-4
 
 
@@ -38,8 +38,7 @@ class GaussianProcess:
     """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen.
 
     A row that is a difference of two states is the difference of the process at both. ``like`` is
-    the correlation of two specimens, whichever they are; ``size`` the standard deviation [unit of
-    the readings].
+    the correlation of any two specimens; ``size`` the standard deviation [unit of the readings].
     """
 
     train: ReadingTable
@@ -51,10 +50,10 @@ class GaussianProcess:
     @classmethod
     def trained(cls, table: ReadingTable, residual: Array, taken: Array | None = None
                 ) -> GaussianProcess:
-        """The most probable lengths, likeness and size on a grid, for residuals, shape (rows,).
+        """Find the most probable lengths, correlation and size on a grid for residuals, (rows,).
 
-        ``taken``: columns over the noise that a model's unknowns took from them. Nothing is left of
-        these; without them the size would be found too small.
+        ``taken``: columns over the noise that a model's unknowns have absorbed. Nothing of these is
+        left in the residuals; if that were not counted, the size would be found too small.
         """
         if len(table) > MOST_ROWS:
             kept = np.linspace(0, len(table) - 1, MOST_ROWS).astype(np.int64)
@@ -76,7 +75,7 @@ class GaussianProcess:
         return trained
 
     def covariance(self, table: ReadingTable, other: ReadingTable) -> Array:
-        """Covariance of the rows of two tables without noise, shape (rows, rows of the other)."""
+        """Compute the noise-free covariance of rows of two tables, shape (rows, other rows)."""
         states = self.train.states
         voltage_squared, mass = (max(float(np.abs(values).max()), 1e-12)
                                  for values in (states.voltage**2, states.mass))
@@ -92,7 +91,7 @@ class GaussianProcess:
         return self.size**2 * total
 
     def predicted(self, table: ReadingTable) -> Array:
-        """The most probable residuals of a table's rows, shape (rows,)."""
+        """Predict the most probable residuals of a table's rows, shape (rows,)."""
         noisy = self.covariance(self.train, self.train) + np.diag(self.train.sigma**2)
         weights = np.linalg.solve(noisy, self.residual)
         return np.asarray(self.covariance(table, self.train) @ weights)
@@ -100,7 +99,7 @@ class GaussianProcess:
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """Something smooth that no hypothesis has, in readings and in what fits to them predict.
+    """A smooth misfit that no hypothesis has, in readings and in predictions of their fits.
 
     ``table``: the readings of the fits.
     """
@@ -110,7 +109,7 @@ class Discrepancy:
 
     @classmethod
     def of(cls, fit: Fit, table: ReadingTable) -> Discrepancy | None:
-        """Trained on what a fit misses of lengths; None where there are none."""
+        """Train it on a fit's residuals of lengths; None where there are none."""
         rows = table.lengths
         if not rows.any():
             return None
@@ -119,10 +118,10 @@ class Discrepancy:
                    table)
 
     def variance(self, fit: Fit, jacobian: Array, table: ReadingTable) -> Array:
-        """Variance that it adds to a fit's predictions of a table's rows, shape (rows,).
+        """Compute the variance that it adds to a fit's predictions of a table's rows, (rows,).
 
-        ``jacobian``: of these by the unknowns. There it is by itself, and moved the fit, where the
-        readings were.
+        ``jacobian``: of these rows by the unknowns. The misfit acts in these rows directly, and
+        has moved the fit through the readings.
         """
         rows, there = np.flatnonzero(self.table.lengths), np.flatnonzero(table.lengths)
         kept = rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST_ROWS)).astype(np.int64)]
@@ -137,14 +136,14 @@ class Discrepancy:
 
 
 def _beside(taken: Array) -> Array:
-    """An orthonormal basis of all that is at right angles to some columns."""
+    """Build an orthonormal basis of the complement of some columns."""
     basis = orthonormal(taken)
     whole, _ = np.linalg.qr(np.hstack([basis, np.eye(len(basis))]))
     return np.asarray(whole[:, basis.shape[1]:])
 
 
 def _ends(table: ReadingTable) -> list[tuple[Numbers, Array]]:
-    """The states of the rows with their signs: the one read, and of ranges the other."""
+    """List the states of the rows with their signs: the one read, and the other one of ranges."""
     ends = [(table.state, np.ones(len(table)))]
     ranges = table.kind == "range"
     if ranges.any():
@@ -153,10 +152,10 @@ def _ends(table: ReadingTable) -> list[tuple[Numbers, Array]]:
 
 
 def smooth_columns(table: ReadingTable) -> Iterator[Array]:
-    """Columns of which smooth misfits of lengths are random sums, (rows, columns).
+    """Yield columns of which smooth misfits of lengths are random sums, (rows, columns).
 
-    For each length and likeness that is tried but 0: what a model misses of films of a kind is
-    alike. None where there are too many rows.
+    One set for each trial length and correlation but 0: misfits of films of one kind are similar.
+    None where there are too many rows.
     """
     lengths = table[table.lengths]
     if not 0 < len(lengths) <= MOST_ROWS:

@@ -1,4 +1,4 @@
-"""Verdict by readings: is something wrong, what could it be, does that explain it."""
+"""Verdict on readings: whether something is wrong, the possible causes, and what they explain."""
 
 from __future__ import annotations
 
@@ -35,60 +35,58 @@ from tympan.studies.diagnosis.result import Verdict
 from tympan.studies.estimation.noise import UNSTATED, Noise, NoiseTerm
 
 #: Probability by noise alone below which something is wrong, or a cause leaves something
-#: unexplained. Noise of real benches has heavy tails, slips and memory: it goes below this twice as
-#: often as the normal noise that tests assume.
+#: unexplained. Noise of real test benches has heavy tails, outliers and correlation: it goes below
+#: this twice as often as the normal noise that the tests assume.
 ALARM = 0.02
-#: Probability by noise alone below which a cause is out of the question where another one leaves
-#: noise.
+#: Probability by noise alone below which a cause is excluded if another one leaves only noise.
 HARDLY = 1e-3
 #: Share of the probability of all effects in the library, alone and in pairs, from which a cause is
 #: named.
 SURE = 0.9
-#: Probability of something beside the library, among all that is wrong, from which nothing is
-#: named.
+#: Probability of something outside the library, given that something is wrong, from which nothing
+#: is named.
 DOUBTED = 1 / 3
-#: Probability of something beside the library from which the verdict is unexplained: it is more
-#: probable than not.
+#: Probability of something outside the library from which the verdict is unexplained: it is then
+#: the more probable case.
 DISCREPANCY = 0.5
 
 #: Prior probability of factors on stiffness and permittivity below which the film cannot be the
 #: stated one, however well they fit.
 UNUSUAL = 1e-3
 
-#: Factors on the usual sizes for each of which a cause must stand out to be named.
+#: Factors on the prior scales; a cause must stand out with each of them to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
-#: χ² by which a rival must miss the readings more than what is named, whatever its size may be: a
-#: cause that is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or
-#: more, 3 at least.
+#: χ² by which a rival must exceed the named cause, whatever the rival's size may be: a cause that
+#: is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or more, 3 at
+#: least.
 EXCLUDED = 9.0
 
-#: χ² by which two causes of one class must explain more than one alone, to be weighed as two.
+#: χ² by which two causes of one class must explain more than one alone, to count as two.
 MORE = 4.0
 
-#: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
-#: the odds.
+#: Log odds of two causes over a smooth misfit of no cause from which the two are named.
 PAIRED = 3.0
 
-#: Sizes over the usual ones from which they are called a surprise.
+#: Size over the prior scale from which it is called surprising.
 SURPRISING = 3.0
 
-#: Specimens beside an odd one that must be as they are written, at least.
+#: Fewest specimens besides an odd one that must agree with their description.
 _OTHERS = 2
 
-#: How often readings are judged again with the noise that the fits show. A bound of the cost.
+#: Times that readings are judged again with the noise that the fits show. It limits the cost.
 _AGAIN = 2
 
-#: How many hypotheses are asked whether they leave noise, by probability and by χ².
+#: Number of hypotheses tested for leaving only noise: the most probable, and those of least χ².
 _ASKED = (8, 6)
 
 
 @dataclass(frozen=True)
 class Wandering:
-    """A sensor that wanders, where nobody states its noise.
+    """A sensor that drifts, where its noise is not stated.
 
-    ``size``: errors of the readings that explain the misfit, too [the readings' unit], 0 where none
-    do; ``excluded``: a cause is much more probable.
+    ``size``: errors of the readings that also explain the misfit [the readings' unit], 0 where none
+    do; ``excluded``: whether a cause is much more probable.
     """
 
     size: float = 0.0
@@ -104,15 +102,16 @@ class Wandering:
 class Weighed:
     """Causes weighed by what they leave of a misfit.
 
-    ``simulation``: as far as it was grown; ``posterior``: None where nothing is wrong, as is
-    ``after``, the test of what the best hypothesis leaves. ``alone``: every effect fitted by itself
-    with hardly any prior; ``suspects``: causes that may be it. ``named``: causes that stand out;
-    ``robust``: those that do with usual sizes times each of some factors; ``unknown``: the
-    probability of something beside the library with each of these factors; ``rivals``: fits of
-    ``alone`` that only their size speaks against. ``small_errors``: the share of their usual sizes
-    at which all other causes are there, where that explains the rest. ``odd_specimen``: the
-    specimen without which the nominal model misses nothing, where no one cause explains it; where
-    two do that are not both surprisingly large, they stand beside it.
+    ``simulation``: extended as far as needed; ``posterior``: None where nothing is wrong;
+    ``after``: test of the residuals of the best hypothesis, likewise. ``alone``: every effect
+    fitted alone with hardly any prior; ``suspects``: causes that may be present. ``named``: causes
+    that stand out; ``robust``: those that do with prior scales multiplied by each of some factors;
+    ``unknown``: the probability of something outside the library with each of these factors;
+    ``rivals``: fits of ``alone`` that only their size makes improbable. ``small_errors``: the share
+    of their prior scales at which all other causes are present, where that explains the rest.
+    ``odd_specimen``: the specimen without which the nominal model fits, where no single cause
+    explains the misfit; where two causes that are not both surprisingly large do, they are listed
+    with it.
     """
 
     verdict: Verdict
@@ -140,9 +139,9 @@ class Weighed:
 class Judgement:
     """Judgement of readings on the nominal model.
 
-    ``misfit``: what the nominal model misses, with the noise found; ``test``: whether that is
-    noise; ``sensor``: whether it may be a sensor that wanders; ``weighed``: what else it may be;
-    ``test_of_all``: the test with the noise as it was stated, where the readings show another.
+    ``misfit``: misfit of the nominal model, with the noise found; ``test``: whether that is noise;
+    ``sensor``: whether a drifting sensor explains it; ``weighed``: other explanations;
+    ``test_of_all``: the test with the noise as stated, where the readings show another.
     """
 
     misfit: NominalMisfit
@@ -158,7 +157,7 @@ class Judgement:
 
     @property
     def simulation(self) -> ReadingModel:
-        """The simulation, as far as it was grown."""
+        """The simulation, extended as far as needed."""
         return self.weighed.simulation
 
     @property
@@ -178,17 +177,17 @@ class Judgement:
 
     @property
     def named(self) -> tuple[Cause, ...]:
-        """Causes that stand out."""
+        """Causes that are named."""
         return self.weighed.named
 
     @property
     def unusual(self) -> bool:
-        """Whether it takes factors on stiffness and permittivity that hardly any film has."""
+        """Whether the fit needs factors on stiffness and permittivity that hardly any film has."""
         return (self.chosen or self.nominal).usual < UNUSUAL
 
     @property
     def chosen(self) -> Fit | None:
-        """Extension of the model: the causes named, or the most probable hypothesis.
+        """Extension of the model: the named causes, or the most probable hypothesis.
 
         None when nothing is wrong.
         """
@@ -198,19 +197,19 @@ class Judgement:
 
     @property
     def fits(self) -> tuple[Fit, ...]:
-        """All fits to these readings; of one hypothesis the last has sizes as they are usual."""
+        """All fits to these readings; the last one of a hypothesis has the usual prior scales."""
         return (*self.weighed.alone, *(self.posterior.fits if self.posterior else ()))
 
     def explained(self, fit: Fit) -> float:
-        """Share of the nominal model's χ² beyond noise that a fit takes away."""
+        """Compute the share of the nominal model's χ² beyond noise that a fit explains."""
         excess = max(self.nominal.chi_squared - len(self.table), 1e-9)
         share = (self.nominal.chi_squared - fit.chi_squared) / excess
         return min(max(share, 0.0), 1.0)
 
     def noise_over(self, stated: ReadingTable) -> float:
-        """Scatter of deflections over the noise of the table they came in; else of all readings.
+        """Compute the scatter of deflections, else of all readings, over the noise of their table.
 
-        Weighed with coupons they have had their noise found before.
+        Readings weighed with coupons had their noise found before.
         """
         films, lengths = self.of_first().table, stated.lengths
         if not lengths.any():
@@ -218,7 +217,7 @@ class Judgement:
         return float(np.median(films.sigma[lengths] / stated.sigma[lengths]))
 
     def of_first(self) -> Judgement:
-        """Judgement on the first kind of evidence, where others were weighed with it."""
+        """Restrict the judgement to the first kind of evidence, if others were weighed with it."""
         first = self.simulation.of_first()
         if first.evidence == self.simulation.evidence:
             return self
@@ -231,11 +230,11 @@ class Judgement:
 
 
 def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> float | None:
-    """Probability of what is named, were the noise larger by a ``factor``; None without a name.
+    """Compute the probability of the named causes if the noise were larger by a ``factor``.
 
-    0 where nothing would be seen to be wrong. None, too, where small errors have been added to the
-    noise already. Fits stay where they are; what they leave is tested, and evidence is computed
-    anew.
+    It is 0 where the misfit would then be noise. None where no cause is named, or small errors have
+    been added to the noise already. Fits keep their unknowns; their residuals are tested, and their
+    evidence is computed anew.
     """
     posterior = judged.posterior
     if posterior is None or not judged.named or judged.weighed.small_errors:
@@ -250,7 +249,7 @@ def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> f
     evidences = np.array([evidence(fit, fit.widen) for fit in (nominal, *fits)])
     with np.errstate(divide="ignore"):
         shares = np.log(np.array([posterior.nothing, *posterior.probabilities]))
-    # A share too small for a number is as far behind as its evidence is.
+    # A probability that underflows is replaced by the difference of evidence.
     before = np.array([judged.nominal.evidence, *(fit.evidence for fit in posterior.fits)])
     shares = np.where(np.isfinite(shares), shares, before - before[1] + shares[1])
     logs = shares + evidences - before
@@ -263,7 +262,7 @@ def probability_with_noise(judged: Judgement, factor: float, seed: int = 0) -> f
 
 def judge(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause],
           widen: float = 1.0, seed: int = 0, workers: int = 1) -> Judgement:
-    """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
+    """Judge a table's readings, with prior scales multiplied by ``widen``.
 
     ``workers``: processes for the films of effects larger than those simulated so far.
     """
@@ -285,7 +284,7 @@ def judge(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause]
 def _judged(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Cause], widen: float,
             seed: int, workers: int, terms: Sequence[NoiseTerm] | None = None,
             sensor: Wandering = Wandering()) -> Judgement:
-    """Judge as :func:`judge` does, with ``terms`` of the noise and a ``sensor`` that are known.
+    """Judge as :func:`judge` does, with known ``terms`` of the noise and a known ``sensor``.
 
     By default they are those that the nominal model's misfit shows.
     """
@@ -318,7 +317,7 @@ def _judged(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Caus
 
 
 def _wandering(misfit: NominalMisfit, generator: np.random.Generator) -> Wandering:
-    """Errors that remember, however large, if they explain the misfit."""
+    """Find correlated errors, however large, that explain the misfit."""
     unknown = misfit.of_unknown_noise
     free = unknown.as_a_sensor_that_wanders()
     if not (remembers(free.terms) and free.fit.possible):
@@ -333,7 +332,7 @@ def _wandering(misfit: NominalMisfit, generator: np.random.Generator) -> Wanderi
 
 
 def _noise_terms(judged: Judgement) -> tuple[NoiseTerm, ...]:
-    """Terms of the noise as all fits together show them."""
+    """Find the noise terms from all fits together."""
     misfit = judged.misfit
     if judged.posterior is None:
         return misfit.terms
@@ -343,7 +342,7 @@ def _noise_terms(judged: Judgement) -> tuple[NoiseTerm, ...]:
 
 @dataclass
 class _Adequacy:
-    """Tests whether what a hypothesis leaves is noise, known as well as before."""
+    """Tests whether residuals of a hypothesis are noise of the size known before."""
 
     misfit: NominalMisfit
     noise: Noise
@@ -351,13 +350,13 @@ class _Adequacy:
     results: dict[Fit, TestResult] = field(default_factory=dict)
 
     def of(self, fit: Fit) -> TestResult:
-        """The test of a fit, done once."""
+        """Test a fit; each fit is tested once."""
         if fit not in self.results:
             self.results[fit] = self._test(fit, np.full(len(self.misfit.table), True))
         return self.results[fit]
 
     def _test(self, fit: Fit, rows: Mask) -> TestResult:
-        """The test of a fit to some of the readings."""
+        """Test a fit to some of the readings."""
         patterns = over(self.misfit.patterns, self.misfit.table)
         columns = {name: fit.whitened(values[rows]) for name, values in patterns.items()
                    if values[rows].any()}
@@ -365,7 +364,7 @@ class _Adequacy:
         return tests(fit.whitened(fit.residual), self.generator, self.noise[rows])
 
     def odd_specimen(self) -> str:
-        """Specimen, of three or more, without which the nominal model leaves noise; "" if none."""
+        """Find the specimen of three or more without which the nominal model fits; "" if none."""
         table, simulation = self.misfit.table, self.misfit.simulation
         numbers = np.unique(table.specimen)
         if not simulation.loaded or len(numbers) < _OTHERS + 1:
@@ -374,18 +373,18 @@ class _Adequacy:
         return simulation.setup.specimens[odd[0]].name if len(odd) == 1 else ""
 
     def _noise_alone(self, rows: Mask) -> bool:
-        """Whether the nominal model may leave noise of some of the readings."""
+        """Check whether the nominal model fits some of the readings within noise."""
         misfit = self.misfit
         others = fit(misfit.simulation, (), misfit.table[rows].compact(), misfit.fit.unknowns)
         return others.possible and self._test(others, rows).p_value >= ALARM
 
     def enough(self, fit: Fit) -> bool:
-        """Whether it may be noise."""
+        """Check whether a fit's residuals may be noise."""
         return self.of(fit).p_value >= ALARM
 
 
 def _weighed(misfit: NominalMisfit, exploration: Exploration, adequacy: _Adequacy) -> Weighed:
-    """The verdict when something is wrong."""
+    """Weigh the causes when something is wrong."""
     nominal = misfit.fit
     columns = over(misfit.patterns, misfit.table)
     singles = tuple(exploration.alone(SCALES[-1]))
@@ -393,7 +392,7 @@ def _weighed(misfit: NominalMisfit, exploration: Exploration, adequacy: _Adequac
     best_fitting = sorted(ranked, key=lambda fit: fit.chi_squared)
     asked = dict.fromkeys([*ranked[: _ASKED[0]], *best_fitting[: _ASKED[1]]])
     enough = {fit.hypothesis for fit in asked if adequacy.enough(fit)}
-    # What leaves more than noise is no explanation while something else leaves noise alone.
+    # A hypothesis that leaves more than noise is excluded if another one leaves only noise.
     out = {fit.hypothesis for fit in asked if enough and adequacy.of(fit).p_value < HARDLY}
 
     among = hypotheses_of(exploration.causes)
@@ -422,13 +421,13 @@ def _weighed(misfit: NominalMisfit, exploration: Exploration, adequacy: _Adequac
     sure = robust[1.0]
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
-    # One that may be of no size is a doubt, but no alternative.
+    # A rival whose size may be zero raises a doubt, but is no alternative.
     seen = tuple(fit for fit in rivals if has_size(fit, fit.hypothesis[0]))
     firm = len({frozenset(names) for names in robust.values()}) == 1
     doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
         alone is not None and len(sure) > 1
         and log_odds_to_smooth(alone, nominal, columns, among) < PAIRED)
-    # Two causes that one specimen alone shows may be anything that is wrong with this one.
+    # Two causes that only one specimen shows may stand for anything wrong with this one.
     of_one = len(sure) > 1 and odd
     open_ = (alone is None or rivals or doubted or of_one or not firm
              or not adequacy.enough(alone))
@@ -440,7 +439,7 @@ def _weighed(misfit: NominalMisfit, exploration: Exploration, adequacy: _Adequac
 
 def _on_a_rough_bench(unexplained: Weighed, misfit: NominalMisfit, exploration: Exploration,
                       adequacy: _Adequacy) -> Weighed:
-    """An unexplained misfit, where causes and small errors of every kind beside them explain it.
+    """Weigh an unexplained misfit again, with small errors of every kind besides the causes.
 
     A cause that stands out from these is named.
     """
@@ -456,7 +455,7 @@ def _on_a_rough_bench(unexplained: Weighed, misfit: NominalMisfit, exploration: 
     robust = {scale: bench.widened(scale * exploration.widen).sure(SURE) for scale in SCALES}
     sure = tuple(cause for cause in robust[1.0]
                  if all(cause in others for others in robust.values()))
-    # The fewest causes that explain it: where they are enough, others are not reported.
+    # The fewest causes that explain the misfit: if they are enough, others are not reported.
     alone = again.fit_of(sure)
     chosen = alone if alone is not None and adequacy.enough(alone) else best
     share = bench.share(chosen.hypothesis)
@@ -468,12 +467,12 @@ def _on_a_rough_bench(unexplained: Weighed, misfit: NominalMisfit, exploration: 
 
 
 def _usual(fit: Fit) -> bool:
-    """Whether it is of one cause, or of two that are not both far from their usual sizes."""
+    """Check that it has one cause, or two that are not both far from their prior scales."""
     return len(fit.hypothesis) < 2 or min(map(fit.surprise, fit.hypothesis)) < SURPRISING
 
 
 def _redundant(fit: Fit, exploration: Exploration, alike: Sequence[Sequence[Cause]]) -> bool:
-    """Whether it is of two indistinguishable causes that explain no more than one of them."""
+    """Check if a pair of indistinguishable causes explains no more than one of them."""
     causes = set(fit.hypothesis)
     if len(causes) < 2 or not any(causes <= set(group) for group in alike):
         return False
@@ -482,12 +481,12 @@ def _redundant(fit: Fit, exploration: Exploration, alike: Sequence[Sequence[Caus
 
 
 def _sure(posterior: Posterior) -> tuple[Cause, ...]:
-    """Causes of which the library is sure, if it is one of its effects at all."""
+    """List causes named given that the misfit is one of the library's effects."""
     return tuple(cause for cause, share in posterior.in_library().items() if share >= SURE)
 
 
 def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Fit, ...]:
-    """Effects that explain the readings as well alone, if they may have the size for it."""
+    """List effects that alone explain the readings as well, if they may have the size for it."""
     return tuple(other for other in singles if other.hypothesis[0] not in fit.hypothesis
                  and other.chi_squared < fit.chi_squared + EXCLUDED and adequacy.enough(other))
 

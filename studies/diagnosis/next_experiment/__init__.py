@@ -1,1 +1,1 @@
-"""Experiments that would tell apart what readings leave open."""
+"""Experiments that would separate the causes which readings leave open."""

@@ -1,4 +1,4 @@
-"""Experiments that could be made, and what their readings would be by each rival."""
+"""Experiments that could be made, and the readings that each rival predicts for them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
 from tympan.studies.files import words_beside
 
-#: What to do, in words.
+#: Instructions for experiments in words.
 WORDS = words_beside(__file__)
 
 _HOUR = 3600.0
 _FORCE = 1e-3
 
-#: How far below the voltage at which any rival pulls in new readings stay, as a share.
+#: Margin of new readings below the voltage at which any rival pulls in, as a share.
 _MARGIN = 0.05
 
 
@@ -60,21 +60,21 @@ class Readout:
 
     @property
     def plates(self) -> bool:
-        """Whether all films have a plate that carries masses, is held or tapped."""
+        """Whether all films have a plate, which can carry masses, be held or tapped."""
         return all(specimen.plate is not None for specimen in self.simulation.setup.specimens)
 
     @cached_property
     def noise(self) -> float:
-        """A noise typical of displacements that were read [m], nan where none was."""
+        """Typical noise of the displacements that were read [m], nan without any."""
         sigma = self.table.sigma[self.table.lengths]
         return float(np.median(sigma)) if len(sigma) else np.nan
 
     def displacements(self, states: States) -> ReadingTable:
-        """Displacements to be read, with a noise typical of those that were."""
+        """Build displacements to be read, with the typical noise of those that were."""
         return rows(states, "displacement", self.noise)
 
     def new_run(self, specimen: Array, mass: Array, voltage: Array) -> ReadingTable:
-        """Displacements in a run of its own, in this order, as fast as the readings so far."""
+        """Build displacements of a new run in this order, at the pace of the readings so far."""
         states = self.states
         pace = float(np.ptp(np.nan_to_num(states.elapsed))) / max(len(states) - 1, 1)
         direction = np.full(len(specimen), float(np.any(states.voltage_direction != 0)))
@@ -82,11 +82,11 @@ class Readout:
                                             pace * np.arange(float(len(specimen))), direction))
 
     def shown(self, table: ReadingTable) -> Array:
-        """Readings that the nominal model expects."""
+        """Predict readings with the nominal model."""
         return self.simulation.predict((), self.nominal.unknowns, table)
 
     def within_reach(self, table: ReadingTable) -> Mask:
-        """Rows in states that the force laws cover, by the nominal model."""
+        """Mark rows in states that the force laws cover, by the nominal model."""
         stiffness, permittivity = np.exp(self.nominal.unknowns[FACTORS])
         heave, voltage_squared = np.array([
             [law.grid.heave, law.grid.voltage_squared]
@@ -99,10 +99,10 @@ class Readout:
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """Readings to be made as each rival expects them, and their ``noise``.
+    """Readings to be made as each rival predicts them, and their ``noise``.
 
     ``values`` (readings,) and ``jacobians`` (readings, unknowns) of each rival; ``what`` to do, and
-    the ``work`` it costs [s].
+    the ``work`` it takes [s].
     """
 
     values: Sequence[Array]
@@ -112,7 +112,7 @@ class Outlook:
     work: float
 
     def losses(self, fits: Sequence[Fit]) -> Array:
-        """Expected Δχ², shape (true rival, other rival): what the other loses, refitted to all."""
+        """Compute expected Δχ², (true rival, other rival), with the other refitted to all."""
         losses = np.zeros((len(fits), len(fits)))
         for true, other in permutations(range(len(fits)), 2):
             losses[true, other] = _loss(
@@ -125,11 +125,11 @@ class Outlook:
 class Experiment:
     """Readings that could be made.
 
-    ``what`` are the words for it, which may hold the largest {mass} and {voltage} of the rows, the
-    {time} of the first, the {specimen} of these and how long they are held ({dwell}); ``rows``
-    makes them, with their noise and no values yet, or None where the experiment makes no sense.
-    ``sets_up`` is what it takes besides readings, a field of
-    :class:`~tympan.studies.data.effort.Effort`; ``equips`` the readout for what it lacks.
+    ``what``: a description, which may contain the largest {mass} and {voltage} of the rows, the
+    {time} of the first one, their {specimen} and how long they are held ({dwell}); ``rows``: builds
+    them, with their noise and without values, or returns None where the experiment makes no sense.
+    ``sets_up``: work besides readings, a field of :class:`~tympan.studies.data.effort.Effort`;
+    ``equips``: adds to the readout what it lacks.
     """
 
     what: str
@@ -138,7 +138,7 @@ class Experiment:
     equips: Callable[[Readout, ReadingTable], Readout] | None = None
 
     def words(self, table: ReadingTable, setup: Setup) -> str:
-        """Advice on what to do, for those of the rows that remain."""
+        """Describe what to do, for those of the rows that remain."""
         return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g",
                                 voltage=f"{table.voltage.max() / 1e3:.3g} kV",
                                 specimen=setup.specimens[int(table.specimen[0])].name,
@@ -146,7 +146,7 @@ class Experiment:
                                 time=f"{np.nan_to_num(table.states.elapsed).min() / _HOUR:.2g} h")
 
     def outlook(self, readout: Readout, fits: Sequence[Fit], effort: Effort) -> Outlook | None:
-        """Readings of the rows that are possible, by each rival."""
+        """Predict the readings of the rows that are possible, by each rival."""
         possible = self.possible(readout, fits)
         if possible is None:
             return None
@@ -160,7 +160,7 @@ class Experiment:
 
     def possible(self, readout: Readout, fits: Sequence[Fit]
                  ) -> tuple[Readout, ReadingTable] | None:
-        """The rows where the laws reach and every rival has an equilibrium, None without any."""
+        """Select rows that the laws reach, with an equilibrium by every rival; None without any."""
         table = self.rows(readout)
         if table is None:
             return None
@@ -174,7 +174,7 @@ class Experiment:
         return (readout, table[usable]) if usable.any() else None
 
     def work(self, readout: Readout, table: ReadingTable, effort: Effort) -> float:
-        """Cost of those of the rows that remain [s]."""
+        """Estimate the work for those of the rows that remain [s]."""
         states = table.compact().states
         runs = np.unique(np.stack([states.specimen, states.mass, states.run], 1), axis=0)
         pause = float(np.nan_to_num(states.elapsed).min()
@@ -186,13 +186,13 @@ class Experiment:
 
 
 def _longest(states: States) -> float:
-    """Longest time that states are held before they are read [s]; 0 where that is not known."""
+    """Find the longest time that states are held before a reading [s]; 0 where not known."""
     ends = states.passages.after[1]
     return float(ends[np.isfinite(ends)].max(initial=0.0))
 
 
 def _held(states: States) -> float:
-    """Duration of the runs in which states are held [s]."""
+    """Sum the durations of the runs in which states are held [s]."""
     runs = {(float(mass), history): float(history.signal.end)
             for history, places in states.passages.histories
             for mass in states.mass[states.in_time[places]]}
@@ -213,7 +213,7 @@ def _between(readout: Readout) -> ReadingTable | None:
 
 
 def _other_mass(readout: Readout, factor: float) -> ReadingTable | None:
-    """Every specimen under ``factor`` times the largest mass, at the voltages it has been at."""
+    """Build readings of all specimens under ``factor`` times the largest mass, same voltages."""
     if not readout.plates:
         return None
     specimen, voltage = np.unique(np.stack([readout.states.specimen.astype(float),
@@ -223,7 +223,7 @@ def _other_mass(readout: Readout, factor: float) -> ReadingTable | None:
 
 
 def _higher_voltages(readout: Readout, factor: float, count: int = 5) -> ReadingTable | None:
-    """Every ramp continued to ``factor`` times the largest voltage in so many steps."""
+    """Continue every ramp to ``factor`` times the largest voltage in ``count`` steps."""
     top = float(readout.states.voltage.max())
     if top <= 0:
         return None
@@ -233,7 +233,7 @@ def _higher_voltages(readout: Readout, factor: float, count: int = 5) -> Reading
 
 
 def _backwards(readout: Readout) -> ReadingTable | None:
-    """The run in reverse right after it, where times or ways of the readings are known."""
+    """Reverse the run right after it, where times or ways of the readings are known."""
     states = readout.states
     if not (np.ptp(states.elapsed) > 0 or np.any(states.voltage_direction != 0)):
         return None
@@ -242,7 +242,7 @@ def _backwards(readout: Readout) -> ReadingTable | None:
 
 
 def _later(readout: Readout, runs: float = 4.0) -> ReadingTable | None:
-    """All readings again after a pause of so many runs, an hour at least, where times are known."""
+    """Repeat all readings after a pause of ``runs`` runs, at least 1 h, where times are known."""
     states = readout.states
     length = float(np.ptp(states.elapsed))
     if not length > 0:
@@ -279,7 +279,7 @@ def _taps(readout: Readout, share: float = 0.01) -> ReadingTable | None:
 
 
 def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None:
-    """The ramp of the heaviest mass, each state held so much longer than any was."""
+    """Build the ramp of the heaviest mass, each state held ``factor`` times as long as any was."""
     dwell = _longest(readout.states)
     if not dwell > 0:
         return None
@@ -292,14 +292,14 @@ def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None
 
 
 def _remembering(readout: Readout, table: ReadingTable) -> Readout:
-    """Readout with what films remember of the rows' runs."""
+    """Add the film memory over the rows' runs to a readout."""
     films = readout.simulation
     memory = FilmMemory.of(films.setup, table, COARSE,
                            *np.exp(readout.nominal.unknowns[FACTORS]).tolist())
     return replace(readout, simulation=replace(films, memory=memory))
 
 
-#: What is on offer by the force laws.
+#: Experiments that the force laws can predict.
 MENU = (
     Experiment(WORDS["repeated"], _repeated),
     Experiment(WORDS["between"], _between),
@@ -317,7 +317,7 @@ MENU = (
 
 
 def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
-    """Growth of twice the cost when a fit moves to meet rows off its predictions.
+    """Compute the increase of twice the cost when a fit moves to match rows off its predictions.
 
     Predictions are taken as linear and the cost of the old rows as a parabola; unknowns stay within
     their bounds.

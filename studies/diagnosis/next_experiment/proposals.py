@@ -1,8 +1,8 @@
-"""Experiments that would tell the rivals apart: the expected Δχ² of each on a menu, by the work.
+"""Experiments that would separate the rivals: expected Δχ² of each on a menu, per work.
 
-If one rival is true, new readings will be about what its fit predicts, and another rival, refitted
-to old and new ones together, will fit them worse. How much worse is what an experiment is worth for
-this pair.
+If one rival is true, new readings will be near the predictions of its fit. Another rival, refitted
+to old and new readings together, will fit them worse. The expected increase of its χ² is the value
+of an experiment for this pair.
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ _MOST_RIVALS = 5
 
 @dataclass(frozen=True)
 class Proposal:
-    """``what`` to do, and what it would tell.
+    """An experiment, ``what`` to do, and what it would separate.
 
-    ``separates``: the most probable pair of rivals that it tells apart, else the pair it comes
-    nearest to telling apart, in words, each without the causes they share; ``expected``: Δχ²
-    between these two, whichever of them is true; ``value`` and ``mean``: mean Δχ² over which rival
-    is true and which one is told from it, by their probabilities, each pair counted up to where it
-    is told beyond doubt, and in full; ``work``: what it costs [s].
+    ``separates``: the most probable pair of rivals that it separates, else the pair that it comes
+    nearest to separating, in words, each without the causes they share; ``expected``: Δχ²
+    between these two, whichever of them is true; ``value`` and ``mean``: mean Δχ² over the true
+    rival and the one to be separated from it, weighted by their probabilities. ``value`` counts
+    each pair only up to where it is separated beyond doubt, ``mean`` in full; ``work``: the work it
+    takes [s].
     """
 
     what: str
@@ -57,21 +58,21 @@ class Proposal:
 
     @property
     def enough(self) -> bool:
-        """Whether the pair is told apart at odds of a hundred to one."""
+        """Whether the pair is separated at odds of a hundred to one."""
         return self.expected >= TOLD
 
     @property
     def minutes(self) -> float:
-        """Cost in minutes."""
+        """Work in minutes."""
         return self.work / _MINUTE
 
 
 def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause],
             menu: Sequence[AnyExperiment] = MENU, effort: Effort = Effort(),
             ) -> tuple[tuple[Proposal, ...], str]:
-    """All that is possible of a menu, that first which tells most per minute; what to do in words.
+    """List all possible experiments of a menu, most Δχ² per minute first; and advice in words.
 
-    ``causes`` may be wrong: rivals that hold another one are left out.
+    ``causes``: those that may be wrong; rivals with any other cause are left out.
     """
     if judgement.posterior is None:
         return (), WORDS["nothing_wrong"]
@@ -87,9 +88,9 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
 
 
 def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:
-    """The most probable explanations, none of which holds another, and their shares.
+    """Find the most probable explanations, none of which contains another, and their shares.
 
-    What holds another, or is held by it, counts for the more probable of the two.
+    Of two explanations, one containing the other, the more probable counts for both.
     """
     credible = {fit.hypothesis for fit in posterior.credible()}
     chosen: list[Fit] = []
@@ -116,7 +117,7 @@ def _proposal(experiment: AnyExperiment, readout: Readout, fits: Sequence[Fit], 
         return None
     distances = outlook.losses(fits)
     worst = np.minimum(distances, distances.T)
-    # The probability that one rival is true (rows) and another is to be told from it.
+    # Probability that one rival is true (rows) and another is to be separated from it.
     others = np.tile(weights + 1e-9, (len(weights), 1))
     np.fill_diagonal(others, 0.0)
     chance = (weights + 1e-9)[:, None] * others / others.sum(1, keepdims=True)
@@ -132,13 +133,13 @@ def _proposal(experiment: AnyExperiment, readout: Readout, fits: Sequence[Fit], 
 
 
 def _apart(first: Hypothesis, second: Hypothesis) -> tuple[str, str]:
-    """Two hypotheses without what they share, in words."""
+    """Describe two hypotheses without what they share."""
     return (" with ".join(str(cause) for cause in first if cause not in second),
             " with ".join(str(cause) for cause in second if cause not in first))
 
 
 def _sentence(ranked: Sequence[Proposal], pair: tuple[str, str]) -> str:
-    """Sentence on what to do; and whether the two likeliest rivals stay together in any case."""
+    """Write what to do, and whether any experiment separates the two likeliest rivals."""
     none = WORDS["none"].format(first=plain(pair[0]), second=plain(pair[1]))
     able = [proposal for proposal in ranked if proposal.enough]
     if not able:

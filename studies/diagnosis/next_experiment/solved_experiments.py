@@ -1,6 +1,6 @@
-"""Experiments whose readings no force law has: what they would show is solved for every rival.
+"""Experiments that force laws cannot predict: each rival's readings are solved.
 
-A line over a film, a specimen of another shape, strips of the film.
+They are a line over a film, a specimen of another shape, and strips of the film.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise, Shared
 
-#: Change of a factor's logarithm by which derivatives are taken: small beside what readings leave
-#: open, large beside errors of films.
+#: Step of a factor's logarithm for derivatives: small against what readings leave open, large
+#: against solver errors.
 _FACTOR = 0.005
-#: Change of a size by which derivatives are taken, over the usual one, for the same reason.
+#: Step of a size for derivatives, over the prior scale, for the same reason.
 _SHARE = 0.02
 
 #: Places on each line over a film: 2 to 4 mm apart on films of the source paper's size.
 _PLACES = 41
-#: How far the lines go, as a share of the frame's half extents: short of the frame itself.
+#: Extent of the lines, as a share of the frame's half extents: short of the frame itself.
 _REACH = 0.97
 
-#: How much longer the frame of another shape is. Set by trial.
+#: Ratio of lengths of the frame of another shape. Set by trial.
 _LONGER = 1.5
-#: How much larger the plate of another shape is. Set by trial.
+#: Ratio of sizes of the plate of another shape. Set by trial.
 _LARGER = 1.6
 
-#: Noise of strips' stresses, as a share: each is stretched from a strip of its own, with its own
-#: width and grips.
+#: Noise of strips' stresses, as a share: each test uses a strip of its own, with its own width and
+#: grips.
 _STRIPS = 0.05
-#: Largest stretch of the strips over that of the mounted film, so that they pass what the film is
-#: stretched to.
+#: Largest stretch of the strips over that of the mounted film, so that they exceed the film's
+#: stretch.
 _FURTHER = 1.2
 
 
@@ -58,10 +58,10 @@ _FURTHER = 1.2
 class NewReadings:
     """Readings that could be made.
 
-    ``setup`` holds every specimen, also those to be made; ``shown`` of a setup with effects gives
-    the readings' values, an ArithmeticError where a film has no equilibrium; ``noise`` is theirs
-    by their values. ``count``: what is read one after the other, ``loads``: masses put on, and
-    ``specimens`` put on the stand; ``words`` say what is done.
+    ``setup``: every specimen, also those to be made; ``shown``: computes the readings' values for a
+    setup with effects, an ArithmeticError where a film has no equilibrium; ``noise``: computes
+    their noise from their values. ``count``: number of readings in a row; ``loads``: number of
+    masses put on; ``specimens``: number of specimens mounted; ``words``: what is done.
     """
 
     setup: Setup
@@ -75,11 +75,10 @@ class NewReadings:
 
 @dataclass(frozen=True)
 class SolvedExperiment:
-    """Readings that could be made, of which nothing is reduced beforehand.
+    """Readings that could be made and are solved only when asked for.
 
-    ``what`` are the words for it; ``plan`` says what would be read, None where that makes no sense;
-    ``sets_up`` is what it takes besides readings, a field of
-    :class:`~tympan.studies.data.effort.Effort`.
+    ``what``: a description; ``plan``: builds the readings, None where they make no sense;
+    ``sets_up``: work besides readings, a field of :class:`~tympan.studies.data.effort.Effort`.
     """
 
     what: str
@@ -87,7 +86,7 @@ class SolvedExperiment:
     sets_up: str
 
     def outlook(self, readout: Readout, fits: Sequence[Fit], effort: Effort) -> Outlook | None:
-        """Expected readings by each rival; None where one has no equilibrium."""
+        """Predict the readings by each rival; None where one has no equilibrium."""
         new = self.plan(readout)
         if new is None:
             return None
@@ -102,7 +101,7 @@ class SolvedExperiment:
 
 
 def _shown(readout: Readout, new: NewReadings, fit: Fit) -> tuple[Array, Array]:
-    """Values by a fit, and their derivatives by its unknowns, shape (readings, unknowns)."""
+    """Compute values by a fit, and derivatives by its unknowns, shape (readings, unknowns)."""
     films = replace(readout.simulation, setup=new.setup)
 
     def at(unknowns: Array) -> Array:
@@ -119,7 +118,7 @@ def _shown(readout: Readout, new: NewReadings, fit: Fit) -> tuple[Array, Array]:
 
 
 def _heaviest(readout: Readout) -> tuple[int, float, Array]:
-    """Specimen and mass [kg] of the ramp of the largest mass and highest voltage; its voltages."""
+    """Find specimen and mass [kg] of the ramp of largest mass and voltage, and its voltages."""
     states = readout.states
     last = np.lexsort((states.voltage, states.mass))[-1]
     specimen, mass = int(states.specimen[last]), float(states.mass[last])
@@ -132,7 +131,7 @@ def _loads(mass: float, voltage: float) -> dict[str, str]:
 
 
 def film_line(readout: Readout) -> NewReadings | None:
-    """A line along x and one along y over one film, at the lowest and highest voltage."""
+    """Plan a line along x and one along y over one film, at the lowest and highest voltage."""
     if readout.table.scans or not readout.plates:
         return None
     setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
@@ -162,7 +161,7 @@ def _cross(specimen: Specimen) -> Scan:
 
 def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
                 ) -> NewReadings | None:
-    """One more specimen, of the film of one that was read, at its lowest, middle, top voltages."""
+    """Plan one more specimen of a film that was read, at its lowest, middle, top voltages."""
     setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
     other = change(setup.specimens[number]) if readout.plates else None
     if other is None:
@@ -188,7 +187,7 @@ def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
 
 
 def longer(specimen: Specimen) -> Specimen | None:
-    """Specimen with an elliptical frame half as long again along x, if round or elliptical."""
+    """Make the frame elliptical, half as long again along x, if it is round or elliptical."""
     if not isinstance(specimen.frame, Circle | Ellipse):
         return None
     a, b = specimen.frame.semi_axes
@@ -196,7 +195,7 @@ def longer(specimen: Specimen) -> Specimen | None:
 
 
 def larger_plate(specimen: Specimen) -> Specimen | None:
-    """Specimen with a larger plate, if it is round and there is room."""
+    """Enlarge the plate of a specimen, if it is round and there is room."""
     plate = specimen.needed_plate()
     if not isinstance(plate.outline, Circle):
         return None
@@ -208,7 +207,7 @@ def larger_plate(specimen: Specimen) -> Specimen | None:
 
 
 def strips(readout: Readout) -> NewReadings:
-    """Strips of the film of a specimen that was read, narrowing freely and stretched both ways."""
+    """Plan strips of a film that was read: free to narrow, and stretched both ways."""
     setup, (number, *_) = readout.simulation.setup, _heaviest(readout)
     top = _FURTHER * max(setup.specimens[number].membrane.prestretch)
     stretch = np.tile(np.linspace(1.0, top, 4)[1:], 2)
@@ -221,7 +220,7 @@ def strips(readout: Readout) -> NewReadings:
                        {"stretch": f"{top:.2g}"})
 
 
-#: What is on offer where causes cannot be told apart: each takes seconds to foresee.
+#: Experiments offered where causes are indistinguishable: each takes seconds to predict.
 SOLVED = (
     SolvedExperiment(WORDS["line"], film_line, "line"),
     SolvedExperiment(WORDS["longer_frame"], lambda readout: other_shape(readout, longer), "make"),

@@ -1,4 +1,4 @@
-"""Smooth columns of readings by voltage, mass, specimen and time, and jumps: what is not noise."""
+"""Smooth columns of readings by voltage, mass, specimen and time, and jumps: parts not noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
-#: What a misfit is, by its pattern's name or the first word of it; {1} is the rest of it.
+#: Description of a misfit, by its pattern's name or the first word of it; {1} is the rest of it.
 WORDS = {
     "level": "all readings are off by about the same length",
     "voltage": "the way it depends on voltage is wrong",
@@ -42,33 +42,33 @@ WORDS = {
     "stick": "the readings stick and jump, as a plate does that rubs",
 }
 
-#: Patterns of jumps: a misfit is one of their columns, and no combination of them. Of a channel's
-#: single readings, too, where its noise is told.
+#: Patterns of jumps: a misfit is one of their columns, not a combination of them. For a channel,
+#: single readings are jumps too when its noise is estimated.
 JUMPS = ("step", "stick", "single")
 
-#: Patterns by which each run is off in its own way, which take a little of anything.
+#: Patterns in which each run deviates in its own way; they explain a little of any misfit.
 EACH_RUN = ("ramps", "coupon_runs")
 
 #: Degree of polynomials in the voltage's square.
 _DEGREE = 4
 
-#: Most steps that are tried, evenly over the readings. A bound of the cost.
+#: Most steps that are tried, evenly over the readings. It limits the cost.
 _STEPS = 100
-#: Thresholds at which a plate may stick, as shares of the largest prediction: so close that one of
-#: them is near to any.
+#: Thresholds below which a plate may stick, as shares of the largest prediction: dense enough that
+#: one of them is near any real threshold.
 _THRESHOLDS = np.geomspace(0.003, 0.3, 64)
 
 
 def words_of(name: str) -> str:
-    """Description of a misfit of a pattern, in words."""
+    """Describe a misfit of a pattern in words."""
     return WORDS.get(name, WORDS[name.split()[0]]).format(*name.split(" ", 1))
 
 
 def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:
-    """Columns by name that a misfit may be a combination of, in units of the readings.
+    """Build columns by name that a misfit may combine, in units of the readings.
 
-    ``names`` are the specimens', ``predicted`` what the nominal model says. Those of lengths, then
-    those of every other channel.
+    ``names``: those of the specimens; ``predicted``: readings of the nominal model. Columns of
+    lengths come first, then those of every other channel.
     """
     lengths, columns = table.lengths, dict[str, Array]()
     if lengths.any():
@@ -85,7 +85,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
 
 
 def among(rows: Mask, columns: Array) -> Array:
-    """Columns of some rows among all of them."""
+    """Place columns of some rows among all rows; zero elsewhere."""
     every = np.zeros((len(rows), columns.shape[1]))
     every[rows] = columns
     return every
@@ -117,12 +117,12 @@ def _patterns_of_lengths(table: ReadingTable, names: Sequence[str],
 
 
 def over(columns: dict[str, Array], table: ReadingTable) -> dict[str, Array]:
-    """Patterns' columns over the noise of a table."""
+    """Divide patterns' columns by the noise of a table."""
     return {name: table.noise.whitened(values) for name, values in columns.items()}
 
 
 def smooth(squared: Array) -> Array:
-    """Polynomials in what is squared or has no sign, no more than its values tell."""
+    """Evaluate polynomials in a squared or unsigned variable, no more than its values support."""
     share = 2 * squared / max(float(squared.max(initial=0.0)), 1.0) - 1
     degree = max(0, min(_DEGREE, len(np.unique(squared)) - 2))
     return np.asarray(legendre.legvander(share, degree), float)
@@ -136,7 +136,7 @@ def _standard(values: Array) -> Array:
 
 
 def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
-    """A polynomial for each specimen under each mass that leaves some scatter."""
+    """Build a polynomial for each specimen under each mass that leaves some scatter."""
     columns = [((table.ramp == number).astype(float) * size)[:, None]
                * voltage[:, : min(voltage.shape[1], max(1, rows // 2))]
                for number, rows in enumerate(np.bincount(table.ramp).tolist())]
@@ -144,7 +144,7 @@ def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
 
 
 def _jumps(table: ReadingTable, size: Array, predicted: Array) -> dict[str, Array]:
-    """Shifts from a reading on, and what plates show that stick up to a threshold."""
+    """Build shifts from a reading on, and lags of plates that stick up to a threshold."""
     read = np.flatnonzero(table.kind == "displacement")
     order = table.order[read]
     ordered = len(np.unique(order[np.isfinite(order)])) == len(read)
@@ -162,7 +162,7 @@ def _jumps(table: ReadingTable, size: Array, predicted: Array) -> dict[str, Arra
 
 
 def _stuck(predicted: Array, runs: Sequence[Numbers], threshold: float) -> Array:
-    """Lag of plates that stay where they are up to a threshold, then go all the way."""
+    """Compute the lag of plates that stay in place up to a threshold, then go all the way."""
     behind = np.zeros(len(predicted))
     for rows in runs:
         at = predicted[rows[0]]

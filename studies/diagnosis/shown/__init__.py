@@ -1,1 +1,1 @@
-"""Pictures of the nominal and the extended model in a report: curves, films under load."""
+"""Curves and loaded films of the nominal and the extended model in a report."""

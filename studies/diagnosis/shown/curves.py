@@ -1,4 +1,4 @@
-"""Curves of the models between the readings, with the band that readings are expected in."""
+"""Curves of the models between the readings, with the band in which readings are expected."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from tympan.studies.diagnosis.reading_table import LENGTHS, UNITS, ReadingTable
 #: Points of a curve.
 _POINTS = 41
 
-#: Kinds of readings beside lengths that have curves.
+#: Kinds of readings other than lengths that have curves.
 OTHERS = ("force", "capacitance", "tilt", "film_voltage")
 
 
 def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
            kinds: Sequence[str] = LENGTHS) -> dict[str, Array | Any]:
-    """Columns of curves.csv, or of channels.csv where the ``kinds`` are others than lengths.
+    """Build the columns of curves.csv, or of channels.csv if the ``kinds`` are not lengths.
 
-    From no voltage to the highest one that was read; of forces over the displacements.
-    Hypotheses are mixed by their probabilities; the noise is the ramp's usual one. Where nothing
-    explains the readings, bands are of what is ``chosen``, else of the nominal model, and count
-    what it misses.
+    Curves run from zero to the highest voltage read; those of forces over the displacements.
+    Hypotheses are mixed by their probabilities; the noise is the ramp's median. Where nothing
+    explains the readings, bands are those of the ``chosen`` fit, else of the nominal model, and
+    include its misfit.
     """
     table = dense(judged.table, kinds)
     posterior, nominal = judged.posterior, judged.nominal
@@ -40,7 +40,7 @@ def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
     weights, beyond = np.ones(1), None
     if judged.verdict == "unexplained":
         fits = (chosen or nominal,)
-        # What is missed is known of lengths alone.
+        # The misfit is known for lengths alone.
         beyond = Discrepancy.of(fits[0], judged.table) if kinds is LENGTHS else None
     elif posterior is not None:
         fits, weights = posterior.fits, posterior.probabilities
@@ -63,17 +63,17 @@ def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
 
 
 def _missed(fit: Fit, table: ReadingTable, kind: str) -> float:
-    """Root mean square of what a fit misses of a kind of readings, over their noise; 1 at least."""
+    """Compute the root mean square misfit of a kind of readings over their noise; at least 1."""
     rows = table.rows_of[kind]
     missed = (table.value - fit.predicted(table))[rows] / table.sigma[rows]
     return max(1.0, float(np.sqrt(np.mean(missed**2))))
 
 
 def dense(table: ReadingTable, kinds: Sequence[str] = LENGTHS) -> ReadingTable:
-    """Ramps of some kinds of readings at many voltages or displacements, at rest.
+    """Build ramps of some kinds of static readings at many voltages or displacements.
 
-    At the times at which these were passed. Ranges are from the smallest voltage of their ramp. The
-    rows' noise is the ramp's median.
+    Times are those at which the ramp passed these. Ranges are counted from the smallest voltage of
+    their ramp. The rows' noise is the ramp's median.
     """
     table = table[np.isin(table.kind, kinds) & ~TRANSIENTS.wrote(table.file)]
     if not len(table):
@@ -81,7 +81,7 @@ def dense(table: ReadingTable, kinds: Sequence[str] = LENGTHS) -> ReadingTable:
     table = replace(table, states=table.states.at_rest)
     direction, held = table.states.direction[table.state], np.isfinite(
         table.states.heave[table.state])
-    # Plates that are held go out and back at a voltage; free ones up and down under a mass.
+    # Held plates move out and back at one voltage; free ones up and down under one mass.
     ramp = np.where(held, 0, 1 + table.ramp)
     kept = np.where(held, table.voltage, 0.0)
     keys = list(dict.fromkeys(zip(table.kind.tolist(), table.specimen.tolist(), ramp.tolist(),
@@ -97,7 +97,7 @@ def dense(table: ReadingTable, kinds: Sequence[str] = LENGTHS) -> ReadingTable:
 
 
 def _ramp(ramp: ReadingTable, held: bool) -> ReadingTable:
-    """One ramp of one kind and way at many voltages, or at many displacements of a held plate."""
+    """Build one ramp of one kind and way at many voltages, or displacements of a held plate."""
     first = ramp.states[ramp.state[:1]]
     states = replace(first[np.zeros(_POINTS, np.int64)])
     if held:

@@ -1,6 +1,7 @@
-"""Films of a diagnosis under loads that were read: the extended model's beside the nominal one's.
+"""Films of a diagnosis under measured loads: the extended model's, compared with the nominal's.
 
-Solved by finite elements, as ``tympan solve`` solves the specimens that a diagnosis writes.
+They are solved by finite elements, as ``tympan solve`` solves the specimens that a diagnosis
+writes.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from tympan.studies.diagnosis.result import LoadedFilm
 from tympan.studies.effects import Setup
 from tympan.studies.film_surface import FilmSurface
 
-#: Specimens whose films are solved and stored: a page holds no more.
+#: Most specimens whose films are solved and stored: a page has no room for more.
 _MOST = 12
-#: Loads that are tried of each, from the largest on: under the largest a film may have no
+#: Loads tried for each specimen, from the largest on: under the largest one the film may have no
 #: equilibrium.
 _TRIED = 4
 
 
 def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFilm]:
-    """The film of each specimen under the largest load read at which both models have one."""
+    """Solve each specimen's film under its largest load at which both models have one."""
     if not judged.simulation.loaded:
         return
     nominal = judged.simulation.extended((), judged.nominal.unknowns)
@@ -43,7 +44,7 @@ def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFi
 
 
 def _loads(table: ReadingTable, number: int) -> list[tuple[float, float]]:
-    """Masses [kg] and voltages [V] under which a specimen was read, the largest first."""
+    """List masses [kg] and voltages [V] under which a specimen was read, largest first."""
     rows = table.specimen == number
     loads = zip(table.mass[rows].tolist(), table.voltage[rows].tolist(), strict=True)
     return sorted(set(loads), reverse=True)
@@ -52,16 +53,16 @@ def _loads(table: ReadingTable, number: int) -> list[tuple[float, float]]:
 def _film(case: Case, settings: Settings) -> FilmSurface | None:
     try:
         return solve(case, settings, film=True).film
-    except InputError:  # an effect may ask for a film that cannot be meshed
+    except InputError:  # an effect may lead to a film that cannot be meshed
         return None
 
 
 def over_nominal(film: FilmSurface, nominal: FilmSurface) -> FilmSurface:
-    """A film with ``nominal_deflection`` [m] at its points, of a film of the same frame."""
+    """Add ``nominal_deflection`` [m] at a film's points, from a film in the same frame."""
     deflection = nominal.values["displacement"][:, 2]
     if film.mounted.shape != nominal.mounted.shape or not np.allclose(
             film.mounted, nominal.mounted, rtol=0, atol=1e-9):
-        # The plate may sit elsewhere: where it hides the other film, it is as deep as its rim.
+        # The plate may be shifted: where it hides the other film, the depth is that of its rim.
         places, first = np.unique(nominal.mounted[:, :2], axis=0, return_index=True)
         between = LinearNDInterpolator(places, deflection[first], fill_value=0.0)
         deflection = between(film.mounted[:, :2])

@@ -1,1 +1,1 @@
-"""Transients as readings: what is wrong with a run, means of its blocks, what its swings say."""
+"""Transients as readings: faults of a run, means of its blocks, and its oscillations."""

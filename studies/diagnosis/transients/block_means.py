@@ -1,13 +1,13 @@
-"""A transient's samples as the few readings they are worth.
+"""A transient's samples reduced to as many readings as they contain.
 
-Samples are not independent: noise is correlated, and the plate swings. So the samples after a jump
-of the voltage become means of blocks, evenly spaced in the logarithm of time, whole swings long and
-at least eight times the correlation time, so that neighbours hardly know of each other. What the
-swings say is kept as two readings of their own, their frequency and the rate at which they fade.
-The noise of a mean is by the samples' own spectrum (:mod:`~.noise_density`), whatever is stated.
+Samples are not independent: noise is correlated, and the plate oscillates. So the samples after a
+jump of the voltage are averaged in blocks. These are evenly spaced in the logarithm of time, whole
+periods long, and at least eight times the correlation time, so that neighbours are nearly
+independent. The oscillation gives two more readings, its frequency and its decay rate. The noise
+of a mean comes from the samples' own spectrum (:mod:`~.noise_density`), whatever is stated.
 
-When a voltage jumped is known within a sample only (:mod:`tympan.studies.data.sampled_run`): by how
-much a mean is another where the jump was later is kept beside it.
+The time of a jump is known only within a sample (:mod:`tympan.studies.data.sampled_run`). So each
+mean has its derivative by the time of the jump.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.diagnosis.transients.noise_density import noise_density
 from tympan.studies.diagnosis.transients.ringing import Ringing, ringing
 
-#: Blocks after a jump for each factor e in time: creep is told by its logarithm.
+#: Blocks after a jump for each factor e in time: creep follows the logarithm of time.
 _BLOCKS = 4
-#: Most blocks in a hold. A bound of the cost.
+#: Most blocks in a hold. It limits the cost.
 _MOST = 40
-#: Samples of a record up to which each is a reading of its own: they are too few to tell their
+#: Number of samples up to which each is a reading of its own: they are too few to determine their
 #: noise.
 _FEW = 60
 
-#: Shortest block in correlation times, so that neighbours hardly know of each other.
+#: Shortest block in correlation times, so that neighbours are nearly independent.
 _APART = 8.0
-#: Samples that a block needs, for a line and something left of it.
+#: Fewest samples of a block: a line and some scatter about it.
 _LEAST = 3
 
-#: Share of the shift of a swing's mean by the film's curvature that is not known. Set by trial.
+#: Relative uncertainty of the shift of an oscillation's mean by the film's curvature. Set by trial.
 _UNSURE = 0.1
-#: Of what a swing does in a sample the share that a mean may be off: whole swings end between two
-#: samples.
+#: Error of a mean, as a share of the oscillation's change in one sample: whole periods end between
+#: two samples.
 _RAGGED = 0.5
 
 
@@ -48,10 +48,10 @@ _RAGGED = 0.5
 class BlockMeans:
     """Blocks of a record: samples ``first`` to before ``last``, shape (blocks,) each.
 
-    Their ``mean`` [m] and its deviation ``sigma`` [m]; ``jump``: the number of the jump before it,
-    -1 for none; ``voltage``: root of the mean square; ``later``: by how much the mean is more for
+    Their ``mean`` [m] and its standard deviation ``sigma`` [m]; ``jump``: number of the jump before
+    the block, -1 for none; ``voltage``: its root mean square; ``later``: increase of the mean for
     each second by which the jump was later [m/s]. ``passages``: of the run's beginning, then of
-    each block. ``swings``: what the plate's swings say, by the number of the jump.
+    each block. ``swings``: the plate's oscillations, by the number of the jump.
     """
 
     first: Numbers
@@ -65,14 +65,14 @@ class BlockMeans:
     swings: dict[int, Ringing]
 
     def __getitem__(self, blocks: Mask) -> BlockMeans:
-        """Some of the blocks."""
+        """Select some of the blocks."""
         return BlockMeans(self.first[blocks], self.last[blocks], self.jump[blocks],
                           self.passages[np.r_[True, blocks]], self.voltage[blocks],
                           self.mean[blocks], self.sigma[blocks], self.later[blocks], self.swings)
 
 
 def block_means(record: SampledRun, noise: float | None = None) -> BlockMeans:
-    """A record's readings; ``noise``: of a sample [m], where the record is too short to tell it."""
+    """Reduce a record to readings; ``noise``: of a sample [m], used where the record is short."""
     if len(record.time) <= _FEW:
         return _each(record, noise)
     holds = record.holds
@@ -99,7 +99,7 @@ def block_means(record: SampledRun, noise: float | None = None) -> BlockMeans:
 
 
 def _each(record: SampledRun, noise: float | None) -> BlockMeans:
-    """Every sample of a short record as it is."""
+    """Use every sample of a short record as a block."""
     time, read, rows = record.time, record.displacement, np.arange(len(record.time))
     jump = np.searchsorted(record.jumps, rows, "right") - 1
     later, switched = np.zeros(len(rows)), np.full(len(rows), nan)
@@ -113,14 +113,14 @@ def _each(record: SampledRun, noise: float | None) -> BlockMeans:
 
 
 def _passages(record: SampledRun, begin: Array, end: Array, switched: Array) -> Passages:
-    """Passages of the run's beginning, then of blocks."""
+    """Build passages of the run's beginning, then of blocks."""
     return Passages.of(VoltageHistory.of(record), np.r_[0.0, begin], np.r_[0.0, end],
                        np.r_[nan, switched])
 
 
 def _mean(record: SampledRun, block: tuple[int, int], number: int, hold: tuple[int, int],
           density: float) -> tuple[float, ...]:
-    """Begin and end of a block and when the voltage jumped [s]; voltage [V], mean, sigma, later."""
+    """Find a block's begin and end, time of the jump [s], voltage [V], mean, sigma, later."""
     first, last = block
     span, jump = slice(first, last), hold[0] if number >= 0 else -1
     step = float(record.time[first] - record.time[first - 1]) if first else float(
@@ -134,7 +134,7 @@ def _mean(record: SampledRun, block: tuple[int, int], number: int, hold: tuple[i
     switched = nan if jump < 0 else record.switched(jump)
     begin = 0.0 if not first else switched if first == jump else begin
     size = max(abs(float(values.mean())), 1e-9)
-    # Whole swings end between two samples.
+    # Whole periods end between two samples.
     ragged = _RAGGED * np.sqrt(swing) * step / (end - begin)
     unsure = np.hypot(_UNSURE * swing / size, ragged)
     return (begin, end, switched, float(np.sqrt(np.mean(record.voltage[span] ** 2))),
@@ -143,17 +143,17 @@ def _mean(record: SampledRun, block: tuple[int, int], number: int, hold: tuple[i
 
 
 def _rise(read: Array, block: tuple[int, int], hold: tuple[int, int]) -> float:
-    """Rise of the deflection from the begin of a block to its end, within a hold [m].
+    """Compute the rise of the deflection from a block's begin to its end, within a hold [m].
 
-    A hold begins where its first sample is: a plate that has a mass hardly moves before that, and
-    a film without one has moved.
+    A hold begins at its first sample: a plate with a mass hardly moves before that, and a film
+    without one has moved already.
     """
     begin, end = (read[max(edge - 1, hold[0]):min(edge + 1, hold[1])] for edge in block)
     return float(np.mean(end) - np.mean(begin if block[0] > hold[0] else begin[:1]))
 
 
 def _blocks(time: Array, period: float, shortest: float) -> Iterator[tuple[int, int]]:
-    """First and last samples of blocks ever longer, whole periods long where there are any."""
+    """Yield first and last samples of growing blocks, whole periods long if there are any."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     least = max(shortest, _LEAST * step)
     length = len(time) * step

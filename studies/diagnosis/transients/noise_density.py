@@ -1,8 +1,9 @@
-"""The noise of samples whatever its colour: white, and a part of first order beside it.
+"""Spectral density of samples' noise: a white part and a part of first order.
 
-Its spectrum is S_w + S_c/|1 − φ e^(−iω)|² (1 − φ)²; by Whittle's likelihood of the periodogram of
-what slow curves leave, without the frequencies at which the plate swings. The mean over a time T
-that is long beside the correlation time has the variance (S_w + S_c)/T.
+The spectrum is S_w + S_c/|1 − φ e^(−iω)|² (1 − φ)². It is fitted by Whittle's likelihood to the
+periodogram of the residuals about slow curves, without the frequencies at which the plate
+oscillates. The mean over a time T that is long against the correlation time has the variance
+(S_w + S_c)/T.
 """
 
 from __future__ import annotations
@@ -14,31 +15,33 @@ from scipy.optimize import minimize
 
 from tympan.base.arrays import Array
 
-#: Samples without which a spectrum says nothing.
+#: Fewest samples for a spectrum.
 _FEWEST = 64
-#: Lowest frequencies that are left out: slow curves spoil them.
+#: Number of lowest frequencies that are left out: slow curves disturb them.
 _SPOILT = 4
-#: How far about a swing's frequency and its multiples nothing is used, as a share of the frequency.
+#: Half width of the excluded range about an oscillation's frequency and its multiples, as a share
+#: of the frequency.
 _ABOUT = 0.25
-#: How many multiples are left out: higher ones are below the noise.
+#: Number of multiples that are left out: higher ones are below the noise.
 _MULTIPLES = 4
 
-#: Correlation times that fits begin with, in samples.
+#: Correlation times at which fits start, in samples.
 _STARTS = (2.0, 8.0, 40.0)
 
-#: What a coloured part must gain in the logarithm of likelihood to be one.
+#: Log-likelihood that a coloured part must gain to be accepted.
 _CLEAR = 4.0
 
 
 def noise_density(time: Array, value: Array, frequency: float = 0.0) -> tuple[float, float]:
-    """Spectral density at frequency 0 [m² s] and correlation time [s], 0 for white noise.
+    """Fit the spectral density at frequency 0 [m² s] and the correlation time [s], 0 if white.
 
-    Of evenly spaced samples after a jump; nan of too few. ``frequency`` of a swing [Hz].
+    The samples are evenly spaced, after a jump; nan if there are too few. ``frequency``: that of an
+    oscillation [Hz].
     """
     if len(time) < _FEWEST:
         return nan, 0.0
     step, since = float(np.median(np.diff(time))), time - time[0]
-    # A window keeps a swing's power near its frequency.
+    # A window keeps an oscillation's power near its frequency.
     window = np.hanning(len(time))
     logs = np.log1p(since / step)
     columns = np.stack([np.ones(len(time)), since / since[-1], *(logs**k for k in (1, 2, 3, 4))], 1)

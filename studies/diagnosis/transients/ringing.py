@@ -1,4 +1,4 @@
-"""Swings of a plate after a jump of the voltage: frequency and rate at which they fade."""
+"""Oscillations of a plate after a jump of the voltage: frequency and decay rate."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ from scipy.optimize import least_squares
 
 from tympan.base.arrays import Array
 
-#: Samples that a period must have, to be told from noise.
+#: Fewest samples in a period that can be separated from noise.
 _SAMPLES = 5
-#: Most periods that are looked at: by then a swing has faded or its frequency is known.
+#: Most periods that are used: then the oscillation has decayed or its frequency is known.
 _LONG = 40
-#: Periods that are needed. Fewer are a bend of a slow curve.
+#: Fewest periods. Fewer are the bend of a slow curve.
 _SHORT = 4
-#: Share of the scatter that a swing must be.
+#: Least share of the scatter that an oscillation must explain.
 _CLEAR = 0.6
-#: How well its frequency must be told, as a share.
+#: Largest relative uncertainty of its frequency.
 _TOLD = 0.03
-#: Most trials of a fit. A bound of the cost.
+#: Most evaluations of a fit. It limits the cost.
 _EVALUATIONS = 60
 
-#: The probability that noise alone makes a swing of a record's samples.
+#: Probability that noise alone makes an oscillation in a record's samples.
 _CHANCE = 1e-4
 
-#: How far swings of an amplitude over the whole deflection change the frequency, over the square of
-#: that.
+#: Change of the frequency by an oscillation's amplitude, over the square of the amplitude over the
+#: whole deflection.
 _BENDS = 0.5
-#: How exactly frequencies are known at best, as a share: that of clocks and of the model.
+#: Least relative uncertainty of a frequency: that of clocks and of the model.
 _BEST = 1e-3
-#: How exactly rates are known at best, over the frequency.
+#: Least uncertainty of a decay rate, over the frequency.
 _RATE = 1e-3
 
 
 @dataclass(frozen=True)
 class Ringing:
-    """Frequency [Hz] and rate at which the swing's amplitude fades [1/s], with deviations."""
+    """Frequency [Hz] and decay rate of an oscillation's amplitude [1/s], with deviations."""
 
     frequency: float
     frequency_sigma: float
@@ -45,10 +45,10 @@ class Ringing:
 
 
 def ringing(time: Array, value: Array) -> Ringing | None:
-    """The swing of samples after a jump, None where none is to be seen.
+    """Find the oscillation of samples after a jump; None where there is none.
 
-    A film bends the swing: its frequency is that of small swings only when these have faded, so
-    what a large swing may be off is counted as noise.
+    A film's stiffness changes with its deflection, so the frequency is that of small oscillations
+    only when these have decayed. The possible shift by a large amplitude is counted as noise.
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     frequency = _strongest(time, value, step)
@@ -71,7 +71,7 @@ def ringing(time: Array, value: Array) -> Ringing | None:
 
 
 def _strongest(time: Array, value: Array, step: float) -> float | None:
-    """The frequency of the largest peak of the spectrum, of the part in which it is most [Hz]."""
+    """Find the frequency [Hz] of the largest spectral peak, in the part where it is largest."""
     for count in (len(time) // 64, len(time) // 16, len(time) // 4, len(time)):
         if count < 4 * _SAMPLES:
             continue
@@ -92,7 +92,7 @@ def _strongest(time: Array, value: Array, step: float) -> float | None:
 
 def _fitted(time: Array, value: Array, frequency: float
             ) -> tuple[tuple[float, float], tuple[float, float], float] | None:
-    """Rate and angular frequency, their deviations, and the amplitude [m]."""
+    """Fit decay rate and angular frequency, with deviations, and the amplitude [m]."""
     late = np.log1p(time * frequency)
 
     def columns(rate: float, omega: float) -> Array:
@@ -117,7 +117,7 @@ def _fitted(time: Array, value: Array, frequency: float
     slow = basis[:, :3]
     still = value - slow @ np.linalg.lstsq(slow, value, rcond=None)[0]
     variance = float(np.mean(rest**2)) * _inflation(rest)
-    # Of n frequencies noise makes the largest gain in χ² more than 2 ln(n/p) with probability p.
+    # For n frequencies, noise gains more than 2 ln(n/p) in χ² with probability p.
     if float(still @ still - rest @ rest) < 2 * np.log(len(time) / _CHANCE) * variance:
         return None
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * variance / scale**2
@@ -128,7 +128,7 @@ def _fitted(time: Array, value: Array, frequency: float
 
 
 def _inflation(rest: Array) -> float:
-    """Factor by which correlation widens a variance: 1 + 2 Σ of the residuals' autocorrelation."""
+    """Compute the factor of a variance by correlation: 1 + 2 Σ of residuals' autocorrelation."""
     size = float(rest @ rest)
     total, lag = 1.0, 1
     while lag < len(rest) // 4 and size > 0:

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
          MESH,
          example="oval.toml -o lumped")
 def lumped_build(options: argparse.Namespace) -> None:
-    """The lumped model of specimens from their field model alone."""
+    """Build the lumped model of specimens from their field model alone."""
     from tympan.progress import bar
     from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings
 

@@ -42,9 +42,9 @@ from tympan.options import (
          example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
                  "-o control")
 def lumped_control(options: argparse.Namespace) -> None:
-    """Controller with feed-forward: its margins, and a run beside one without feedback.
+    """Design a controller with feed-forward: its margins, and a run compared to one without it.
 
-    The plate is to follow the deflections at rest of the signal's voltages. The controller is
+    The plate is to follow the equilibrium deflections of the signal's voltages. The controller is
     designed on the lumped model, linearised from no voltage to the supply's.
     """
     from tympan.progress import bar

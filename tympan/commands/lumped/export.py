@@ -18,7 +18,7 @@ from tympan.options import argument, command, output, parse_quantity
          argument("--mass", help='with --fmu or --slow-fast: on the plate, such as "17.9 g"'),
          output(required=True), example="lumped/oval.lumped.toml -o controller")
 def lumped_export(options: argparse.Namespace) -> None:
-    """A lumped model for a controller: as C99, FMU, or two transfer functions."""
+    """Write a lumped model for a controller: as C99, FMU, or two transfer functions."""
     from tympan.progress import say
     from tympan.studies.case import Case
     from tympan.studies.lumped.export import export, require_form

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
          output("write estimates.json as soon as there are any, identify.json and figures"), JSON,
          MESH, example="readings --dynamic -o identified")
 def lumped_identify(options: argparse.Namespace) -> None:
-    """The constants behind a dataset's readings."""
+    """Identify the constants of lumped models from a dataset's readings."""
     from tympan.progress import bar
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.identify.identify import IdentifySettings, identify
@@ -74,7 +74,7 @@ def lumped_identify(options: argparse.Namespace) -> None:
 
 
 def _teller(options: argparse.Namespace) -> Teller:
-    """Prints and stores estimates of a kind while their limits are still sought."""
+    """Make a function that prints and stores estimates while their limits are still computed."""
     from tympan.studies.files import write_json
 
     def tell(kind: str, values: dict[str, float], record: dict[str, Any]) -> None:

@@ -34,7 +34,7 @@ from tympan.options import (
                   help="print one JSON object, which paper.json holds too"),
          example="-o paper")
 def lumped_paper(options: argparse.Namespace) -> None:
-    """Figures and tables of the source paper, computed again, with its numbers beside ours."""
+    """Compute figures and tables of the source paper again, and compare its numbers with ours."""
     import time
 
     from tympan.paper.figures import STEPS_OF_RUN, Choices, run

@@ -1,4 +1,4 @@
-"""``tympan lumped simulate`` and ``linearise``: what lumped models do under a signal."""
+"""``tympan lumped simulate`` and ``linearise``: response of lumped models to a signal."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tympan.options import (
 if TYPE_CHECKING:
     from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 
-#: Which actuators, for :func:`read_case`.
+#: Arguments that choose actuators, for :func:`read_case`.
 ACTUATORS = (
     argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml",
              help="its membrane circles are found from its field model, and kept"),
@@ -47,7 +47,7 @@ ACTUATORS = (
 
 
 def read_case(options: argparse.Namespace) -> LumpedCase:
-    """The actuators and the load that are asked for."""
+    """Read the actuators and the load that are requested."""
     from tympan.studies.lumped.case import LumpedCase
     from tympan.studies.lumped.model_file import read_model
 
@@ -64,7 +64,7 @@ def read_case(options: argparse.Namespace) -> LumpedCase:
 
 def chosen_actuators(options: argparse.Namespace, case: LumpedCase, voltage: float
                      ) -> ChosenActuators:
-    """The actuators asked for, good up to a voltage [V]."""
+    """Read the requested actuators, valid up to a voltage [V]."""
     from tympan.progress import bar
 
     with naming_options(options), bar(4 * len(case.specimens)) as progress:
@@ -78,7 +78,7 @@ def chosen_actuators(options: argparse.Namespace, case: LumpedCase, voltage: flo
          output("write a dataset, transient.csv and dataset.toml, simulate.json and figures"), JSON,
          MESH, example='oval.toml --signal step --high "3.5 kV" -o step')
 def lumped_simulate(options: argparse.Namespace) -> None:
-    """Response to a step, ramp, sine, random steps or a CSV file. Deflections count downwards."""
+    """Simulate a step, ramp, sine, random steps or a CSV file. Deflections count downwards."""
     from tympan.progress import bar
 
     wave, signal = wave_of(options, len(options.specimens) + len(options.model))
@@ -98,7 +98,7 @@ def lumped_simulate(options: argparse.Namespace) -> None:
                        "or NAME.json"), JSON, MESH,
          example='oval.toml --at "3 kV" --mass "17.9 g"')
 def lumped_linearise(options: argparse.Namespace) -> None:
-    """Small motions about a rest: state space A, B, C, D, poles by name, gain."""
+    """Linearise about an equilibrium: state space A, B, C, D, poles by name, gain."""
     from tympan.result import Result, file_writers
     from tympan.studies.lumped.linear import LinearResult
 
