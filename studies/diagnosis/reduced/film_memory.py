@@ -327,8 +327,8 @@ def _corners(axes: tuple[tuple[float, float], ...], nodes: int
                       for k in range(nodes)])
     corners = []
     for combined in product(*parts):
-        places, weights = zip(*combined, strict=True)
-        corners.append((places, prod(weights)))
+        places = tuple(place for place, _ in combined)
+        corners.append((places, prod(weight for _, weight in combined)))
     return tuple(corners)
 
 

@@ -31,7 +31,7 @@ def sagging() -> Judgement:
 
 def concluded(judged: Judgement, dataset: Any = None) -> Conclusions:
     nothing = cast(Any, None)
-    prepared = SimpleNamespace(quantities=set(), assumed=False)
+    prepared = SimpleNamespace(observables=set(), assumed=False)
     return Conclusions(dataset, cast(Any, prepared), judged, 0.0, nothing, (), "")
 
 

@@ -31,7 +31,7 @@ def test_the_deflection_of_1000_films_at_half_their_pull_in_voltage() -> None:
     for film in np.random.default_rng(3).choice(1000, 2, replace=False):
         model = build_model(family.box.member(rows[film]), COARSE, Rig().loading)
         ramp = equilibrium(model, FORCE, 9e3)
-        assert ramp.kind == "pull_in"
+        assert not ramp.thins
         assert ramp.limit is not None
         assert pull_in[film, 0] == pytest.approx(ramp.limit**0.5, rel=1e-2)
         known = equilibrium(model, FORCE, float(pull_in[film, 0]) / 2)
