@@ -728,12 +728,12 @@ class Registry(dict[str, T]):
         Raises
         ------
         ValueError
-            When another kind has its name.
+            When a class of another name is registered under its name.
         """
         name = getattr(kind, self.tag)
-        known = self.get(name, kind)
-        if getattr(known, "__qualname__", known) != getattr(kind, "__qualname__", kind):
-            raise ValueError(f"{name!r} is registered already: {known!r}")
+        known, own = (getattr(each, "__qualname__", None) for each in (self.get(name), kind))
+        if known and own and known != own:  # a class that is defined again takes its own place
+            raise ValueError(f"{name!r} is registered already: {known}")
         takes = isinstance(kind, type) and is_dataclass(kind)
         self[name] = takes_units(kind) if takes else kind
         return kind

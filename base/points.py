@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.process.interruption import signals_wait
 
 #: Ways to draw points.
-METHODS = ("random", "latin_hypercube", "sobol")
+Drawing = Literal["random", "latin_hypercube", "sobol"]
 
 
-def drawn_points(dimensions: int, count: int, seed: int, method: str = "sobol") -> Array:
+def drawn_points(dimensions: int, count: int, seed: int, method: Drawing = "sobol") -> Array:
     """Draw points in the unit cube, shape (count, dimensions); the same ones for a seed.
 
     Of a Sobol sequence they are the first points of the scrambled one; a power of two of them is

@@ -26,6 +26,22 @@ class SourceSignal(Protocol):
         """Evaluate the voltage [V] at times of a piece; both ends belong to it."""
 
 
+#: Voltage that moves no film [V].
+_NO_VOLTAGE = 1e-3
+
+
+def highest_voltage(signal: SourceSignal) -> float:
+    """Find the largest size of a signal's voltage at the quarters of its pieces [V].
+
+    A sine about 0 V is 0 at the ends of its pieces, which are periods; its peaks are at quarters.
+    """
+    begin, end = signal.breaks[:-1], signal.breaks[1:]
+    pieces = np.arange(len(begin))
+    times = [begin + share * (end - begin) for share in (0.0, 0.25, 0.5, 0.75)] + [end]
+    sizes = [np.abs(signal.within(pieces, each)).max(initial=0.0) for each in times]
+    return max(float(max(sizes)), _NO_VOLTAGE)
+
+
 @dataclass(frozen=True)
 class Circuit:
     """Circuit of source and film: a ``resistance`` in series, a ``leakage`` in parallel [Ω]."""

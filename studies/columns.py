@@ -88,12 +88,14 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
 
 def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],
           lists: bool = False) -> dict[str, Array]:
-    """Make columns of rows; a class of records has the same columns even without rows."""
+    """Make columns of rows; those that are the ``same`` are there even without rows."""
     names = [name for record in records[:1] for name, several in _kinds(record)
              if lists or not several]
-    columns = {name: [value] * len(rows) for name, value in same.items()}
-    columns |= {name: [row[name] for row in rows] for name in names}
-    return {name: _column(values) for name, values in columns.items()}
+    columns: dict[str, Array] = {}
+    for name, value in same.items():
+        kind = object if isinstance(value, str) else float
+        columns[name] = np.full(len(rows), value, dtype=kind)
+    return {**columns, **{name: _column([row[name] for row in rows]) for name in names}}
 
 
 def _column(values: list[Any]) -> Array:

@@ -256,7 +256,7 @@ def _with_snaps(way: Iterator[Stop], settings: PathSettings) -> Iterator[Stop]:
 def apart(way: Sequence[Stop]) -> list[Stop]:
     """Remove stops at the same point as the one before, where two events coincide."""
     return [stop for number, stop in enumerate(way)
-            if not number or stop.film is not way[number - 1].film]
+            if not number or stop.film.point is not way[number - 1].film.point]
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,

@@ -47,8 +47,9 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.limits.loads import usual_masses
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.modes import carried
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Signal, Supplied, Wave, lagging, nominal, ramp
-from tympan.studies.trace import Response, Responses, Trace, unclosed, with_rest
+from tympan.studies.trace import Response, Responses, unclosed, with_rest
 
 #: Voltage at which a loop turns, over that of the first limit, so that the film stays below it.
 _NEAR_LIMIT = 0.95

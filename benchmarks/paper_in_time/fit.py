@@ -26,8 +26,8 @@ from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.film_response import film_deflections, film_motion
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Signal, step
-from tympan.studies.trace import Trace
 
 _RIG = Rig()
 #: What is searched: moduli [Pa], permittivity, times [s].

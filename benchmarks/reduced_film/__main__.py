@@ -29,8 +29,8 @@ from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.film_response import film_deflections, film_motion
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Sine, nominal, ramp, random_steps, step
-from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
 
 _NAMES = ("circular", "elliptical-small", "elliptical-large")

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.circuit import Circuit, SourceSignal
+from tympan.fem.circuit import Circuit, SourceSignal, highest_voltage
 from tympan.fem.equilibrium.constraints import (
     Constraint,
     difference,
@@ -75,9 +75,6 @@ _ORDER = 3
 _CLOSER = 1e-3
 #: Largest number of Newton's iterations in a step; a step that needs more is too long.
 _ITERATIONS = 10
-
-#: Voltage that moves no film [V].
-_NO_VOLTAGE = 1e-3
 
 #: Free load if the film's charge is given, and if the plate's deflection is given.
 _VOLTAGE: tuple[Load, ...] = ("voltage",)
@@ -457,11 +454,8 @@ class Transient:
 
     @cached_property
     def _highest(self) -> float:
-        """Highest voltage of the source at the breaks of its signal [V]."""
-        breaks = self.signal.breaks
-        pieces = np.arange(len(breaks) - 1)
-        ends = [self.signal.within(pieces, times) for times in (breaks[:-1], breaks[1:])]
-        return max(float(np.abs(ends).max()), _NO_VOLTAGE)
+        """Highest voltage of the source [V]."""
+        return highest_voltage(self.signal)
 
     @property
     def _damping(self) -> Array:

@@ -165,7 +165,7 @@ class ExactFilm:
     @property
     def limit(self) -> Array:
         ends = [each.voltage_V for each in self._limits if each.kind != BREAKDOWN.kind]
-        return np.array([min(ends, default=np.inf) / self.nominal])
+        return np.array([min(ends, default=np.inf) / self.nominal if self.nominal else np.inf])
 
     @property
     def first_limit(self) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.circuit import Circuit
+from tympan.fem.circuit import Circuit, highest_voltage
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.biases import Bias
@@ -37,9 +37,6 @@ ERROR = 1e-4
 #: Weight in the error of a voltage's change over the highest voltage, if a resistance charges the
 #: film; the deflection over the gap has weight 1. It is the same as for finite elements.
 _CHARGE = 0.1
-#: Voltage that moves no film [V].
-_NO_VOLTAGE = 1e-3
-
 
 @dataclass(frozen=True, eq=False)
 class ReducedMoment:
@@ -116,7 +113,7 @@ class DrivenFilm:
         runs = np.broadcast_shapes(np.shape(self.force), np.shape(self.signal.first))
         memory = Memory.mounted(film.specimen.membrane, (*runs, len(film.volumes)))
         q, none = np.zeros((*runs, film.count)), FilmLoads(0.0, 0.0)
-        return ReducedMoment(time, q, none, lambda: memory)
+        return ReducedMoment(time, q, none, lambda: memory, voltage=np.zeros(runs))
 
     @property
     def tabulated(self) -> ReducedFilm:
@@ -152,11 +149,8 @@ class DrivenFilm:
 
     @cached_property
     def _highest(self) -> float:
-        """Highest voltage of the source at the breaks of its signal [V]."""
-        signal, breaks = self.signal, self.signal.breaks
-        pieces = np.arange(len(breaks) - 1)
-        ends = [signal.within(piece, breaks[piece + end]) for piece in pieces for end in (0, 1)]
-        return max(float(np.abs(ends).max()), _NO_VOLTAGE)
+        """Highest voltage of the source [V]."""
+        return highest_voltage(self.signal)
 
     @cached_property
     def leads(self) -> bool:

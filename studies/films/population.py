@@ -29,6 +29,9 @@ from tympan.studies.films.states import FilmStates
 #: to some 1e-4.
 _SAME = 1e-3
 
+#: Most films whose meshes are kept: those of a band, a power of two and the nominal one, are.
+_KEPT = 2 * BLOCK
+
 
 @dataclass(frozen=True, eq=False)
 class Population:
@@ -87,7 +90,7 @@ class Population:
     @property
     def films(self) -> Films | Array:
         """Films with stored meshes if they are few, else the rows of the films."""
-        return self.every if len(self) <= BLOCK else self.rows
+        return self.every if len(self) <= _KEPT else self.rows
 
     def forces(self, mass: Any) -> Array:
         """Compute the forces on the plates [N] of nominal masses [kg].

@@ -31,6 +31,7 @@ from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 
 #: Largest part of a deformation that the shapes do not contain, over the largest deformation. It is
@@ -212,8 +213,6 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal,
         moments = list(motion.moments())
     except (NoBalance, Stopped):
         return float("inf")
-    from tympan.studies.trace import Trace  # imports pandas, which films of a sweep do not need
-
     exact = Trace(np.array([moment.time for moment in field])).at(
         np.array([moment.state.plate.deflection for moment in field]), when)
     near = Trace(np.array([moment.time for moment in moments])).at(

@@ -13,8 +13,8 @@ from tympan.fem.transient.ends import Followed
 from tympan.fem.transient.film_memory import branch_heat, first_memory
 from tympan.fem.transient.integrate import StepSettings, Transient
 from tympan.studies.force.result import ForceLoop
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces
-from tympan.studies.trace import Trace
 
 #: Errors of the time steps of successive runs of a loop. The runs end when the areas of the loops
 #: change by no more than ``_AREA``; the finer run is some five times as accurate. Areas are then

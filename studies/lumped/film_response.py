@@ -20,8 +20,9 @@ from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import ModelResponse
+from tympan.studies.motion import Trace
 from tympan.studies.signals import JointSignal, Signal, Supplied, lagging, nominal
-from tympan.studies.trace import Trace, unclosed
+from tympan.studies.trace import unclosed
 
 
 def film_deflections(film: ReducedFilm, signals: Sequence[Signal], masses: Sequence[float],

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Special, read
-from tympan.base.points import drawn_points
+from tympan.base.points import Drawing, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Rule, Table, one_of
 from tympan.base.units import DIMENSIONS, any_quantity, quantity
@@ -62,7 +62,7 @@ _SAME = 1e-9
 class Sample:
     """Points drawn in ranges of keys."""
 
-    method: Annotated[Literal["random", "latin_hypercube", "sobol"], Key("way to draw them")]
+    method: Annotated[Drawing, Key("way to draw them")]
     count: Annotated[int, Key("specimens that are drawn", rule=_SPECIMENS)]
     ranges: Annotated[Table, Key("lowest and highest value of each key, by its dotted name")]
     seed: Annotated[int, Key("of the random numbers", rule=_SEED)] = 0
@@ -72,9 +72,9 @@ class Sample:
 class LoadSpan:
     """Masses or voltages at even distances."""
 
-    low: Annotated[Any, Key("the lowest one", name="from")]
-    high: Annotated[Any, Key("the highest one", name="to")]
-    count: Annotated[int, Key("how many they are", rule=_COUNT)]
+    low: Annotated[Any, Key("lowest value", name="from")]
+    high: Annotated[Any, Key("highest value", name="to")]
+    count: Annotated[int, Key("number of values", rule=_COUNT)]
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,9 @@ class SweepFile:
     """Keys of a sweep's file; tables whose keys are names are kept as written."""
 
     specimen: Annotated[tuple[str, ...], Key("file of a specimen, or a list of them")]
-    mass: Annotated[Any, Key("on the plate: one, a list, or a table of the keys below",
+    mass: Annotated[Any, Key("load on the plate: a mass, a list, or from, to and count",
                              default="required where it does not vary")] = None
-    voltage: Annotated[Any, Key("nominal one: as mass; a list ascends",
+    voltage: Annotated[Any, Key("nominal voltage: likewise; a list ascends",
                                 default="required where it does not vary")] = None
     grid: Annotated[Table | None, Key(
         "values of keys of the specimen, of mass, voltage or the rig, by their dotted names; all "

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
-from tympan.base.points import METHODS, drawn_points
+from tympan.base.points import Drawing, drawn_points
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", get_args(Drawing))
 def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
     points = drawn_points(3, 60, 1, method)
     assert points.shape == (60, 3)

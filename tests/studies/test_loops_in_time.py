@@ -17,8 +17,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.limits.voltages import first_limit
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Sine, ramp
-from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history, loop, respond
 
 MASS, TURN, TIME = 17.9e-3, 5e3, 10.0

@@ -38,8 +38,8 @@ from tympan.studies.effects import Setup
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.films.reduction import film_of_runs
+from tympan.studies.motion import Trace
 from tympan.studies.signals import JointSignal, Supplied
-from tympan.studies.trace import Trace
 
 #: Spacing of the lattice in logarithms, a factor of two. Set by trial.
 _SPACING = 0.7

@@ -39,8 +39,8 @@ from tympan.studies.limits import limits
 from tympan.studies.lumped.build import BuildSettings, build
 from tympan.studies.lumped.film_response import film_deflections, film_motion, film_response
 from tympan.studies.lumped.model_file import STILL, LumpedModel, read_model, write_model
+from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Sine, ramp, random_steps, step
-from tympan.studies.trace import Trace
 from tympan.studies.transient import TransientCase, history
 
 ACTUATORS = Path(__file__).parents[3] / "studies" / "shipped"
@@ -166,6 +166,19 @@ def test_a_film_that_charges_creeps_as_by_finite_elements(rig: Rig, signal: Any)
     assert np.abs(across - voltage).max() < 1e-3 * np.abs(voltage).max()
 
 
+@pytest.mark.parametrize("rig", CIRCUITS, ids=["at once", "soon", "late"])
+def test_a_film_charges_by_a_sine_about_0_v_in_few_steps(rig: Rig) -> None:
+    """The source is 0 V at both ends of its signal; its size is not."""
+    signal, when = Sine(0.0, 5e3, 10.0, 1.0), np.linspace(0.0, 10.0, 81)
+    done = history(TransientCase(NEO, signal, mass=MASS, rig=rig), Settings())
+    field = done.at(done.deflection, when)
+    moments = list(film_motion(of(NEO), signal, MASS, rig).moments())
+    assert max(len(moments), len(done.time)) < 200
+    near = Trace(np.array([moment.time for moment in moments])).at(
+        np.array([moment.heave for moment in moments]), when)
+    assert np.abs(near - field).max() < 5e-3 * np.ptp(field)  # 2e-3 of it without a circuit
+
+
 @pytest.mark.parametrize("rig", [Rig(series_resistance=1e7), Rig(series_resistance=3e6,
                                                                  plate_damping=0.3)])
 def test_the_swing_of_a_film_that_charges_is_that_of_finite_elements(rig: Rig) -> None:
@@ -197,8 +210,12 @@ def test_a_stiff_film_charges_as_a_capacitor_does() -> None:
     assert [moment.voltage for moment in moments] == pytest.approx(exact, abs=1e-4)
 
 
-def test_films_that_charge_together_are_each_its_own() -> None:
+@pytest.mark.parametrize("mounted", [None, 3600.0])
+def test_films_that_charge_together_are_each_its_own(mounted: float | None) -> None:
     film, when = of(NEO), np.linspace(0.0, 20.0, 25)
+    if mounted is not None:
+        membrane = replace(film.specimen.membrane, mounted=mounted)
+        film = replace(film, specimen=replace(film.specimen, membrane=membrane))
     rig = Rig(series_resistance=1e9)
     signals = [random_steps(0.0, high, 10.0, 2, 5) for high in (3e3, 5e3)]
     together = film_deflections(film, signals, [MASS, HEAVY], when, rig)
