@@ -16,7 +16,7 @@ import pytest
 
 from tests.support.specimens import circular
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
+from tympan.base.fields import Key, Registry
 from tympan.base.paths import with_change
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.cli import main
@@ -249,3 +249,13 @@ def test_every_file_and_column_of_readings_is_documented(capsys: pytest.CaptureF
         missing = [column.title for column in columns if column.title not in named]
         assert not missing, f"docs/howto/data.md: {file} has no {missing}"
     assert {kind for evidence in (*PLATES, CouponTests) for kind in evidence.kinds} <= {*UNITS}
+
+
+def test_a_class_does_not_take_another_one_s_name() -> None:
+    registry: Registry[type] = Registry("name")
+    first, second = (type(kind, (), {"name": "spring"}) for kind in ("First", "Second"))
+    registry.register(first)
+    registry.register(first)  # a notebook's cell that runs again
+    with pytest.raises(ValueError, match="'spring' is registered already"):
+        registry.register(second)
+    assert registry["spring"] is first

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 Point = tuple[Any, Any]
+#: Points of a curve, and its first and second derivatives there.
 LocalFrame = tuple[AnyArray, AnyArray, AnyArray]
 
 #: Kinds of pieces that files may spell out.

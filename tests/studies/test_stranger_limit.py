@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 from tests.oracles import axisymmetric
 from tests.support.specimens import ROOT5, ROUND, circular, specimen_toml
+from tests.support.tolerances import STILL
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.results.limit_states import LIMIT_STATES, BranchPoint, LimitState, least
@@ -26,17 +27,11 @@ from tympan.studies.limits.curve import CurveResult, curve
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import PathResult, path
 from tympan.studies.tolerance.given import (
-    LengthScatter,
     Scatter,
-    StrengthScatter,
-    Tolerances,
     causes,
 )
 from tympan.studies.tolerance.tolerance import DrawnFilms, ToleranceCase
 
-NONE, NO_LENGTH = Scatter(), LengthScatter()
-STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
-                   StrengthScatter(shape=0))
 SOFT, MASS = circular(NeoHooke(15e3)), 17.9e-3
 SOFT_TOML = specimen_toml("soft", ROUND, 'material = { law = "neo_hooke", mu = "15 kPa" }', ROOT5)
 ORACLE = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)

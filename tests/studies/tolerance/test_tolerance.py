@@ -16,6 +16,7 @@ from scipy.stats import binomtest
 
 import tympan
 from tests.support.specimens import specimen_toml
+from tests.support.tolerances import STILL
 from tympan.base.errors import InputError
 from tympan.base.toml_reader import Table
 from tympan.cli import main
@@ -41,9 +42,6 @@ from tympan.studies.tolerance.shares import SaltelliDesign
 from tympan.studies.tolerance.tolerance import DrawnFilms, ToleranceCase, tolerance
 from tympan.studies.wanted import Bound
 
-NONE, NO_LENGTH = Scatter(), LengthScatter()
-STILL = Tolerances(NONE, NONE, NONE, NONE, NO_LENGTH, NO_LENGTH, NO_LENGTH, NO_LENGTH, NONE, NONE,
-                   StrengthScatter(shape=0))
 MASS, VOLTAGE = 17.9e-3, 3500.0
 #: Numbers that are compared here are found on the same mesh, or differ by scatter alone.
 COARSE = Settings(MeshSettings().refined(0.5))

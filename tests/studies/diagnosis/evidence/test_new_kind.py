@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar, cast
@@ -11,6 +13,7 @@ import pytest
 
 from tests.oracles.readings import swinging
 from tests.oracles.readings.round_actuators import Hidden
+from tests.support.datasets import write_dataset
 from tests.support.library import library_of
 from tympan.base.arrays import Array, Numbers
 from tympan.base.toml_reader import POSITIVE
@@ -120,3 +123,15 @@ def test_a_file_of_no_kind_is_remarked_on(tmp_path: Path) -> None:
     dataset = read_dataset(data)
     assert not dataset.more
     assert any(remark.startswith("strange.csv is not read") for remark in dataset.remarks)
+
+
+@pytest.mark.parametrize("call", ["tympan.data(sys.argv[1])",
+                                  "tympan.cli.main(['data', sys.argv[1]])"])
+def test_whoever_reads_a_dataset_first_knows_all_kinds(call: str, tmp_path: Path) -> None:
+    """In a fresh process, by both doors: kinds bring their files when they are registered."""
+    data = write_dataset(tmp_path / "data", specimens=("A",),
+                         static="specimen,mass_g,voltage_kV,displacement_mm\nA,10,0,1.4\n")
+    known = "assert 'tympan.studies.diagnosis.evidence.registry' in sys.modules"
+    done = subprocess.run([sys.executable, "-c", f"import sys, tympan, tympan.cli; {call}; {known}",
+                           str(data)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
