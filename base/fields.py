@@ -19,7 +19,15 @@ itself checks relations between fields, in ``__post_init__``.
 from __future__ import annotations
 
 import builtins
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    ItemsView,
+    Iterator,
+    KeysView,
+    Mapping,
+    Sequence,
+    ValuesView,
+)
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
@@ -29,6 +37,7 @@ from math import inf
 from numbers import Integral, Number
 from operator import attrgetter
 from os import PathLike
+from threading import RLock
 from types import NoneType, UnionType
 from typing import (
     Annotated,
@@ -259,31 +268,63 @@ def takes_units(cls: Any, limits: Callable[[Field], Rule] = attrgetter("made")) 
     unknown or a missing name. The imaginary step of a number is not checked.
     """
     of_numbers = cls.__init__
-    rules = {field.name: limits(field) for field in fields_of(cls)}
-    halves = [field for field in fields_of(cls) if field.says.doubled]
-    # The dataclass itself checks numbers in fields that are not declared.
-    others = {name: hint for name, hint in get_type_hints(cls).items()
-              if name not in {field.name for field in fields_of(cls)} and "float" not in str(hint)}
-    arguments = Arguments.of(of_numbers, cls, *(word for field in halves
-                                                for word in field.says.doubled))
+
+    @cache
+    def arguments() -> _Units:
+        # Collected for the first object: a program imports many more classes than it makes.
+        return _Units.of(cls, of_numbers, limits)
 
     @wraps(of_numbers)
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
-        declared, required = _by_name(cls)
-        given = arguments.named(values, named)
-        for name in others.keys() & given.keys():
-            arguments.require_type(others[name], given[name], name)
-        for field in halves:
-            given = _halved(field, given)
-        given = {name: _in_si(declared[name], value, rules[name]) if name in declared else value
-                 for name, value in given.items()}
-        arguments.require(given, required)
-        given = getattr(cls, "completed", dict)(given)
-        arguments.require(given, arguments.needed)
-        of_numbers(self, **given)
+        of_numbers(self, **arguments().in_si(values, named))
 
     cls.__init__ = of_texts
     return cls
+
+
+@dataclass(frozen=True, eq=False)
+class _Units:
+    """Arguments of a declared dataclass that :func:`takes_units` describes.
+
+    ``rules``: the limits of each declared field. ``halves``: the fields that words for twice their
+    numbers may replace. ``others``: types of the fields that are not declared. ``arguments``: those
+    of the constructor.
+    """
+
+    cls: Any
+    rules: Mapping[str, Rule]
+    halves: tuple[Field, ...]
+    others: Mapping[str, Any]
+    arguments: Arguments
+
+    @classmethod
+    def of(cls, declared: Any, constructor: Callable[..., Any], limits: Callable[[Field], Rule]
+           ) -> _Units:
+        """Collect what the constructor of a declared dataclass takes."""
+        fields = fields_of(declared)
+        rules = {field.name: limits(field) for field in fields}
+        halves = tuple(field for field in fields if field.says.doubled)
+        # The dataclass itself checks numbers in fields that are not declared.
+        others = {name: hint for name, hint in get_type_hints(declared).items()
+                  if name not in rules and "float" not in str(hint)}
+        words = (word for field in halves for word in field.says.doubled)
+        return cls(declared, rules, halves, others, Arguments.of(constructor, declared, *words))
+
+    def in_si(self, values: Sequence[Any], named: Mapping[str, Any]) -> Content:
+        """Convert the arguments of one object to its fields' values."""
+        declared, required = _by_name(self.cls)
+        arguments = self.arguments
+        given = arguments.named(values, named)
+        for name in self.others.keys() & given.keys():
+            arguments.require_type(self.others[name], given[name], name)
+        for field in self.halves:
+            given = _halved(field, given)
+        given = {name: _in_si(declared[name], value, self.rules[name]) if name in declared
+                 else value for name, value in given.items()}
+        arguments.require(given, required)
+        completed: Content = getattr(self.cls, "completed", dict)(given)
+        arguments.require(completed, arguments.needed)
+        return completed
 
 
 class FieldsAlone:
@@ -374,17 +415,20 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
     dataclass.
     """
     def explained(function: F) -> F:
-        declared = get_annotations(more) if more else {}
-        arguments = Arguments.of(function, None, *declared)
-        # The dataclass that knows the unit checks a quantity that is passed on.
-        hints = get_annotations(function) | {
-            name: Any if "float" in str(hint) else hint for name, hint in declared.items()}
-        many = next((name for name, item in signature(function).parameters.items()
-                     if item.kind is item.VAR_POSITIONAL), None)
-        places = getattr(unwrap(function), "__globals__", {})
+        @cache
+        def of_function() -> tuple[Arguments, dict[str, Any], str | None]:
+            declared = get_annotations(more) if more else {}
+            # The dataclass that knows the unit checks a quantity that is passed on.
+            hints = get_annotations(function) | {
+                name: Any if "float" in str(hint) else hint for name, hint in declared.items()}
+            many = next((name for name, item in signature(function).parameters.items()
+                         if item.kind is item.VAR_POSITIONAL), None)
+            return Arguments.of(function, None, *declared), hints, many
 
         @wraps(function)
         def checked(*values: Any, **named: Any) -> Any:
+            arguments, hints, many = of_function()
+            places = getattr(unwrap(function), "__globals__", {})
             given = arguments.named(values, named)
             arguments.require(given, arguments.needed)
             rest = values[len(arguments.positional):] if many else ()
@@ -402,10 +446,14 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
 def checks_types(cls: Any) -> Any:
     """Let a plain dataclass raise InputError for arguments of a wrong type."""
     of_any = cls.__init__
-    arguments, hints = Arguments.of(of_any), get_type_hints(cls)
+
+    @cache
+    def of_constructor() -> tuple[Arguments, dict[str, Any]]:
+        return Arguments.of(of_any), get_type_hints(cls)
 
     @wraps(of_any)
     def checked(self: Any, *values: Any, **named: Any) -> None:
+        arguments, hints = of_constructor()
         given = arguments.named(values, named)
         arguments.require(given, arguments.needed)
         for name, value in given.items():
@@ -688,21 +736,62 @@ def _either(field: Field) -> str:
     return f"give {' and '.join(field.says.doubled)}, or {field.key}, not both"
 
 
+#: Lock of :attr:`Registry.more`: other threads wait until all kinds are registered.
+_FILLING = RLock()
+
+
 class Registry(dict[str, T]):
     """All kinds of one part by their names in files.
 
     ``tag`` is the attribute of a kind that contains its name, and the key in files that chooses it.
     The ``usual`` kind, if there is one, needs no name in files. ``by_name`` maps a name of a
-    library to an object, in place of a kind. ``broken`` contains the errors of users' packages
-    whose kinds could not be loaded.
+    library to an object, in place of a kind. ``more`` registers the kinds of users' packages; it is
+    called once, when a name is unknown or all kinds are listed. ``broken`` contains the errors of
+    packages whose kinds could not be loaded.
     """
 
     by_name: Callable[[str], Any] | None = None
+    more: Callable[[Self], None] | None = None
 
     def __init__(self, tag: str, usual: str = "") -> None:
         super().__init__()
         self.tag, self.usual = tag, usual
         self.broken: list[InputError] = []
+
+    def _filled(self) -> dict[str, T]:
+        """Register the kinds of users' packages, once."""
+        with _FILLING:
+            more, self.more = self.more, None
+            if more is not None:
+                more(self)
+        return self
+
+    def __missing__(self, name: str) -> T:
+        if self.more is None:
+            raise KeyError(name)
+        return self._filled()[name]
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or dict.__contains__(self._filled(), name)
+
+    def __iter__(self) -> Iterator[str]:
+        return dict.__iter__(self._filled())
+
+    def __len__(self) -> int:
+        return dict.__len__(self._filled())
+
+    def get(self, name: str, default: Any = None) -> Any:
+        known: dict[str, T] = self if name in self else {}
+        return dict.get(known, name, default)
+
+    def keys(self) -> KeysView[str]:
+        return dict.keys(self._filled())
+
+    def values(self) -> ValuesView[T]:
+        return dict.values(self._filled())
+
+    def items(self) -> ItemsView[str, T]:
+        return dict.items(self._filled())
 
     def whole(self, name: str = "") -> Self:
         """Return the registry if no package is broken.
@@ -712,6 +801,7 @@ class Registry(dict[str, T]):
         InputError
             If a package is broken; the error of the kind ``name`` comes first.
         """
+        self._filled()
         for error in sorted(self.broken, key=lambda error: f"{name!r}" not in str(error.key)):
             raise error
         return self
@@ -731,7 +821,8 @@ class Registry(dict[str, T]):
             When a class of another name is registered under its name.
         """
         name = getattr(kind, self.tag)
-        known, own = (getattr(each, "__qualname__", None) for each in (self.get(name), kind))
+        known, own = (getattr(each, "__qualname__", None) for each in
+                      (dict.get(self, name), kind))
         if known and own and known != own:  # a class that is defined again takes its own place
             raise ValueError(f"{name!r} is registered already: {known}")
         takes = isinstance(kind, type) and is_dataclass(kind)

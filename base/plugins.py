@@ -23,14 +23,16 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, partial
-from importlib.metadata import EntryPoint, distributions, entry_points
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Registry
 from tympan.base.system import silent
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 #: Groups of entry points, and what their values are called.
 GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",
@@ -42,6 +44,14 @@ _TOLD = 200
 #: Attributes of ``sys`` that a module may replace or change.
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "unraisablehook", "displayhook", "argv")
+
+
+def load_later(group: str, kinds: Registry[Any]) -> None:
+    """Let a registry load its group by :func:`load_plugins` when it needs more than it has.
+
+    To read the lists of all installed packages takes longer than to read a specimen.
+    """
+    kinds.more = partial(load_plugins, group)
 
 
 def load_plugins(group: str, kinds: Registry[Any]) -> None:
@@ -65,6 +75,8 @@ def load_plugins(group: str, kinds: Registry[Any]) -> None:
 
 def _points(group: str, kinds: Registry[Any]) -> list[EntryPoint]:
     """List the entry points of a group; a package whose list cannot be read is broken."""
+    from importlib.metadata import distributions, entry_points  # it needs the package email
+
     try:
         points = list(entry_points(group=group))
     except Exception:  # whatever the files of an installation raise when they are parsed

@@ -85,6 +85,10 @@ METRE = 1e3  #: in cadquery's model unit, the millimetre
 #: Distances below this [m] are shown as zero: a nanometre.
 _NOWHERE = 1e-9
 
+#: Least step between values of a column that has to grow [s or m]: no instrument resolves less, and
+#: slopes over smaller steps have no meaning.
+LEAST_STEP = 1e-9
+
 #: Most characters of a quantity.
 _LONGEST = 100
 #: Largest number in a file, in SI: its fourth power is still a float.

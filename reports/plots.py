@@ -42,7 +42,8 @@ from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.force import ForceResult
-from tympan.studies.limits import CurveResult, LimitsResult
+from tympan.studies.limits import LimitsResult
+from tympan.studies.limits.curve import CurveResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.material.result import MaterialFitResult

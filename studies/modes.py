@@ -31,8 +31,8 @@ from tympan.studies.case import (
     failure_reason,
     state_warnings,
 )
-from tympan.studies.columns import rows_of
 from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
+from tympan.studies.rows import rows_of
 
 #: Square root of the number of triangles of a curved element in files and pictures.
 _PARTS = 6

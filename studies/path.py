@@ -47,9 +47,9 @@ from tympan.studies.case import (
     equilibrate,
     failure_reason,
 )
-from tympan.studies.columns import rows_of
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
+from tympan.studies.rows import rows_of
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
 from tympan.studies.walk.spread import Passage, spread
 

@@ -27,8 +27,8 @@ from tympan.studies.case import (
     equilibrate,
     failure_reason,
 )
-from tympan.studies.columns import lists_of
 from tympan.studies.modes import carried
+from tympan.studies.rows import lists_of
 
 #: Number of frequencies where none are given.
 USUAL_COUNT = 241

@@ -19,9 +19,9 @@ from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
 from tympan.base.toml_reader import POSITIVE, Rule
+from tympan.base.units import LEAST_STEP
 from tympan.fem.rig import Rig
 from tympan.studies.columns import Column, read_sheet
-from tympan.tables.columns import LEAST_STEP
 from tympan.tables.meanings import TIMES, VOLTAGES
 
 _HIGHEST = 1e6

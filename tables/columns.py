@@ -23,9 +23,6 @@ from tympan.tables.column import Column as Column
 from tympan.tables.formats import Row, TwoMarks, read_rows, unfolded, unread
 from tympan.tables.layouts import Layout, Reader, Source
 
-#: Least step between values of a column that has to grow [s or m]: no instrument resolves less, and
-#: slopes over smaller steps have no meaning.
-LEAST_STEP = 1e-9
 #: Rows of a table that are texts at one time: as numbers they take a tenth of the memory.
 TOGETHER = 10_000
 

@@ -24,7 +24,7 @@ from typing import Any
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Registry
-from tympan.base.plugins import load_plugins
+from tympan.base.plugins import load_later
 from tympan.base.read_file import STORED
 from tympan.base.system import MissingLibrary
 from tympan.base.units import quantity
@@ -569,4 +569,4 @@ def _groups(file: Path, top: int, titles: Sequence[str], matches: Sequence[re.Ma
         yield head, places
 
 
-load_plugins("tympan.formats", FORMATS)
+load_later("tympan.formats", FORMATS)

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.diagnosis.self_check import Bench
     from tympan.studies.force import ForceResult
-    from tympan.studies.limits import CurveResult, LimitsResult
+    from tympan.studies.limits import LimitsResult
+    from tympan.studies.limits.curve import CurveResult
     from tympan.studies.material.result import MaterialFitResult
     from tympan.studies.modes import ModesResult
     from tympan.studies.path import PathResult
@@ -217,7 +218,7 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
     ``tolerances`` as for :func:`solve`: then ``result.curves[0].band_deflection_m`` has the band of
     films at ``band_voltage_V``. ``beyond`` as for :func:`limits`.
     """
-    from tympan.studies.limits import curve
+    from tympan.studies.limits.curve import curve
     from tympan.studies.limits.loads import usual_masses
 
     rig = rig.pressed(pressure)

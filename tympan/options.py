@@ -293,33 +293,41 @@ def save_and_draw(options: argparse.Namespace, result: Any, moving: Sequence[Mov
         return drawn
 
 
-def finish(options: argparse.Namespace, result: Any, moving: Sequence[Moving] = (), **more: Any
-           ) -> None:
+def finish(options: argparse.Namespace, result: Any, moving: Sequence[Moving] = (),
+           text: Callable[..., str] | None = None, **more: Any) -> None:
     """Store a result and print it; ``more`` are values that its text needs besides the record."""
     drawn = save_and_draw(options, result, moving)
-    print_record(options, result.json(), result=result, drawn=drawn, **more)
+    print_record(options, result.json(), drawn, text, result=result, **more)
 
 
-def print_record(options: argparse.Namespace, record: dict[str, Any],
-                 drawn: Sequence[Path] = (), **more: Any) -> None:
-    """Print a record as one JSON object, or through the command's template in commands/text.
+def print_record(options: argparse.Namespace, record: dict[str, Any], drawn: Sequence[Path] = (),
+                 text: Callable[..., str] | None = None, **more: Any) -> None:
+    """Print a record as one JSON object, or as ``text`` writes it from the record and ``more``.
 
-    The files ``drawn`` come last, one by one.
+    Without ``text`` the command's template in commands/text writes it. The files ``drawn`` come
+    last, one by one.
     """
     raise_again()
     if options.json:
         print(json.dumps(record, allow_nan=False))
         return
+    written = (text or _by_template)(record=record, options=options, entries=_entries, **more)
+    if written:
+        print(written.rstrip("\n"))
+    for file in drawn:
+        print(file)
+
+
+def _by_template(options: argparse.Namespace, **more: Any) -> str:
+    """Write a command's text by its template in commands/text."""
+    from tympan.commands.lines import FILTERS
     from tympan.reports.template import template
 
     name = options.command.replace(" ", "_")
-    text = template(f"commands/text/{name}.txt", entries=_entries, entry=_entry,
-                    suffix=suffix_of).render(
-        record=record, options=options, **more)
-    if text:
-        print(text.rstrip("\n"))
-    for file in drawn:
-        print(file)
+    filters = {function.__name__: function for function in FILTERS}
+    page = template(f"commands/text/{name}.txt", entries=_entries, entry=_entry,
+                    suffix=suffix_of, **filters)
+    return page.render(options=options, **more)
 
 
 def _entries(record: dict[str, Any], *without: str) -> str:

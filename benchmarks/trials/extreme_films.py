@@ -33,7 +33,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse, Outline, RoundedRectangle, Stadium, examples
 from tympan.geometry.specimen import Electrode, Film, Plate, Specimen
 from tympan.studies.case import Case, CaseResult, Limits, Settings, solve
-from tympan.studies.limits import CurveResult, curve, limits
+from tympan.studies.limits import limits
+from tympan.studies.limits.curve import CurveResult, curve
 
 #: Half as fine as that of the commands: what fails on it is judged again on theirs.
 MESH = MeshSettings().refined(0.5)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tympan.base.constants import EPSILON_0
 from tympan.fem.film.admissibility import acoustic_margin, strong_ellipticity
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.memory import Flow
@@ -207,11 +208,9 @@ def from_virgin(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tup
 
 def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Maxwell:
     """Make the electrostatic energy of the film at U² (scalar or per point) [V²]."""
-    from scipy.constants import epsilon_0
-
     film = specimen.membrane
     n = film.permittivity_exponent
-    unit = epsilon_0 * film.relative_permittivity * film.area_prestretch**n / film.thickness**2
+    unit = EPSILON_0 * film.relative_permittivity * film.area_prestretch**n / film.thickness**2
     return Maxwell(unit * voltage_squared, 2 - n, covered)
 
 

@@ -20,12 +20,11 @@ from tympan.base.arrays import AnyArray
 from tympan.base.errors import InputError
 from tympan.base.fields import Content, Key, Registry, read
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.base.units import quantities_text, unit_factor
+from tympan.base.units import LEAST_STEP, quantities_text
 from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.quintics import QuinticCurve
 from tympan.geometry.specimen import Specimen
-from tympan.tables.columns import LEAST_STEP, Column, Sheet, read_sheet
 
 _POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 _COUNT: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
@@ -43,11 +42,6 @@ _SECOND_BUCKLING = float(np.pi**2)
 _TENSE = -10.0
 #: Largest distance that a rod may hold the other plate out, in half extents of its frame.
 _MOST_HELD = 1.5
-#: Most rows of a table of forces: the most entries of a list in a file.
-_MOST_ROWS = 10_000
-#: Most extrema of a measured force: a snapping mechanism has two, two of them side by side four;
-#: noise has one in every second row.
-_MOST_TURNS = 8
 #: Most corrections of the axial force, which rarely needs ten.
 _CORRECTIONS = 200
 
@@ -440,7 +434,9 @@ class ForceTable:
         for name in ("displacement", "force"):
             if name in given:
                 raise InputError("must be left out where `file` is given", key=name)
-        displacement, force = _measured(Path(file), titles)
+        from tympan.fem.membrane.force_files import measured  # readers of tables are slow to load
+
+        displacement, force = measured(Path(file), titles)
         return {"displacement": displacement, "force": force}
 
     def __post_init__(self) -> None:
@@ -503,69 +499,6 @@ def _titles(table: Table, key: str) -> tuple[str, ...] | None:
         raise table.error(key, 'must be two names of columns, such as ["displacement_mm", '
                                '"force_N"]', names)
     return tuple(names)
-
-
-def _measured(file: Path, titles: tuple[str, ...] | None
-              ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Read displacements [m], ascending, and forces [N] of a file in either order."""
-    columns = [Column("displacement", "mm"), Column("force", "N")]
-    for place, title in enumerate(titles or ()):
-        columns[place] = _column(title, columns[place])
-    sheet = read_sheet(file, columns, some=bool(titles))
-    where, force = (sheet[column.name] for column in columns)
-    if not 2 <= len(sheet) <= _MOST_ROWS:
-        raise InputError(f"must have from 2 to {_MOST_ROWS} rows: one force at each displacement",
-                         file=file, given=f"{len(sheet)} rows")
-    steps = np.diff(where)
-    turns = np.flatnonzero(steps * np.sign(steps[0] or 1.0) < LEAST_STEP)
-    if len(turns):
-        raise sheet.error(int(turns[0]) + 1, columns[0].name,
-                          "must be one run that goes one way, by 1 nm a line at least: a table has "
-                          "one force at each displacement; keep the way out or the way back, or "
-                          "their mean")
-    order = slice(None, None, int(np.sign(steps[0])))
-    where, force = where[order], force[order]
-    _check_sign(sheet, where, force)
-    often = int(np.sum(np.diff(np.sign(np.diff(force))) != 0))
-    if often > _MOST_TURNS:
-        raise InputError("must be smoothed: its force turns so often that noise would make the "
-                         "plate snap; keep fewer rows, each the mean of several", file=file,
-                         key="force", given=f"{often} turns, more than {_MOST_TURNS}")
-    return tuple(where.tolist()), tuple(force.tolist())
-
-
-def _column(title: str, usual: Column) -> Column:
-    """Make the column of a title that ends in a unit of the usual column's dimension."""
-    name, _, unit = title.rpartition("_")
-    if not name:
-        raise InputError(f"has no unit: write it into the name, such as {title}_{usual.unit}",
-                         key="columns", given=title)
-    try:
-        unit_factor(unit, usual.dimension)
-    except InputError as error:
-        raise InputError(f"{error.allowed}, at the end of the name", key="columns",
-                         given=title) from None
-    return Column(name, unit)
-
-
-def _check_sign(sheet: Sheet, where: AnyArray, force: AnyArray) -> None:
-    """Refuse a force that drives the plate away to both ends, and most strongly there.
-
-    A spring of the wrong sign does that; a snapping mechanism measured beyond its peaks does not. A
-    force that only pulls or only pushes may have either sign.
-    """
-    if force[0] == force.max() > 0 > force.min() == force[-1]:
-        past = int(np.argmax(force < 0))
-        gap, rise = where[past] - where[past - 1], force[past] - force[past - 1]
-        turn = where[past] - force[past] * gap / rise
-        raise InputError(
-            "must be positive where the mechanism pushes the plate back towards smaller "
-            f"displacements: this one drives it off from {1e3 * turn:.4g} mm to both sides, to "
-            "no place of rest. Change the sign of a spring; measure a mechanism that "
-            "snaps beyond its peaks; what is meant so has its numbers in the lists "
-            "`displacement` and `force`", file=sheet.file, key="force",
-            given=f"{force[0]:.4g} N at {1e3 * where[0]:.4g} mm, {force[-1]:.4g} N at "
-                  f"{1e3 * where[-1]:.4g} mm")
 
 
 @BIASES.register

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tympan.base.arrays import AnyArray
-from tympan.base.plugins import load_plugins
+from tympan.base.plugins import load_later
 from tympan.base.toml_reader import Table
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.drawings import DxfFile, StepFile
@@ -28,7 +28,7 @@ __all__ = [
 #: falls with the square of their number; for a circle it is about 1e-6.
 _CORNERS = 4096
 
-load_plugins("tympan.outlines", OUTLINES)
+load_later("tympan.outlines", OUTLINES)
 
 
 def examples() -> dict[str, Outline]:

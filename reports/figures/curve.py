@@ -22,7 +22,7 @@ from tympan.base.arrays import Array, Mask
 from tympan.fem.results.limit_states import INSTABILITY, PULL_IN
 from tympan.reports import look as style
 from tympan.studies.case import Limit, Limits
-from tympan.studies.limits import CurveResult
+from tympan.studies.limits.curve import CurveResult
 
 #: Width of the axis [mm].
 _WIDTH = 110.0

@@ -9,9 +9,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.constants import epsilon_0
 
 from tympan.base.arrays import Array, Numbers
+from tympan.base.constants import EPSILON_0
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
@@ -464,7 +464,7 @@ def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:
     thickness = film.thickness / film.area_prestretch
     voltage = _FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3
     length = 1e-4 * size, size, "mm", 1e3
-    whole = epsilon_0 * film.relative_permittivity * area(specimen.frame) * film.layers / thickness
+    whole = EPSILON_0 * film.relative_permittivity * area(specimen.frame) * film.layers / thickness
     return {"mass": (1e-4, 5.0, "g", 1e3), "voltage": voltage, "voltage_max": voltage,
             "film_voltage": voltage, "displacement": length, "range": length,
             "capacitance": (whole / _CAPACITIES, whole * _CAPACITIES, "pF", 1e12)}

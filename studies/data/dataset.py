@@ -16,6 +16,7 @@ from tympan.base.errors import InputError, did_you_mean
 from tympan.base.fields import Key, read
 from tympan.base.read_file import file_bytes, near_name
 from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.base.units import LEAST_STEP
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -25,7 +26,6 @@ from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import CopiedRows, RunZeros, at_sensor_end
-from tympan.tables.columns import LEAST_STEP
 from tympan.tables.formats import FORMATS, Format, format_of, suffixes
 from tympan.tables.layouts import Layout
 from tympan.tables.meanings import (

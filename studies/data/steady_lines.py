@@ -18,10 +18,10 @@ from math import inf
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.constants import g
 from scipy.ndimage import median_filter
 
 from tympan.base.arrays import Array, Numbers
+from tympan.base.constants import STANDARD_GRAVITY
 from tympan.studies.data.sampled_run import SampledRun
 
 Spans = Sequence[tuple[int, int]]
@@ -306,4 +306,4 @@ class _Course:
         off = np.sqrt(np.average(self.apart(squared) ** 2, weights=self.weight))
         deep = max(float(np.abs(np.median(self.record.displacement))), 1e-9)
         return bool(off > _DRIVES * squared.max(initial=0.0)
-                    or frequency < _SWINGS * np.sqrt(g / deep) / (2 * np.pi))
+                    or frequency < _SWINGS * np.sqrt(STANDARD_GRAVITY / deep) / (2 * np.pi))

@@ -14,7 +14,6 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import WallTime, Warnings
-from tympan.studies.columns import cells_of
 from tympan.studies.files import (
     from_json,
     read_json,
@@ -24,6 +23,7 @@ from tympan.studies.files import (
     write_json,
     write_text,
 )
+from tympan.studies.rows import cells_of
 from tympan.studies.tolerance.result import Chance, FilmFailure
 from tympan.studies.wanted import Bound
 

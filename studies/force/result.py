@@ -15,8 +15,9 @@ from tympan.base.fields import Key, Printed
 from tympan.base.units import place_text
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.studies.case import Band, SpecimenRecord, UnknownCount, WallTime, Warnings
-from tympan.studies.columns import Column, rows_in, write_rows, write_sheet
+from tympan.studies.columns import Column, write_rows, write_sheet
 from tympan.studies.files import remove
+from tympan.studies.rows import rows_in
 
 #: Columns of the CSV of loops; they have the names of a dataset's force.csv. ``run`` is the cycle.
 LOOP_COLUMNS: tuple[Column, ...] = (

@@ -44,9 +44,9 @@ from tympan.studies.case import (
     mounted_place,
     solve,
 )
-from tympan.studies.columns import rows_of
 from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
+from tympan.studies.rows import rows_of
 from tympan.studies.walk.film_point import FilmPoint
 
 #: Test voltage [V] for a film that no voltage moves; its value is arbitrary.

@@ -9,8 +9,8 @@ from operator import add
 from typing import Any
 
 import numpy as np
-from scipy.constants import epsilon_0
 
+from tympan.base.constants import EPSILON_0
 from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.membrane.loading import Guide, Loading
@@ -428,5 +428,5 @@ def flat_capacitance(specimen: Specimen) -> float:
     """
     film = specimen.membrane
     surface = area(specimen.frame) - specimen.plate_area
-    return float(epsilon_0 * film.relative_permittivity * surface * film.layers
+    return float(EPSILON_0 * film.relative_permittivity * surface * film.layers
                  * film.area_prestretch / film.thickness)

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.studies.case import SpecimenRecord, UnknownCount, WallTime, Warnings
-from tympan.studies.columns import rows_in, write_rows
+from tympan.studies.columns import write_rows
 from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
+from tympan.studies.rows import rows_in
 from tympan.studies.sense.inverse import Inverse
 
 

@@ -18,7 +18,7 @@ from tympan.studies.case import Band, Case, CaseResult, Settings
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.population import Population
 from tympan.studies.force.result import ForceResult
-from tympan.studies.limits import CurveResult
+from tympan.studies.limits.curve import CurveResult
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import BY_SPREAD, Scattered
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Tolerances

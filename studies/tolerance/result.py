@@ -11,9 +11,9 @@ import numpy as np
 from tympan.base.arrays import Mask
 from tympan.base.fields import Key
 from tympan.studies.case import CaseRecord, WallTime, Warnings
-from tympan.studies.columns import cells_of
 from tympan.studies.films.first_limits import ENDS, kinds, label_of
 from tympan.studies.films.population import LoadedFilms
+from tympan.studies.rows import cells_of
 from tympan.studies.wanted import LIMIT, QUANTITIES, Bound
 
 #: Quantities whose distributions are printed, by their columns.

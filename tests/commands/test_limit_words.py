@@ -15,6 +15,7 @@ import pytest
 import tympan
 from tests.support.specimens import circular
 from tympan.explore.numbers import limit_rows
+from tympan.commands.lines import limits_text
 from tympan.fem.results.limit_states import LIMIT_STATES, LimitState
 from tympan.options import print_record
 from tympan.reports.figures.curve import VoltageCurve
@@ -64,8 +65,8 @@ def printed(command: str, capsys: pytest.CaptureFixture[str], **given: object) -
 
 def of_limits(capsys: pytest.CaptureFixture[str]) -> str:
     found = LimitsResult(specimen="film", mass_kg=1e-3, limits=limits_of_all_kinds())
-    return printed("limits", capsys, record=found.json(), limits=found.limits, plate=True,
-                   pressure=0.0)
+    return printed("limits", capsys, record=found.json(), text=limits_text, limits=found.limits,
+                   plate=True, pressure=0.0)
 
 
 def of_curve(capsys: pytest.CaptureFixture[str]) -> str:

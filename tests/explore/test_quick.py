@@ -27,7 +27,7 @@ from tympan.studies.films import rise as rises
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.first_limits import FilmMargins
 from tympan.studies.films.rise import FamilyRise, rise
-from tympan.studies.limits import curve
+from tympan.studies.limits.curve import curve
 from tympan.studies.tolerance import bands
 from tympan.studies.tolerance.bands import banded
 from tympan.studies.tolerance.given import LengthScatter, Scatter, Tolerances

@@ -15,9 +15,10 @@ from tympan.reports.schema import class_keys
 from tympan.reports.tables import dataset, html, table, text
 from tympan.result import Result
 from tympan.studies.case import CaseRecord, Warnings
-from tympan.studies.columns import as_written, rows_in, write_rows
+from tympan.studies.columns import as_written, write_rows
 from tympan.studies.force import ForceResult
 from tympan.studies.force.result import ForceCurve
+from tympan.studies.rows import rows_in
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,8 @@ from tympan.geometry.specimen import Electrode, Film, Plate, Specimen, ViscousBr
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
 from tympan.studies.films.reduction import reduced_film
-from tympan.studies.limits import curve, limits
+from tympan.studies.limits import limits
+from tympan.studies.limits.curve import curve
 from tympan.studies.lumped.build import BuildSettings, build
 
 #: The films that did not end: twenty times as long as wide, or with a plate beside its frame.

@@ -30,7 +30,8 @@ from tympan.studies.case import (
     solve,
 )
 from tympan.studies.files import to_json
-from tympan.studies.limits import curve, limits, solve_within
+from tympan.studies.limits import limits, solve_within
+from tympan.studies.limits.curve import curve
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import Event, path
 

@@ -24,7 +24,8 @@ from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solve
 from tympan.studies.files import from_json
-from tympan.studies.limits import Limits, curve, limits, rise, solve_within
+from tympan.studies.limits import Limits, limits, rise, solve_within
+from tympan.studies.limits.curve import curve
 from tympan.studies.limits.loads import charged, usual_masses, usual_voltages
 from tympan.studies.path import path
 

@@ -28,7 +28,8 @@ from tympan.reports.figures.curve import voltage_curves
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
 from tympan.studies.force import ForceCase
 from tympan.studies.force import force as force_of
-from tympan.studies.limits import curve, limits, solve_within
+from tympan.studies.limits import limits, solve_within
+from tympan.studies.limits.curve import curve
 from tympan.studies.path import path
 from tympan.studies.signals import Pieces
 from tympan.studies.transient import TransientCase, history

@@ -18,7 +18,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Electrode, Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.force import ForceCase, force
-from tympan.studies.limits import curve, limits
+from tympan.studies.limits import limits
+from tympan.studies.limits.curve import curve
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.build import build
 from tympan.studies.lumped.equilibria import rest

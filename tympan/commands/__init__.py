@@ -1,4 +1,7 @@
-"""The subcommands of ``tympan``, by subject; the output of each has its template in text/."""
+"""The subcommands of ``tympan``, by subject.
+
+What each prints has its template in text/, or its function in ``lines.py``.
+"""
 
 from tympan.commands import (
     alpha,

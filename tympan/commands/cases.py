@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tympan.base.errors import InputError
+from tympan.commands.lines import limits_text, solved_text
 from tympan.options import (
     JSON,
     MESH,
@@ -98,7 +99,8 @@ def solve(options: argparse.Namespace) -> None:
     with naming_options(options):
         result = solving.solve(case, read_settings(options), options.after,
                                film=options.output is not None)
-    finish(options, _banded(options, result, case.specimen, case.rig), specimen=case.specimen)
+    finish(options, _banded(options, result, case.specimen, case.rig), text=solved_text,
+           specimen=case.specimen)
 
 
 #: Option to follow a film beyond the end of any real film.
@@ -123,8 +125,8 @@ def limits(options: argparse.Namespace) -> None:
 
     specimen, rig, settings, (mass, *_) = _loaded(options)
     result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings, options.beyond)
-    print_record(options, result.json(), limits=result.limits, plate=specimen.plate,
-                 pressure=rig.gas_pressure)
+    print_record(options, result.json(), text=limits_text, limits=result.limits,
+                 plate=specimen.plate, pressure=rig.gas_pressure)
 
 
 @command("curve", SPECIMEN,
@@ -138,7 +140,7 @@ def limits(options: argparse.Namespace) -> None:
 def curve(options: argparse.Namespace) -> None:
     """Compute deflection against voltage, to the film's limit and on to its end."""
     from tympan.progress import bar
-    from tympan.studies.limits import curve
+    from tympan.studies.limits.curve import curve
 
     specimen, rig, settings, masses = _loaded(options)
     voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))

@@ -39,7 +39,7 @@ from tympan.studies.columns import Sheet
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.films.box import kind_of, varying
 from tympan.studies.force import blocked_force
-from tympan.studies.limits import CurveResult, curve
+from tympan.studies.limits.curve import CurveResult, curve
 from tympan.studies.tolerance.bands import banded
 from tympan.studies.tolerance.given import Tolerances, of_library
 

@@ -13,10 +13,10 @@ from math import log
 from typing import Any
 
 import numpy as np
-from scipy.constants import g
 from scipy.special import chdtrc
 
 from tympan.base.arrays import Array, Mask
+from tympan.base.constants import STANDARD_GRAVITY
 from tympan.base.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.data.dataset import Dataset
@@ -42,10 +42,10 @@ _NOTHING = 0.02
 _LENGTHS = {"micrometres": 1e-6, "millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0,
             "inches": 25.4e-3}
 #: Units of a load: weights are mistaken for masses.
-_LOADS = {"grams": 1e-3, "kilograms": 1.0, "ounces": 28.349523e-3, "millinewtons": 1e-3 / g,
-          "newtons": 1 / g}
+_LOADS = {"grams": 1e-3, "kilograms": 1.0, "ounces": 28.349523e-3,
+          "millinewtons": 1e-3 / STANDARD_GRAVITY, "newtons": 1 / STANDARD_GRAVITY}
 #: Units of a force: masses are mistaken for weights.
-_FORCES = {"millinewtons": 1e-3, "newtons": 1.0, "grams": 1e-3 * g}
+_FORCES = {"millinewtons": 1e-3, "newtons": 1.0, "grams": 1e-3 * STANDARD_GRAVITY}
 #: Units of a voltage.
 _VOLTAGES = {"volts": 1.0, "kilovolts": 1e3}
 

@@ -16,7 +16,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.case import Case, Settings, build_model, solve
-from tympan.studies.limits import curve, limits
+from tympan.studies.limits import limits
+from tympan.studies.limits.curve import curve
 from tympan.studies.modes import modes
 from tympan.studies.path import path
 from tympan.studies.response import response

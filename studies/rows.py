@@ -1,0 +1,88 @@
+"""Rows of tables, from the fields of records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+import numpy as np
+
+from tympan.base.arrays import Array
+from tympan.base.fields import fields_of
+
+#: Types of numbers.
+_NUMBERS = frozenset((float, int, bool))
+
+
+def _kinds(record: Any) -> tuple[tuple[str, bool], ...]:
+    """List fields that hold a number, a text or a list of numbers, and whether it is a list."""
+    cls: Any = type(record)
+    return _kinds_of(cls)
+
+
+@cache
+def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
+    found = []
+    for item in fields_of(cls):
+        origin, kinds = get_origin(item.item), {item.item}
+        if origin is Literal:
+            kinds = {str}
+        elif origin in (Union, UnionType):
+            kinds = {*get_args(item.item)} - {NoneType}
+        of_row = _NUMBERS if item.several else _NUMBERS | {str}
+        if kinds <= of_row and item.count is None:
+            found.append((item.name, item.several))
+    return tuple(found)
+
+
+def cells_of(record: Any) -> dict[str, Any]:
+    """Collect the fields of a record that hold one number or text, by name."""
+    return {name: getattr(record, name) for name, several in _kinds(record) if not several}
+
+
+def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
+    """Make a row for each record, of its fields that hold one number or text, by name.
+
+    Names of numbers end in their SI units. None becomes nan. Columns that are the ``same`` in all
+    rows come first.
+    """
+    return _rows(records, same, [cells_of(record) for record in records])
+
+
+def lists_of(record: Any) -> dict[str, Array]:
+    """Collect the lists of numbers of a record by the names of their fields; None becomes nan."""
+    return {name: _column(list(getattr(record, name)))
+            for name, several in _kinds(record) if several}
+
+
+def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
+    """Make a row for each entry of the records' lists, with the record's single numbers and texts.
+
+    Names, None and ``same`` are treated as in :func:`rows_of`.
+    """
+    rows: list[dict[str, Any]] = []
+    for record in records:
+        lists = {name: getattr(record, name) for name, several in _kinds(record) if several}
+        rows += [cells_of(record) | dict(zip(lists, entry, strict=True))
+                 for entry in zip(*lists.values(), strict=True)]
+    return _rows(records, same, rows, lists=True)
+
+
+def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],
+          lists: bool = False) -> dict[str, Array]:
+    """Make columns of rows; those that are the ``same`` are there even without rows."""
+    names = [name for record in records[:1] for name, several in _kinds(record)
+             if lists or not several]
+    columns: dict[str, Array] = {}
+    for name, value in same.items():
+        kind = object if isinstance(value, str) else float
+        columns[name] = np.full(len(rows), value, dtype=kind)
+    return {**columns, **{name: _column([row[name] for row in rows]) for name in names}}
+
+
+def _column(values: list[Any]) -> Array:
+    if any(isinstance(value, str) for value in values):
+        return np.array(values, dtype=object)
+    return np.array([np.nan if value is None else value for value in values])
