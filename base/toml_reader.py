@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
+from functools import cache, cached_property
 from math import inf
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -295,3 +296,37 @@ def _check_values(data: Mapping[str, Any], file: Path | str, too_deep: str) -> N
         parts = value.items() if isinstance(value, Mapping) else enumerate(
             value if isinstance(value, list) else ())
         waiting += [(f"{key}.{name}", part, depth + 1) for name, part in parts]
+
+
+class Library(Mapping[str, T]):
+    """Objects of a file of tympan's own by name; each is made when it is first asked for.
+
+    ``tables`` finds the table of each object in the content of the file, ``make`` makes the object
+    of one.
+    """
+
+    def __init__(self, file: Path, tables: Callable[[dict[str, Any]], dict[str, Any]],
+                 make: Callable[[Table], T]) -> None:
+        self._file, self._find, self._make = file, tables, make
+        self._made: dict[str, T] = {}
+
+    @cached_property
+    def _tables(self) -> dict[str, Any]:
+        return self._find(_content(self._file))
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._made:
+            self._made[name] = self._make(Table(self._file, self._tables[name], plain=True))
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._tables)
+
+    def __len__(self) -> int:
+        return len(self._tables)
+
+
+@cache
+def _content(file: Path) -> dict[str, Any]:
+    """Parse a file of tympan's own, once for all libraries in it."""
+    return tomllib.loads(file.read_text(encoding="utf-8"))

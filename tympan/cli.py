@@ -32,7 +32,8 @@ SHELLS = ("bash", "zsh", "tcsh")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     try:
-        options = build_parser().parse_args(arguments)
+        given = sys.argv[1:] if arguments is None else list(arguments)
+        options = build_parser(given).parse_args(given)
         with ready_for(_files(options)), alone(getattr(options, "output", None)):
             options.run(options)
     except (InputError, Failure) as error:
@@ -129,8 +130,12 @@ class _Parser(_Asking):
         return formatter.format_help()
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Build the parser of the command line: all commands with their options."""
+def build_parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Build the parser of the command line: all commands with their options.
+
+    If the arguments ``given`` begin with the name of a command, it has that command only: to add
+    all of them takes as long as to solve a film.
+    """
     parser = _Parser(
         prog="tympan", description="Shape studies of dielectric-elastomer membrane actuators.",
         epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV". '
@@ -140,7 +145,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND",
                                      parser_class=_Asking)
     groups = {"": commands}
-    for command in COMMANDS:
+    for command in [each for each in COMMANDS if each.begins(given)] or COMMANDS:
         group = command.name.rpartition(" ")[0]
         if group not in groups:
             words = GROUPS[group]

@@ -58,6 +58,12 @@ class Command:
         first = self.description.split(". ")[0].rstrip(".")
         return f"{first[:1].lower()}{first[1:]}"
 
+    def begins(self, given: Sequence[str]) -> bool:
+        """Check whether arguments begin with its name, or one that it had formerly."""
+        group = self.name.split()[:-1]
+        names = (self.name.split(), *([*group, name] for name in self.formerly))
+        return any([*given[:len(name)]] == name for name in names)
+
     def add(self, commands: argparse._SubParsersAction[Any]) -> None:
         """Add its parser, with the function's docstring as help."""
         for name in (self.name.split()[-1], *self.formerly):

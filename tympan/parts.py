@@ -1,42 +1,38 @@
-"""The parts of an actuator; type checkers read parts.pyi, which also allows texts with units."""
+"""The parts of an actuator, each loaded when it is first asked for.
+
+Type checkers read parts.pyi, which also allows texts with units.
+"""
 
 from __future__ import annotations
 
-from tympan.fem.film.breakdown import ConstantStrength as ConstantStrength
-from tympan.fem.film.breakdown import PowerStrength as PowerStrength
-from tympan.fem.film.flows import ShearThinning as ShearThinning
-from tympan.fem.film.laws import ArrudaBoyce as ArrudaBoyce
-from tympan.fem.film.laws import Gent as Gent
-from tympan.fem.film.laws import MooneyRivlin as MooneyRivlin
-from tympan.fem.film.laws import NeoHooke as NeoHooke
-from tympan.fem.film.laws import Ogden as Ogden
-from tympan.fem.film.laws import Yeoh as Yeoh
-from tympan.fem.membrane.biases import Bistable as Bistable
-from tympan.fem.membrane.biases import BuckledBeam as BuckledBeam
-from tympan.fem.membrane.biases import Constant as Constant
-from tympan.fem.membrane.biases import ForceTable as ForceTable
-from tympan.fem.membrane.biases import JoinedFilm as JoinedFilm
-from tympan.fem.membrane.biases import Magnet as Magnet
-from tympan.fem.membrane.biases import Spring as Spring
-from tympan.fem.rig import Rig as Rig
-from tympan.geometry.outlines import Circle as Circle
-from tympan.geometry.outlines import ClosedSpline as ClosedSpline
-from tympan.geometry.outlines import Ellipse as Ellipse
-from tympan.geometry.outlines import Polygon as Polygon
-from tympan.geometry.outlines import RegularPolygon as RegularPolygon
-from tympan.geometry.outlines import Rotated as Rotated
-from tympan.geometry.outlines import RoundedRectangle as RoundedRectangle
-from tympan.geometry.outlines import Stadium as Stadium
-from tympan.geometry.outlines import Superellipse as Superellipse
-from tympan.geometry.specimen import Electrode as Electrode
-from tympan.geometry.specimen import Film as Film
-from tympan.geometry.specimen import Patch as Patch
-from tympan.geometry.specimen import Plate as Plate
-from tympan.geometry.specimen import Region as Region
-from tympan.geometry.specimen import Specimen as Specimen
-from tympan.geometry.specimen import ViscousBranch as ViscousBranch
-from tympan.studies.design.requirements import Requirements as Requirements
-from tympan.studies.tolerance.given import LengthScatter as LengthScatter
-from tympan.studies.tolerance.given import Scatter as Scatter
-from tympan.studies.tolerance.given import StrengthScatter as StrengthScatter
-from tympan.studies.tolerance.given import Tolerances as Tolerances
+from importlib import import_module
+from typing import Any
+
+#: Names of the parts by the modules that they come from.
+PLACES = {
+    "tympan.fem.film.breakdown": ("ConstantStrength", "PowerStrength"),
+    "tympan.fem.film.flows": ("ShearThinning",),
+    "tympan.fem.film.laws": ("ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden", "Yeoh"),
+    "tympan.fem.membrane.biases": (
+        "Bistable", "BuckledBeam", "Constant", "ForceTable", "JoinedFilm", "Magnet", "Spring"),
+    "tympan.fem.rig": ("Rig",),
+    "tympan.geometry.outlines": (
+        "Circle", "ClosedSpline", "Ellipse", "Polygon", "RegularPolygon", "Rotated",
+        "RoundedRectangle", "Stadium", "Superellipse"),
+    "tympan.geometry.specimen": (
+        "Electrode", "Film", "Patch", "Plate", "Region", "Specimen", "ViscousBranch"),
+    "tympan.studies.design.requirements": ("Requirements",),
+    "tympan.studies.tolerance.given": ("LengthScatter", "Scatter", "StrengthScatter", "Tolerances"),
+}
+_MODULES = {name: module for module, names in PLACES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a part from its module."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_MODULES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*_MODULES]

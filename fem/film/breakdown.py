@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from tympan.base.fields import Key, read
-from tympan.base.toml_reader import Rule, Table
+from tympan.base.toml_reader import Library, Rule
 from tympan.geometry.specimen import STRENGTHS, Strength
 
 _FIELD: Rule = (lambda x: 1e4 <= x <= 1e10, "must be from 0.01 to 10000 MV/m")
@@ -61,8 +61,5 @@ class LibraryStrength:
     caveat: Annotated[str, Key("what to beware of")]
 
 
-_FILE = Path(__file__).with_name("strengths.toml")
-
-STRENGTH_LIBRARY: dict[str, LibraryStrength] = {
-    name: read(LibraryStrength, Table(_FILE, entry, plain=True))
-    for name, entry in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()}
+STRENGTH_LIBRARY = Library(Path(__file__).with_name("strengths.toml"), dict,
+                           partial(read, LibraryStrength))

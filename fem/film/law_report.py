@@ -71,7 +71,7 @@ def subject(name: str, mounted: float | None = None) -> tuple[Material, float]:
     """Find a material to examine and its mounted stretch, by name or from a specimen file."""
     if mounted is not None and not 0.2 <= mounted <= 10:
         raise InputError("must be a stretch between 0.2 and 10", key="--held", given=mounted)
-    laws = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
+    laws = {key: entry.material for key, entry in MATERIALS.items()} | dict(EXAMINED)
     if name in laws:
         material = laws[name]
         return material, mounted or float(np.real(getattr(material, "reference", 1.0)))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key, Special, read
-from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Table, one_of
+from tympan.base.fields import Content, Key, Special, read
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Library, Table, one_of
 from tympan.fem.film.admissibility import STRETCH_RANGE, checked
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.flows import ShearThinning as ShearThinning  # so files may name it
@@ -99,17 +100,22 @@ class RangedMaterial:
 DEFAULT = "vhb-4910"
 
 _FILE = Path(__file__).with_name("library.toml")
-_LIBRARY = tomllib.loads(_FILE.read_text(encoding="utf-8"))
 
-MATERIALS: dict[str, LibraryMaterial] = {
-    name: read(LibraryMaterial,
-               Table(_FILE, _LIBRARY["films"][entry.pop("film")] | entry, plain=True))
-    for name, entry in _LIBRARY["materials"].items()}
+
+def _with_films(library: Content) -> Content:
+    """Find the tables of materials, each with what is known of the film that is made of it."""
+    def known(film: str, **entry: Any) -> Content:
+        return library["films"][film] | entry
+
+    return {name: known(**entry) for name, entry in library["materials"].items()}
+
+
+MATERIALS = Library(_FILE, _with_films, partial(read, LibraryMaterial))
 
 #: Reasons why some constants cannot make a film; and their laws, which can be examined.
-REFUSED: dict[str, str] = {name: entry["reason"] for name, entry in _LIBRARY["refused"].items()}
-EXAMINED: dict[str, Material] = {name: LAWS.read(Table(_FILE, entry["material"], plain=True))
-                                 for name, entry in _LIBRARY["refused"].items()}
+REFUSED: Library[str] = Library(_FILE, itemgetter("refused"), lambda table: table.data["reason"])
+EXAMINED: Library[Material] = Library(_FILE, itemgetter("refused"),
+                                      lambda table: LAWS.read(table.table("material")))
 
 
 def read_material(table: Table, key: str) -> Material | LibraryEntry:

@@ -14,14 +14,15 @@ where another process holds the file's lock for more than a second.
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 import stat
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache, lru_cache
 from hashlib import blake2b, sha256
-from importlib.metadata import PackageNotFoundError, version
 from inspect import getfile
 from pathlib import Path
 from typing import Any, TypeVar
@@ -51,10 +52,10 @@ _ELSEWHERE = frozenset({
     sqlite3.SQLITE_IOERR, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY})
 
 #: Root of tympan's packages, and the packages whose sources decide a film's mesh and solution:
-#: tympan's own, and distributions of others.
+#: tympan's own, and distributions of others, by the names of their folders of metadata.
 _ROOT = Path(__file__).parents[2]
 _SOLVERS = ("base", "fem", "geometry")
-_MESHERS = ("cadquery-ocp", "gmsh")
+_MESHERS = re.compile(r"(cadquery[-_]ocp|gmsh)-.*\.(dist|egg)-info")
 
 
 @dataclass(frozen=True)
@@ -189,10 +190,21 @@ def _sources() -> bytes:
     for package in _SOLVERS:
         for file in sorted((_ROOT / package).rglob("*.py")):
             whole.update(file.read_bytes())
-    for distribution in _MESHERS:
-        with suppress(PackageNotFoundError):  # it may not be installed from the Python index
-            whole.update(version(distribution).encode())
+    for name in _meshers():
+        whole.update(name.encode())
     return whole.digest()
+
+
+def _meshers() -> list[str]:
+    """List the installed meshers with their versions, ``gmsh-4.15.2.dist-info``.
+
+    :mod:`importlib.metadata` would import the package email and read their whole descriptions.
+    """
+    found = []
+    for folder in sys.path:
+        with suppress(OSError):  # such as an archive, or a folder that is no longer there
+            found += [name for name in os.listdir(folder or ".") if _MESHERS.fullmatch(name)]
+    return sorted(found)
 
 
 @lru_cache
