@@ -34,8 +34,8 @@ from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.sensitivity import case_parameters, sensitivity
 
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
-RIG = Rig(9.81, 1e-3, 3.0, 0.02, 9e3, weight_offset=(1e-3, 0.0), plate_pressure=100.0,
-          gas_pressure=5.0,
+RIG = Rig(gravity=9.81, unaccounted_mass=1e-3, spring=3.0, amplifier_gain=0.02, sag_voltage=9e3,
+          weight_offset=(1e-3, 0.0), plate_pressure=100.0, gas_pressure=5.0,
           biases=(Magnet(0.05, 20e-3, 8e-3),), lag_voltage=200.0)
 NEO_HOOKE_TOML = '[membrane.material]\nlaw = "neo_hooke"\nmu = "25 kPa"'
 
