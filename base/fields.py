@@ -143,7 +143,8 @@ _AS_NAMED = Printed()
 class Field:
     """A declared field: ``name`` in the dataclass, ``key`` in files, ``kind`` its type.
 
-    The ``kind`` is without None. ``printed``: its key in the JSON of results.
+    The ``kind`` is without None. ``printed``: its key in the JSON of results. ``marks``: what else
+    its annotation contains, for those who know the mark.
     """
 
     name: str
@@ -152,6 +153,7 @@ class Field:
     says: Key
     default: Any
     printed: Printed = _AS_NAMED
+    marks: tuple[Any, ...] = ()
 
     @property
     def required(self) -> bool:
@@ -220,7 +222,8 @@ def _fields_of(cls: Any) -> tuple[Field, ...]:
             kind, = (part for part in get_args(kind) if part is not NoneType)
         default = item.default if item.default_factory is MISSING else item.default_factory()
         printed = next((note for note in notes if isinstance(note, Printed)), _AS_NAMED)
-        declared += [Field(item.name, says.name or item.name, kind, says, default, printed)
+        marks = tuple(note for note in notes if not isinstance(note, Key | Printed))
+        declared += [Field(item.name, says.name or item.name, kind, says, default, printed, marks)
                      for says in notes if isinstance(says, Key)]
     return tuple(declared)
 
@@ -230,6 +233,15 @@ def _by_name(cls: Any) -> tuple[dict[str, Field], tuple[str, ...]]:
     """Map names to declared fields of a dataclass, and list the names of required ones."""
     declared = {field.name: field for field in fields_of(cls)}
     return declared, tuple(name for name, field in declared.items() if field.required)
+
+
+def changed(value: Any, record: Any = None) -> tuple[Field, ...]:
+    """List the fields of a dataclass that differ from their defaults.
+
+    ``record``: a base class; only its fields are listed. The default is the value's own class.
+    """
+    return tuple(field for field in fields_of(record or type(value))
+                 if getattr(value, field.name) != field.default)
 
 
 def field_at(value: Any, path: tuple[str, ...]) -> Field | None:

@@ -124,7 +124,7 @@ class Case:
             raise InputError("must be up (1), down (-1) or not known (0)", key="direction",
                              given=self.direction)
         if self.specimen.plate is None:
-            self.rig.require_none_of_plate()
+            self.rig.require_no_plate_loads()
             if self.mass:
                 raise InputError("must be 0: the film has no plate to carry it", key="--mass",
                                  given=f"{self.mass:g} kg")

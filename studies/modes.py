@@ -186,7 +186,7 @@ def swinging(model: Model, state: State, plate: RigidPlate, air: float, count: i
 
 def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:
     """Make the plate of a case with its mass, the rig's unaccounted and added mass included."""
-    mass = case.mass + case.rig.unaccounted_mass + case.rig.added_mass
+    mass = case.rig.moving_mass(case.mass)
     if point_mass > mass:
         raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "
                          "unaccounted and added mass", key="--point-mass",

@@ -449,8 +449,7 @@ def _measured(case: Case, film: FilmPoint, along: Along) -> float:
     A mass is the nominal one, a voltage that across the film.
     """
     if along == "mass":
-        idle = case.rig.force(0.0, case.specimen.plate_area)
-        return float((film.point.state.force - idle) / case.rig.gravity)
+        return float(case.rig.nominal_mass(film.point.state.force, case.specimen.plate_area))
     if along == "charge":
         return film.capacitance * film.voltage
     return film.voltage if along == "voltage" else film.point.state.pressure

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key, field_at, symbol
+from tympan.base.fields import Key, field_at, fields_of, symbol
 from tympan.base.paths import at, numbers, with_change
 from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import (
@@ -26,6 +26,7 @@ from tympan.fem.derivatives.shape import edge_nodes
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.fem.results.limit_states import PULL_IN
+from tympan.fem.rig import HYSTERESIS, Grips, Sensor, Supply, Tester
 from tympan.studies.case import (
     Case,
     CaseRecord,
@@ -42,7 +43,7 @@ from tympan.studies.joined_film import SolvedFilm, with_films
 _LOAD_UNITS: dict[Load, str] = {"voltage": "V", "force": "N", "pressure": "Pa"}
 
 #: Parameters that determine each load; at the load's own limit they have no effect.
-_MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
+_MAKE = {"voltage": ("voltage", *(f"rig.{field.name}" for field in fields_of(Supply))),
          "pressure": ("rig.gas_pressure",),
          "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure",
                   "rig.friction")}
@@ -137,8 +138,10 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None
         shape = of_model[name]
         loads = case.rig.plate_pressure and limited != "force"
         result[name] = _under_pressure(shape, case) if loads else shape
-    idle = ("rig.sensor", "rig.drift", *(() if case.direction else ("rig.lag", "rig.friction")))
-    rig = [name for name in numbers(case.rig, "rig") if not name.startswith(idle)]
+    idle = {field.name for record in (Sensor, Tester, Grips) for field in fields_of(record)}
+    if not case.direction:
+        idle |= {field.name for field in fields_of(type(case.rig)) if HYSTERESIS in field.marks}
+    rig = [name for name in numbers(case.rig, "rig") if name.split(".")[1] not in idle]
     for name in ("mass", "voltage", *rig):
         path = tuple(name.split("."))
         if isfinite(at(case, path)) and (limited is None or name not in _MAKE[limited]):

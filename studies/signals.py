@@ -20,7 +20,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
 from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.base.units import LEAST_STEP
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Supply
 from tympan.studies.columns import Column, read_sheet
 from tympan.tables.meanings import TIMES, VOLTAGES
 
@@ -120,10 +120,10 @@ Signal = Pieces | Sine
 
 @dataclass(frozen=True, eq=False)
 class Supplied:
-    """The film's voltages on a rig under a signal of nominal voltages."""
+    """The film's voltages on a supply under a signal of nominal voltages."""
 
     signal: Signal
-    rig: Rig
+    supply: Supply
 
     @property
     def breaks(self) -> Array:
@@ -131,10 +131,10 @@ class Supplied:
 
     @property
     def first(self) -> float:
-        return float(self.rig.film_voltage(self.signal.first))
+        return float(self.supply.film_voltage(self.signal.first))
 
     def within(self, piece: Any, time: Any) -> Any:
-        return self.rig.film_voltage(self.signal.within(piece, time))
+        return self.supply.film_voltage(self.signal.within(piece, time))
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,19 +266,3 @@ def nominal(signal: Signal, when: Array) -> Array:
     breaks = signal.breaks
     piece = np.clip(np.searchsorted(breaks, when, "right") - 1, 0, len(breaks) - 2)
     return np.asarray(signal.within(piece, when))
-
-
-def lagging(when: Array, value: Array, lag: float) -> Array:
-    """Let values, linear between samples, lag by a time [s] in which a factor e remains."""
-    if not lag:
-        return value
-    step = np.diff(when)
-    kept = np.exp(-step / lag)
-    slope = np.diff(value) / step
-    shown = value.copy()
-    for number in range(len(step)):
-        # This is exact for a straight line.
-        settled = value[number + 1] - lag * slope[number]
-        shown[number + 1] = settled + (shown[number] - value[number] + lag * slope[number]) * kept[
-            number]
-    return shown

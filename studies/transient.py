@@ -48,7 +48,7 @@ from tympan.studies.limits.loads import usual_masses
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.modes import carried
 from tympan.studies.motion import Trace
-from tympan.studies.signals import Pieces, Signal, Supplied, Wave, lagging, nominal, ramp
+from tympan.studies.signals import Pieces, Signal, Supplied, Wave, nominal, ramp
 from tympan.studies.trace import Response, Responses, unclosed, with_rest
 
 #: Voltage at which a loop turns, over that of the first limit, so that the film stays below it.
@@ -106,7 +106,7 @@ class TransientCase:
         if self.inertia and self.rig.guide == "fixed":
             raise InputError("must be left out: the guide holds the plate, and the film has no "
                              "inertia itself", key="--swing", given=self.rig.guide)
-        if self.inertia and self.mass + self.rig.added_mass <= 0:
+        if self.inertia and self.rig.moving_mass(self.mass) <= 0:
             raise InputError("must be positive where the plate swings: the film has no inertia",
                              key="mass", given=f"{self.mass:g} kg")
 
@@ -395,7 +395,7 @@ def _samples(case: TransientCase, done: History, when: Array) -> pd.DataFrame:
     film_voltage = np.append(np.repeat(float(case.rig.film_voltage(case.signal.first)), added),
                              np.maximum(done.at(done.voltage, when), 0.0))
     current = np.append(np.zeros(added), done.at(done.current, when))
-    shown = lagging(time, case.rig.reading(deflection, time), case.rig.sensor_lag)
+    shown = case.rig.recorded(time, deflection)
     samples = pd.DataFrame({
         "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": time,
         "voltage": voltage, "displacement": shown, "film_voltage": film_voltage,

@@ -106,20 +106,19 @@ class Spring(AnySpring):
     def __init__(self, stiffness: Quantity, rest: Quantity = ..., preload: Quantity = ...) -> None: ...
 
 class Rig(AnyRig):
-    def __init__(self, gravity: Quantity = ..., unaccounted_mass: Quantity = ..., spring:
-                 Quantity = ..., amplifier_gain: float = ..., sag_voltage:
-                 Quantity = ..., sensor_gain: float = ..., sensor_zero: Quantity
-                 = ..., drift: Quantity = ..., guide: Literal["free", "level",
-                 "vertical", "fixed"] = ..., weight_offset: Pair = ...,
-                 plate_pressure: Quantity = ..., gas_pressure: Quantity = ...,
-                 biases: Sequence[Bias] = ..., lag_voltage: Quantity = ...,
-                 friction: Quantity = ..., plate_damping: Quantity = ...,
-                 added_mass: Quantity = ..., series_resistance: Quantity = ...,
-                 leakage_resistance: Quantity = ..., sensor_lag: Quantity = ...,
-                 air: Quantity = ..., width_held: float = ..., width_let: float
-                 = ..., gauge_zero: Quantity = ..., gauge_gain: float = ...,
-                 displacement_zero: Quantity = ..., tester_compliance: Quantity
-                 = ...) -> None: ...
+    def __init__(self, *, gravity: Quantity = ..., gas_pressure: Quantity = ..., air: Quantity =
+                 ..., unaccounted_mass: Quantity = ..., spring: Quantity = ...,
+                 guide: Literal["free", "level", "vertical", "fixed"] = ...,
+                 weight_offset: Pair = ..., plate_pressure: Quantity = ...,
+                 biases: Sequence[Bias] = ..., friction: Quantity = ...,
+                 plate_damping: Quantity = ..., added_mass: Quantity = ...,
+                 amplifier_gain: float = ..., sag_voltage: Quantity = ...,
+                 lag_voltage: Quantity = ..., series_resistance: Quantity = ...,
+                 leakage_resistance: Quantity = ..., sensor_gain: float = ...,
+                 sensor_zero: Quantity = ..., drift: Quantity = ..., sensor_lag:
+                 Quantity = ..., gauge_zero: Quantity = ..., gauge_gain: float =
+                 ..., displacement_zero: Quantity = ..., tester_compliance:
+                 Quantity = ..., width_held: float = ..., width_let: float = ...) -> None: ...
 
 class Circle(AnyCircle):
     def __init__(self, radius: Quantity) -> None: ...

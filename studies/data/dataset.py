@@ -18,7 +18,7 @@ from tympan.base.read_file import file_bytes, near_name
 from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.base.units import LEAST_STEP
 from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Loads, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Column, Sheet, read_sheet
 from tympan.studies.data import coupon
@@ -384,11 +384,11 @@ def _checked_sheet(file: Path, name: str, dataset: Dataset, planned: bool
     return sheet, [*sheet.remarks, *_identical(sheet)]
 
 
-def _check_ranges(ranges: Sheet, rig: Rig) -> None:
+def _check_ranges(ranges: Sheet, loads: Loads) -> None:
     """Refuse ranges between voltages that do not ascend, and negative ones of mere loads."""
     for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
         raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
-    if rig.gas_pressure > 0 or rig.biases:
+    if loads.gas_pressure > 0 or loads.biases:
         # Gas from below or a mechanism may lift a film, the more so the higher the voltage.
         return
     for row in np.flatnonzero(ranges.range < 0):

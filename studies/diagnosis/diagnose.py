@@ -258,7 +258,7 @@ def _require_centres(dataset: Dataset, alone: list[str]) -> None:
                          key="specimen", given=" and ".join(alone))
     if len(alone) == len(dataset.specimens):
         try:
-            dataset.rig.require_none_of_plate()
+            dataset.rig.require_no_plate_loads()
         except InputError as error:
             raise error.located(file="dataset.toml") from None
     if static is not None:

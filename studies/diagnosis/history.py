@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Supply
 from tympan.studies.data.sampled_run import SampledRun
 from tympan.studies.signals import Pieces, nominal, through
 
@@ -148,26 +148,27 @@ class Passages:
             groups.setdefault(history, []).append(place)
         return tuple((history, np.array(places)) for history, places in groups.items())
 
-    def squared(self, rig: Rig, lag: Array | None = None) -> Array:
-        """Compute means of the film's squared voltage on a rig [V²], delayed by lags [s], (n,)."""
+    def squared(self, supply: Supply, lag: Array | None = None) -> Array:
+        """Compute means of the film's squared voltage [V²], delayed by lags [s], shape (n,)."""
         result = np.empty(len(self))
         for history, places in self.histories:
             times = self.times[places]
-            voltage = np.asarray(rig.film_voltage(history.voltage(times.ravel())))
+            voltage = np.asarray(supply.film_voltage(history.voltage(times.ravel())))
             if lag is not None and lag[places[0]] > 0:
-                voltage = voltage - _behind(history, rig, times.ravel(), float(lag[places[0]]))
+                voltage = voltage - _behind(history, supply, times.ravel(), float(lag[places[0]]))
             result[places] = voltage.reshape(times.shape) ** 2 @ WEIGHTS
         return result
 
 
-def _behind(history: VoltageHistory, rig: Rig, when: Array, lag: float) -> Array:
-    """Compute the lag [V] behind a rig's voltage of what follows it in a time constant [s]."""
+def _behind(history: VoltageHistory, supply: Supply, when: Array, lag: float) -> Array:
+    """Compute the lag [V] behind the film's voltage of what follows it in a time constant [s]."""
     signal = history.signal
-    behind, last = 0.0, float(rig.film_voltage(signal.first))
+    behind, last = 0.0, float(supply.film_voltage(signal.first))
     result = np.zeros(len(when))
     breaks = signal.breaks.tolist()
     for number, (start, end) in enumerate(pairwise(breaks)):
-        low, high = (float(rig.film_voltage(signal.within(number, time))) for time in (start, end))
+        low, high = (float(supply.film_voltage(signal.within(number, time)))
+                     for time in (start, end))
         behind, last, slope = behind + low - last, high, (high - low) / (end - start)
         inside = (when >= start) & ((when < end) | (end == breaks[-1]))
         kept = np.exp(-(when[inside] - start) / lag)

@@ -3,7 +3,7 @@
 A new effect is a function in :mod:`~tympan.studies.effects.library` under the decorator
 :func:`~tympan.studies.effects.effect.effect`. Diagnoses, the contract tests and the documentation
 follow the registry. One that needs what specimens and rigs do not have yet (viscosity, a history of
-voltages) adds that to :class:`~tympan.geometry.specimen.Film` or :class:`~tympan.fem.rig.Rig`.
+voltages) adds that to :class:`~tympan.geometry.specimen.Film` or a record of :mod:`tympan.fem.rig`.
 
 Effects of users' own packages are loaded by entry points of the group ``tympan.effects``
 (:mod:`tympan.base.plugins`).

@@ -13,7 +13,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import field_at
 from tympan.base.fields import numbers as quantities
 from tympan.base.paths import at, numbers, with_arrays
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Loads
 from tympan.geometry.specimen import Specimen
 
 #: Parameter: factor on all stresses of the film's law. It is no number of the specimen.
@@ -146,10 +146,10 @@ class Box:
         """Compute the areas of the plates [m²], (films,); 0 without plates."""
         return plate_areas(self.specimen, self.columns(rows), len(rows))
 
-    def forces(self, rig: Rig, masses: tuple[float, float]) -> tuple[float, float]:
+    def forces(self, loads: Loads, masses: tuple[float, float]) -> tuple[float, float]:
         """Find lowest and highest force [N] on its films' plates for a range of masses [kg]."""
         areas = self.plate_areas(np.array([self.low, self.high]))
-        forces = [float(rig.force(mass, area)) for mass in masses for area in areas.tolist()]
+        forces = [float(loads.force(mass, area)) for mass in masses for area in areas.tolist()]
         return min(forces), max(forces)
 
     def _beside(self, rows: Array, name: str, usual: float) -> Array:

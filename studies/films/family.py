@@ -34,7 +34,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.results.limit_states import BREAKDOWN, PULL_IN, TENSION
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Loads, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
 from tympan.studies.films.box import PRESSURE, Box, between
@@ -149,15 +149,15 @@ class Ground:
         return self.settings.path
 
     @classmethod
-    def of(cls, box: Box, rig: Rig, settings: Settings) -> Ground:
+    def of(cls, box: Box, loads: Loads, settings: Settings) -> Ground:
         """Mesh the box's specimen, with the mirror planes that all films of the box share."""
         middle = box.member((box.low + 1.0001 * box.high) / 2.0001) if box.names else box.specimen
-        planes = (mirror_planes(box.specimen, rig.loading)
-                  & mirror_planes(middle, rig.loading))
-        require_reducible(box.specimen, rig)
+        planes = (mirror_planes(box.specimen, loads.loading)
+                  & mirror_planes(middle, loads.loading))
+        require_reducible(box.specimen, loads)
         model = meshed(box.specimen, settings, planes)
-        return cls(box, replace(model, loading=solved_loading(rig.loading, settings)),
-                   settings, rig.gas_pressure)
+        return cls(box, replace(model, loading=solved_loading(loads.loading, settings)),
+                   settings, loads.gas_pressure)
 
     def film(self, row: AnyArray) -> Model:
         """Build the film with given parameters on the moved mesh."""
@@ -252,11 +252,11 @@ class Ground:
 _STRAIGHT = 1e-9
 
 
-def require_reducible(specimen: Specimen, rig: Rig) -> None:
+def require_reducible(specimen: Specimen, loads: Loads) -> None:
     """Raise InputError for a held plate: its films have no deflection."""
-    if specimen.plate is not None and rig.loading.guide == "fixed":
+    if specimen.plate is not None and loads.guide == "fixed":
         raise InputError("must let the plate move: held, it has no deflection in which films could "
-                         "differ", key="rig.guide", given=rig.guide)
+                         "differ", key="rig.guide", given=loads.guide)
 
 
 @dataclass(frozen=True, eq=False)

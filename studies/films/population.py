@@ -106,7 +106,7 @@ class Population:
 
     def moving(self, mass: Any) -> Array:
         """Compute the masses that move with the plates [kg] from nominal ones, (films,)."""
-        moving: Array = mass * self.load + self.rig.unaccounted_mass + self.rig.added_mass
+        moving: Array = self.rig.moving_mass(mass * self.load)
         return moving
 
     def across(self, voltages: Any) -> Array:

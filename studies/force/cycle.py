@@ -24,7 +24,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import film_integrals
 from tympan.fem.results.firmness import firmness
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Loads
 from tympan.fem.transient.energy import load_work
 from tympan.studies.force.follow import FollowedForce, at_displacement, near
 from tympan.studies.force.result import Crossing, LoadLine
@@ -69,14 +69,14 @@ class PlateLoad:
         return self.weight * (end - start) - (after - before)
 
 
-def load_line(model: Model, rig: Rig, mass: float, curves: Sequence[FollowedForce],
+def load_line(model: Model, loads: Loads, mass: float, curves: Sequence[FollowedForce],
               displacements: Sequence[float], settings: PathSettings) -> LoadLine:
     """Find the equilibria of a mass [kg] on a rig, and the cycle from the first to the last curve.
 
     The line is evaluated at displacements [m], as far as the mechanisms have a force. ``model``
     includes all mechanisms between plate and ground; the models of the curves include none.
     """
-    load = PlateLoad(model.loading.biases, float(rig.force(mass, model.plate_area)))
+    load = PlateLoad(model.loading.biases, float(loads.force(mass, model.plate_area)))
     found = [_equilibria(model, load, curve, settings) for curve in curves]
     reached = _reached(load, curves, found)
     names = dict.fromkeys(bias.law.replace("_", " ") for bias in load.biases)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Key, asks
+from tympan.base.fields import Key, asks, changed
 from tympan.base.progress import Progress
 from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.fem.equilibrium.newton import Solution
@@ -18,7 +18,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
-from tympan.fem.rig import AGAINST_THE_WAY, MASS_RULE, OF_TESTER, VOLTAGE_RULE, Rig
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Tester
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.force.cycle import load_line
@@ -161,9 +161,9 @@ def _loop(case: ForceCase, curve: FollowedForce, progress: Progress) -> ForceLoo
 def left_out(case: ForceCase) -> list[str]:
     """List in words the parts of the rig and the film that these curves neglect."""
     words = [f"{key} of the rig acts against the way and is left out here"
-             for key in AGAINST_THE_WAY if getattr(case.rig, key)]
-    words += [f"{key} of the rig is left out: these curves are of a tester without errors"
-              for key in OF_TESTER if getattr(case.rig, key)]
+             for key in case.rig.hysteresis]
+    words += [f"{field.name} of the rig is left out: these curves are of a tester without errors"
+              for field in changed(case.rig, Tester)]
     if case.specimen.membrane.branches and case.rate is None:
         words.append("the viscous branches are relaxed in these curves, as after a long wait; "
                      "--rate moves the plate in time (in Python rate=)")

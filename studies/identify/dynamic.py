@@ -218,7 +218,7 @@ class DynamicProblem:
             return self._latest[key]
         self._latest.clear()
         parts, delays = [], self.split(z)[2]
-        inner, gain = len(z) - len(delays), 1 + self.rig.sensor_gain
+        inner, gain = len(z) - len(delays), self.rig.sensor_slope
         for number, (record, solver, began) in enumerate(zip(self.records, self._solvers,
                                                              self.began, strict=True)):
             near = None if solver.last is None else float(solver.last.nodes[0, 0])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from tympan.base.errors import InputError
 from tympan.base.progress import Progress
-from tympan.fem.rig import AGAINST_THE_WAY
 from tympan.studies.case import Settings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.identify.dynamic import (
@@ -65,10 +65,10 @@ class IdentifySettings:
     def require(self, dataset: Dataset) -> None:
         """Refuse a dataset without the required readings, or on a rig that cannot be fitted."""
         late = ("sensor_lag", *["series_resistance"][:self.dynamic])
-        for key in (*AGAINST_THE_WAY, *late):
-            if getattr(dataset.rig, key):
-                raise InputError("must be 0: constants are found of readings without it",
-                                 key=f"rig.{key}", given=getattr(dataset.rig, key))
+        rig = dataset.rig
+        for key in (*rig.hysteresis, *filter(partial(getattr, rig), late)):
+            raise InputError("must be 0: constants are found of readings without it",
+                             key=f"rig.{key}", given=getattr(rig, key))
         if self.dynamic:
             records_of(dataset)
         if self.at_rest(dataset):

@@ -226,8 +226,7 @@ class StaticProblem:
     @property
     def read(self) -> Array:
         """Deflections of the readings [m], without the sensor's errors."""
-        read = self.displacement - self.rig.sensor_zero
-        return np.asarray(read / (1 + self.rig.sensor_gain))
+        return np.asarray(self.rig.deflection(self.displacement))
 
     @property
     def load(self) -> Array:

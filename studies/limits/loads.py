@@ -60,7 +60,7 @@ def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
     start = rest.solution if rest.status == "equilibrium" else None
     deflection = _SINKS * specimen.gap + (start.state.plate.deflection if start else 0.0)
     pulled = held(model, deflection, start=start, settings=settings.path)
-    mass = (pulled.state.force - rig.force(0.0, model.plate_area)) / rig.gravity
+    mass = rig.nominal_mass(pulled.state.force, model.plate_area)
     if pulled.status != "equilibrium" or mass <= 0:
         raise InputError("no mass can be chosen for this film: give one", key="mass",
                          given=specimen.name)

@@ -28,7 +28,6 @@ from tympan.fem.results.limit_states import (
     TENSION,
     begun,
 )
-from tympan.fem.rig import AGAINST_THE_WAY
 from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
@@ -207,7 +206,7 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
 
 def _without_direction(case: Case) -> list[str]:
     """Warn about parts of the rig that are left out without a voltage direction."""
-    left_out = [key for key in AGAINST_THE_WAY if getattr(case.rig, key)]
+    left_out = case.rig.hysteresis
     if case.direction or not left_out:
         return []
     return [f"{' and '.join(left_out)} of the rig {'are' if left_out[1:] else 'is'} left out, "

@@ -15,7 +15,7 @@ from tympan.base.errors import InputError
 from tympan.fem.membrane.biases import JoinedFilm
 from tympan.fem.membrane.loading import Guide, Loading
 from tympan.fem.membrane.quintics import QuinticCurve
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Rig, Supply
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, solved_loading
@@ -141,7 +141,7 @@ class Actuator:
         return bool(np.max(self.rig.circuit.time(self.capacitance(0.0))) > _AT_ONCE)
 
     @cached_property
-    def _source(self) -> Rig:
+    def _source(self) -> Supply:
         return self.rig.source
 
     @property
@@ -158,7 +158,7 @@ class Actuator:
     @property
     def moved(self) -> Any:
         """The moving mass [kg]."""
-        return self.mass + self.rig.unaccounted_mass + self.rig.added_mass
+        return self.rig.moving_mass(self.mass)
 
     @property
     def specimen(self) -> Specimen:

@@ -21,7 +21,7 @@ from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.lumped.simulate import ModelResponse
 from tympan.studies.motion import Trace
-from tympan.studies.signals import JointSignal, Signal, Supplied, lagging, nominal
+from tympan.studies.signals import JointSignal, Signal, Supplied, nominal
 from tympan.studies.trace import unclosed
 
 
@@ -78,7 +78,7 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
     if rig.gas_pressure and film.gas_area is None:
         raise InputError("the model's file has no gas_area_m2: build it again",
                          key="rig.gas_pressure", given=f"{rig.gas_pressure:g} Pa")
-    moved = mass + rig.unaccounted_mass + rig.added_mass
+    moved = rig.moving_mass(mass)
     if inertia and moved <= 0:
         raise InputError("must be positive where the plate swings: the film has no inertia",
                          key="mass", given=f"{mass:g} kg")
@@ -135,4 +135,4 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
         steps=len(moments), warnings=tuple(warnings), loop=loop, samples=pd.DataFrame({
             "specimen": name, "mass": mass, "run": "simulated", "t": when,
             "voltage": nominal(signal, when),
-            "displacement": lagging(when, rig.reading(sampled, when), rig.sensor_lag)}))
+            "displacement": rig.recorded(when, sampled)}))

@@ -28,7 +28,7 @@ from tympan.studies.lumped.equilibria import (
 )
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.remarks import origin, remark
-from tympan.studies.signals import Signal, lagging, nominal
+from tympan.studies.signals import Signal, nominal
 from tympan.studies.trace import Response, sample_count, unclosed, with_rest
 
 #: Precision of a response [m].
@@ -270,7 +270,7 @@ def sample(response: LumpedMotion, interval: float, period: float | None = None,
         samples=pd.DataFrame({
             "specimen": name, "mass": actuator.mass, "run": "simulated", "t": shown[0],
             "voltage": shown[1],
-            "displacement": lagging(shown[0], rig.reading(shown[2], shown[0]), rig.sensor_lag)}))
+            "displacement": rig.recorded(shown[0], shown[2])}))
 
 
 def _area(loop: pd.DataFrame) -> float:

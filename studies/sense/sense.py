@@ -19,7 +19,7 @@ from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.results.fields import film_integrals
-from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Supply
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solve_grid
 from tympan.studies.force.follow import FollowedForce, at_displacement
@@ -180,8 +180,8 @@ def _states(case: SenseCase, settings: Settings, masses: Sequence[float]) -> lis
             if outcome.status == "equilibrium" and result.capacitance_F is not None]
 
 
-def _firsts(curve: FollowedForce, place: float, voltages: Sequence[float], rig: Rig,
-            path: PathSettings) -> Iterator[tuple[float, float]]:
+def _firsts(curve: FollowedForce, place: float, voltages: Sequence[float],
+            supply: Supply, path: PathSettings) -> Iterator[tuple[float, float]]:
     """Solve the first deflection's capacitance from the lowest to the highest voltage."""
     solution = at_displacement(curve, place, path)
     low, high = voltages[0] ** 2, voltages[-1] ** 2
@@ -190,7 +190,7 @@ def _firsts(curve: FollowedForce, place: float, voltages: Sequence[float], rig: 
     angles = np.pi * (np.arange(_FIRSTS) + 0.5) / _FIRSTS
     squared = low + (high - low) * (1 - np.cos(angles)) / 2
     for voltage in np.sqrt(squared).tolist():
-        outcome = held(curve.model, place, float(rig.film_voltage(voltage)), solution, path)
+        outcome = held(curve.model, place, float(supply.film_voltage(voltage)), solution, path)
         if outcome.status != "equilibrium":
             return
         solution = outcome.solution

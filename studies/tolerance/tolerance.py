@@ -14,7 +14,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
 from tympan.base.progress import Progress
 from tympan.base.toml_reader import Rule
-from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Loads, Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, solve
 from tympan.studies.films.family import FilmFamily
@@ -387,8 +387,9 @@ def _stated(cause: ScatterCause) -> GivenTolerance:
                           deviation_m=None if cause.relative else cause.deviation)
 
 
-def _without_air(rig: Rig) -> list[str]:
-    return ["frequencies are those without air: the rig's air makes them lower"] if rig.air else []
+def _without_air(loads: Loads) -> list[str]:
+    return (["frequencies are those without air: the rig's air makes them lower"] if loads.air
+            else [])
 
 
 def _missed(reached: Mask) -> list[str]:

@@ -28,9 +28,13 @@ FIELDS = {"constant": (ConstantStrength(31e6),),
           "power": (PowerStrength(30.6e6, 1.13), PowerStrength(51e6, 0.63, 0.25, 2e-3))}
 
 #: No field has its default.
-RIG = Rig(9.81, 1e-3, 4.0, 0.03, 20e3, 0.01, -3e-6, 1e-7 / 60, "level", (1e-3, -2e-3), 12.0, -3.5,
-          tuple(MECHANISMS.values()), 70.0, 4e-3, 0.2, 1e-4, 1e6, 2e9, 0.01, 1.2, 0.3, 0.6, 0.02,
-          0.03, 1e-4, 2e-5)
+RIG = Rig(gravity=9.81, unaccounted_mass=1e-3, spring=4.0, amplifier_gain=0.03, sag_voltage=20e3,
+          sensor_gain=0.01, sensor_zero=-3e-6, drift=1e-7 / 60, guide="level",
+          weight_offset=(1e-3, -2e-3), plate_pressure=12.0, gas_pressure=-3.5,
+          biases=tuple(MECHANISMS.values()), lag_voltage=70.0, friction=4e-3, plate_damping=0.2,
+          added_mass=1e-4, series_resistance=1e6, leakage_resistance=2e9, sensor_lag=0.01, air=1.2,
+          width_held=0.3, width_let=0.6, gauge_zero=0.02, gauge_gain=0.03, displacement_zero=1e-4,
+          tester_compliance=2e-5)
 
 
 @pytest.fixture

@@ -9,10 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tympan.base.errors import InputError
 from tympan.cli import main
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import calibrated
 from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.signals import step
+from tympan.studies.transient import TransientCase
 
 FILM = """
 name = "round"
@@ -121,6 +126,15 @@ def test_what_a_rig_has_at_rest_alone_is_said_to_be_left_out(
         assert ["lag_voltage" in line for line in warnings] == [False, True]
     rig.write_text('plate_damping = "1 N s/m"\n', encoding="utf-8")
     assert not answer(capsys, "solve", *loads, "--voltage", "3 kV", "--after", "1 s")["warnings"]
+
+
+@pytest.mark.parametrize("key", ["unaccounted_mass", "added_mass"])
+def test_a_plate_swings_with_whatever_mass_it_has(film: Path, key: str) -> None:
+    """The nominal mass may be 0 if the rig brings one."""
+    specimen, signal = load_specimen(film), step(0.0, 1e3, 0.0, 1.0)
+    assert TransientCase(specimen, signal, mass=0.0, rig=Rig(**{key: 1e-3}), inertia=True).mass == 0
+    with pytest.raises(InputError, match="positive where the plate swings"):
+        TransientCase(specimen, signal, mass=0.0, inertia=True)
 
 
 def test_a_mass_that_is_not_given_is_the_one_that_other_commands_take(

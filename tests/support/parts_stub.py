@@ -67,7 +67,8 @@ def arguments(name: str, doubled: Sequence[Field] = ()) -> str:
     declared = {field.name: field for field in fields(name)}
     halves = {field.name for field in doubled}
     words = ["*", *(f"{word}: Quantity" for field in doubled for word in field.says.doubled)]
-    listed = words * bool(doubled) + [f"{item.name}: {annotation(declared[item.name])}"
+    keywords = ["*"] * all(item.kw_only for item in dataclasses.fields(getattr(parts, name)))
+    listed = words * bool(doubled) + keywords + [f"{item.name}: {annotation(declared[item.name])}"
               f"{'' if declared[item.name].required else ' = ...'}"
               if item.name in declared else f"{item.name}: {item.type}"
               f"{'' if item.default is dataclasses.MISSING else ' = ...'}"

@@ -148,7 +148,7 @@ def _specimen(design: Design, rows: Numbers) -> Specimen:
 
 def _tapped(rig: Rig, model: Model, state: State, mass: float) -> float | None:
     """The frequency of the plate up and down among all modes [Hz], if there is one."""
-    whole = mass + rig.unaccounted_mass + rig.added_mass
+    whole = rig.moving_mass(mass)
     if whole <= 0:
         return None
     plate = RigidPlate.uniform(model.specimen.needed_plate().outline, whole, 0.0, rig.weight_offset)

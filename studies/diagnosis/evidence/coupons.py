@@ -18,7 +18,7 @@ from tympan.base.arrays import AnyArray, Array, Mask, Numbers
 from tympan.base.errors import InputError
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws.stiffened import scaled
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Grips, Rig
 from tympan.geometry.specimen import ConstantFlow, Film, Specimen
 from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.diagnosis.evidence.kind import Predicts, Shown, Split, StripEvidence
@@ -218,12 +218,11 @@ class CouponTests(StripEvidence):
             free[widening], possible[widening] = _width(
                 film, replace(field, coefficient=field.coefficient[widening]), stiffer,
                 along[widening])
-        across = np.select([mode == "uniaxial", mode == "pure_shear"],
-                           [free ** (1 - rig.width_held), along ** (-0.5 * rig.width_let)], along)
+        across = rig.stretch_across(mode, along, free)
         law = np.asarray(film.material.derivatives(along, across)[1])
         return warmth * (law + pull) + field.derivatives(along, across)[1], possible
 
-    def _branch_pull(self, film: Film, rig: Rig, rows: Numbers) -> Array:
+    def _branch_pull(self, film: Film, grips: Grips, rows: Numbers) -> Array:
         """Compute the nominal stress of a film's branches at 20 °C [Pa], shape (rows,)."""
         if not film.branches or not self.coupons.in_time:
             return np.zeros(len(rows))
@@ -233,9 +232,7 @@ class CouponTests(StripEvidence):
         moduli = np.array([branch.modulus for branch in film.branches])
         logs = np.log([branch.time for branch in film.branches])
         pull = _looked_up(self.branches, logs)[rows] @ moduli
-        moved = np.select([self.coupons.mode[rows] == "uniaxial",
-                           self.coupons.mode[rows] == "pure_shear"],
-                          [rig.width_held, rig.width_let], 0.0)
+        moved = grips.width_shift(self.coupons.mode[rows])
         if moved.any():
             other = _looked_up(self.other_width, logs)[rows] @ moduli
             pull = (1 - moved) * pull + moved * other
@@ -275,10 +272,8 @@ class CouponTests(StripEvidence):
         films = [(film.material, maxwell(specimen, 1.0), film.temperature_power,
                   film.branches if timed else ())
                  for specimen in setup.specimens for film in (specimen.membrane,)]
-        modes = self.coupons.modes
         return (tuple(films), *np.asarray(rig.film_voltage(self.coupons.volts)).tolist(),
-                rig.width_held if "uniaxial" in modes else 0.0,
-                rig.width_let if "pure_shear" in modes else 0.0)
+                *rig.width_shift(self.coupons.mode).tolist())
 
 
 def _looked_up(stress: BranchStress, logs: Array) -> Array:

@@ -307,7 +307,7 @@ def _has_place(cause: Cause, setup: Setup) -> bool:
     except InputError as error:
         return error.key != "plate"
     try:
-        edited.rig.require_none_of_plate()
+        edited.rig.require_no_plate_loads()
     except InputError:
         return False
     return True

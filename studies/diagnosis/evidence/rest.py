@@ -64,7 +64,7 @@ class Rest(PlateEvidence):
         shown = np.array(rig.reading(heave[at], table.states.elapsed[at]))
         late = since >= 0
         jump = heave[at[late]] - heave[since[late]]
-        shown[late] -= (1 + rig.sensor_gain) * films.behind[at[late]] * jump
+        shown[late] -= rig.sensor_slope * films.behind[at[late]] * jump
         return shown
 
     def shares(self, films: FilmsUnderLoads, rows: Mask) -> tuple[Array, Array]:

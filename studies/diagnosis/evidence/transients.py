@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Loads
 from tympan.studies.data.checked_runs import CheckedRun
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.sampled_run import WORDS, SampledRun
@@ -75,14 +75,14 @@ class Transients(PlateEvidence):
         return np.asarray(rate[films.table.state[rows]])
 
 
-def _out_of_time(few: BlockMeans, rig: Rig) -> str | None:
+def _out_of_time(few: BlockMeans, loads: Loads) -> str | None:
     """Give a message if the plate oscillates at times that no mass on this film can have.
 
     A mass on a spring that deflects by y under its weight has 2πf = √(g/y).
     """
-    if rig.gas_pressure or rig.biases or not len(few.mean):
+    if loads.gas_pressure or loads.biases or not len(few.mean):
         return None
-    usual = float(np.sqrt(rig.gravity / max(abs(few.mean[0]), 1e-9))) / (2 * np.pi)
+    usual = float(np.sqrt(loads.gravity / max(abs(few.mean[0]), 1e-9))) / (2 * np.pi)
     for swing in few.swings.values():
         if not usual / _APART_FROM_USUAL < swing.frequency < usual * _APART_FROM_USUAL:
             return WORDS["out_of_time"].format(frequency=swing.frequency, usual=usual)

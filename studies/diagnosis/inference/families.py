@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Loads
 from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.evidence import interval
 from tympan.studies.diagnosis.fits.fit import Fit
@@ -60,7 +60,7 @@ def family_size(model: ReadingModel, fits: Mapping[Cause, Fit]) -> FoundSize:
                    high=max(size.high for size in sizes))
 
 
-def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
+def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, loads: Loads
                      ) -> dict[float, tuple[float, float]]:
     """Find the limits of the mass [kg] that one of two loads would need instead, by label [kg].
 
@@ -69,13 +69,13 @@ def one_load_instead(fit: Fit, cause: Cause, table: ReadingTable, rig: Rig
     with more loads, readings of other kinds, springs, mechanisms or gas: these distinguish the two.
     """
     labels = np.unique(table.states.mass).tolist()
-    alone = not (rig.spring or rig.biases or rig.plate_pressure)
+    alone = not (loads.spring or loads.biases or loads.plate_pressure)
     if cause.name != "unaccounted_mass" or len(labels) != 2 or not alone or not table.lengths.all():
         return {}
     more = np.array(interval(fit, sizes_of(fit.hypothesis, cause).start)[1:])
 
     def instead(label: float, other: float) -> tuple[float, float]:
-        carried = rig.unaccounted_mass
+        carried = loads.unaccounted_mass
         masses = (other + carried) * (label + carried + more) / (other + carried + more) - carried
         return float(masses.min()), float(masses.max())
 

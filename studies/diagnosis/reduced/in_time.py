@@ -10,20 +10,20 @@ from __future__ import annotations
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Rig, Supply
 from tympan.studies.diagnosis.reading_table import States
 
 
-def charged(states: States, rig: Rig, squared: Array, capacitance: Array) -> Array:
+def charged(states: States, supply: Supply, squared: Array, capacitance: Array) -> Array:
     """Compute U² [V²] of the films from what the supply gives at rest, shape (states,).
 
     ``capacitance`` is that of the film of each state [F].
     """
     rows, passages = states.in_time, states.passages
-    if not rig.series_resistance or not len(rows):
+    if not supply.series_resistance or not len(rows):
         return squared
-    lag = rig.circuit.time(capacitance[rows])
-    less = passages.squared(rig, lag) - passages.squared(rig)
+    lag = supply.circuit.time(capacitance[rows])
+    less = passages.squared(supply, lag) - passages.squared(supply)
     result = squared.copy()
     result[rows] = np.maximum(result[rows] + less, 0.0)
     return result
@@ -65,14 +65,14 @@ def behind(states: States, rig: Rig, mass: Array, stiffness: Array, capacitance:
     return share
 
 
-def _rise(jump: Array, rig: Rig, capacitance: Array) -> list[tuple[Array, Array]]:
+def _rise(jump: Array, supply: Supply, capacitance: Array) -> list[tuple[Array, Array]]:
     """Write the rise of U² to its last value as exponentials: shares, rates [1/s]."""
-    if not rig.series_resistance:
+    if not supply.series_resistance:
         return []
-    before, after = (np.asarray(rig.film_voltage(voltage)) for voltage in jump)
+    before, after = (np.asarray(supply.film_voltage(voltage)) for voltage in jump)
     whole = after**2 - before**2
     whole = np.where(whole == 0, 1.0, whole)
-    slow = -1 / rig.circuit.time(capacitance)
+    slow = -1 / supply.circuit.time(capacitance)
     return [(2 * after * (after - before) / whole, slow + 0j),
             (-((after - before) ** 2) / whole, 2 * slow + 0j)]
 

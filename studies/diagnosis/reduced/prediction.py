@@ -102,7 +102,7 @@ class Prediction:
         # A reading counted from another state, or read late, depends on two states.
         both = table.since >= 0
         here, origin = REST.shares(self, both)
-        change[both] = (1 + self.rig.sensor_gain) * (
+        change[both] = self.rig.sensor_slope * (
             here * shift[table.state[both]] + origin * shift[table.since[both]])
         return there.shown(self.rest.extended_heave) - self.extended + change
 
@@ -152,7 +152,7 @@ class Prediction:
     @property
     def moving(self) -> Array:
         """Mass that moves with the plate [kg], shape (states,)."""
-        mass = self.table.states.mass + self.rig.unaccounted_mass + self.rig.added_mass
+        mass: Array = self.rig.moving_mass(self.table.states.mass)
         if self.films.masses is not None:
             mass = self.films.masses.moving(self.rest.setup, self.table.states.specimen, mass)
         return np.maximum(mass, _LIGHTEST)

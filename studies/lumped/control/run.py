@@ -15,7 +15,7 @@ from tympan.base.errors import InputError, VoltageError
 from tympan.base.fields import Key, asks
 from tympan.base.progress import Progress, ShareDone
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Sensor
 from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
@@ -107,25 +107,9 @@ class ControlSettings:
         """Default upper end of a signal [V]: as much of the supply is left above it."""
         return self.supply / 2
 
-    def lag(self, rig: Rig) -> float:
-        """Find the time by which the sensor lags on a rig [s]."""
-        return rig.sensor_lag if self.sensor_lag is None else self.sensor_lag
-
-
-@dataclass(frozen=True, eq=False)
-class Sensor:
-    """A reading [m] that lags behind the deflection."""
-
-    lag: float
-    reading: Any
-
-    def after(self, before: Any, now: Any, duration: float) -> Sensor:
-        """Compute the reading after the deflection moved linearly from one value to another."""
-        if not self.lag:
-            return replace(self, reading=now)
-        behind = (now - before) / duration * self.lag
-        left = np.exp(-duration / self.lag)
-        return replace(self, reading=now - behind + (self.reading - before + behind) * left)
+    def lag(self, sensor: Sensor) -> float:
+        """Find the time by which a rig's sensor lags [s], if no other is given."""
+        return sensor.sensor_lag if self.sensor_lag is None else self.sensor_lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,16 +144,16 @@ def closed_loop(controller: Controller, plant: Plant, before: float, wanted: Arr
     reached, voltages, plants = [], [], dict[int, Plant]()
     begin = read(plant)
     state = controller.resting(before + 0 * begin, begin)
-    sensor = Sensor(sensor_lag, begin)
+    sensor, shown = Sensor(sensor_lag=sensor_lag), begin
     for number, each in enumerate(wanted):
-        voltage, state = controller.voltage(state, each + 0 * begin, sensor.reading)
+        voltage, state = controller.voltage(state, each + 0 * begin, shown)
         reached.append(plant.deflection)
         voltages.append(voltage)
         if number in keep:
             plants[number] = plant
         before = read(plant)
         plant = plant.after(voltage, controller.interval_s)
-        sensor = sensor.after(before, read(plant), controller.interval_s)
+        shown = sensor.lagged(shown, before, read(plant), controller.interval_s)
         progress((number + 1) / len(wanted))
     time = _times(len(wanted), controller.interval_s)
     return LoopRun(time, wanted, np.array(reached), np.array(voltages), plants)

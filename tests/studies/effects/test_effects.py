@@ -41,7 +41,8 @@ NOMINAL = Setup((circular(MATERIAL, branches=BRANCH), elliptical(60e-3, MATERIAL
 TAKEN = Setup(
     (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)),
      circular(MATERIAL, branches=BRANCH)),
-    Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
+    Rig(gravity=9.81, unaccounted_mass=1e-3, spring=4.0, amplifier_gain=0.03, sag_voltage=30e3,
+        sensor_gain=-0.02, sensor_zero=20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
 
 #: Columns that only coupons have.
 COUPONS_ALONE = frozenset({Observable.STRESS, Observable.TEMPERATURE})

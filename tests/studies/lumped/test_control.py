@@ -27,7 +27,7 @@ from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.laws.stiffened import scaled
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Rig, Sensor
 from tympan.geometry.specimen import ViscousBranch
 from tympan.paper.table1 import paper_actuators
 from tympan.studies.case import Settings, build_model
@@ -43,7 +43,6 @@ from tympan.studies.lumped.control.result import ControlResult
 from tympan.studies.lumped.control.run import (
     ControlSettings,
     Measured,
-    Sensor,
     _sensed,
     closed_loop,
     controlled,
@@ -193,12 +192,13 @@ def test_lqg_damps_the_swing_that_pi_waits_for() -> None:
 
 def test_a_late_sensor_reads_what_the_equation_says() -> None:
     lag, slope = 20e-3, 3.0
-    sensor, times = Sensor(lag, np.array(0.0)), np.linspace(0, 0.1, 11)
+    sensor, shown, times = Sensor(sensor_lag=lag), 0.0, np.linspace(0, 0.1, 11)
     for before, now in pairwise(times):
-        sensor = sensor.after(slope * before, slope * now, now - before)
+        shown = sensor.lagged(shown, slope * before, slope * now, now - before)
     # The solution of r' = (s t - r)/T from 0.
     exact = slope * (times[-1] - lag * (1 - np.exp(-times[-1] / lag)))
-    assert float(sensor.reading) == pytest.approx(exact, rel=1e-12)
+    assert shown == pytest.approx(exact, rel=1e-12)
+    assert sensor.recorded(times, slope * times)[-1] == pytest.approx(exact, rel=1e-12)
 
 
 def chosen() -> ChosenActuators:
