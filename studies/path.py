@@ -324,7 +324,7 @@ class Stop:
             pressure_Pa=state.pressure, charge_C=film.capacitance * film.voltage,
             stable=tangent.negative == 0 and film.firm,
             tense=bool((film.fields.tension == Tension.TAUT).all()),
-            unbalanced=film.model.unbalanced(state))
+            unbalanced=film.unbalanced)
 
     def happens(self, state: LimitState) -> bool:
         """Check whether the film reaches a limit state here."""

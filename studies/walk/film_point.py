@@ -57,7 +57,12 @@ class FilmPoint:
         """Least stiffness in the film's plane at the nodes of every element [Pa]."""
         return firmness(self.model, self.point.state)
 
-    @property
+    @cached_property
+    def unbalanced(self) -> float:
+        """Largest unbalanced force on a free component, over the largest nodal force."""
+        return self.model.unbalanced(self.point.state)
+
+    @cached_property
     def firm(self) -> bool:
         """Whether the film is stable in its plane, if it could not wrinkle."""
         return bool(firmness(replace(self.model, wrinkles=False), self.point.state).min() > 0)
