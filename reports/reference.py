@@ -66,7 +66,7 @@ def page(rig: type[Rig] = Rig) -> str:
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
         tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, questions=QUESTIONS,
-        wanted=wanted.QUANTITIES,
+        wanted=wanted.QUANTITIES.known,
         libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})
 
 

@@ -33,13 +33,7 @@ from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.plausible_loads import implausible_loads
-from tympan.fem.results.fields import (
-    Fields,
-    LostTension,
-    film_integrals,
-    lost_tension,
-    node_fields,
-)
+from tympan.fem.results.fields import Fields, LostTension
 from tympan.fem.results.firmness import firmness
 from tympan.fem.results.limit_states import (
     BREAKDOWN,
@@ -49,6 +43,7 @@ from tympan.fem.results.limit_states import (
     TENSION,
     LimitState,
 )
+from tympan.fem.results.solved_states import SolvedStates
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
@@ -57,12 +52,10 @@ from tympan.studies.files import from_json, read_json, remove, stored_file, to_j
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
+from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
 
 #: Margin to breakdown below which a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
-
-#: Coordinates [m] below this are rounding errors of 0.
-_NOTHING = 1e-15
 
 #: Elements times states summarised at once: more would leave the cache, or take much memory.
 _TOGETHER = 400
@@ -394,39 +387,18 @@ class StableEquilibrium:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseResult(CaseRecord):
+class CaseResult(ShowsState, CaseRecord):
     """The numbers of ``solve --json``, SI; those of a state that does not exist are None.
 
-    ``film`` has the fields.
+    Each of the :data:`~tympan.studies.variables.VARIABLES` of the state is an attribute by its key,
+    such as ``deflection_m``. ``film`` has the fields.
     """
 
     writer = "tympan solve -o"
     drawn = ("png", "svg")
 
     status: Existence
-    deflection_m: Deflection = None
-    stroke_m: Annotated[float | None, Key("deflection less that without voltage, under the same "
-                                          "mass; none without voltage")] = None
-    reading_m: Annotated[float | None, Key("what the rig's sensor shows of the deflection")] = None
-    reaction_N: Annotated[float | None, Key("force that the film carries")] = None
-    capacitance_F: Annotated[float | None, Key("capacitance of the film as it is")] = None
-    max_stretch: Annotated[float | None, Key("largest principal stretch, from the virgin "
-                                             "film")] = None
-    max_true_stress_Pa: Annotated[float | None, Key("largest principal true stress")] = None
-    max_field_V_per_m: Annotated[float | None, Key("largest electric field, voltage over "
-                                                   "thickness")] = None
-    breakdown_margin: Annotated[float | None, Key("smallest strength over field; none without "
-                                                  "voltage or a strength law")] = None
-    breakdown_x_m: Annotated[float | None, Key("where the margin is smallest, in the "
-                                               "mounted film")] = None
-    breakdown_y_m: Annotated[float | None, Key("y of the same place")] = None
-    slack_area_m2: Annotated[float | None, Key("mounted area that carries tension in one direction "
-                                               "or none")] = None
-    slack_share: Annotated[float | None, Key("its share of the mounted area")] = None
-    tilt_rad: Annotated[float | None, Key("tilt of the plate")] = None
-    energy_J: Annotated[float | None, Key(
-        "elastic energy of the film from the virgin state on, less half the capacitance times the "
-        "voltage squared; without the energy of the weight")] = None
+    values: StateValues = field(default_factory=dict)
     equilibria: Annotated[tuple[StableEquilibrium, ...], Key(
         "all stable equilibria under these loads, by deflection, where a mechanism of the rig "
         "makes several; all other results are of the one that is reached")] = ()
@@ -583,8 +555,10 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
     while batch := list(islice(pairs, max(1, _TOGETHER // model.discretisation.mesh.nelements))):
-        numbers = iter(_state_numbers(model, [outcome.state for _, outcome in batch
-                                              if outcome.status == "equilibrium"]))
+        found = SolvedStates(model, [outcome.state for _, outcome in batch
+                                     if outcome.status == "equilibrium"])
+        shown = zip(rows_of_variables(found, plate=model.specimen.plate is not None),
+                    states_warnings(found), strict=True) if found.states else iter(())
         for case, outcome in batch:
             remarks = (case if highest is None else replace(case, voltage=highest)).remarks
             result = CaseResult(
@@ -592,11 +566,10 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
                 pressure_Pa=case.rig.gas_pressure or None, status=outcome.status,
                 dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
-                reading = case.rig.reading(model.deflection(outcome.state), case.elapsed)
-                state_numbers = next(numbers)
-                warnings = (*state_numbers.pop("warnings"), *remarks)
-                yield replace(result, reading_m=reading, warnings=warnings,
-                              **state_numbers), outcome
+                values, warnings = next(shown)
+                reading = float(case.rig.reading(values["deflection_m"], case.elapsed))
+                yield replace(result, values={**values, "reading_m": reading},
+                              warnings=(*warnings, *remarks)), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome
                 when, state = "at the last equilibrium before that", outcome.state
@@ -607,36 +580,6 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
             yield replace(result, warnings=(*excuse, *remarks)), outcome
 
 
-def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, Any]]:
-    if not states:
-        return
-    at_nodes = node_fields(model, states)
-    film = None if _sound(model, at_nodes) else model.specimen.membrane
-    for state, fields, slack, *integrals in zip(
-            states, at_nodes, lost_tension(model, states, at_nodes=at_nodes),
-            *film_integrals(model, states), strict=True):
-        reaction, capacitance, energy = map(float, integrals)
-        breakdown = {}
-        if fields.breakdown_share.any():  # with a voltage and a strength law
-            weakest = int(np.argmax(fields.breakdown_share))
-            x, y = mounted_place(fields.position[weakest])
-            breakdown = {"breakdown_margin": float(1 / fields.breakdown_share[weakest]),
-                         "breakdown_x_m": x, "breakdown_y_m": y}
-        yield {
-            "deflection_m": model.deflection(state),
-            "reaction_N": reaction if model.specimen.plate else None,
-            "capacitance_F": capacitance,
-            "max_stretch": float(fields.stretch_1.max()),
-            "max_true_stress_Pa": float(fields.stress_1.max()),
-            "max_field_V_per_m": float(fields.electric_field.max()),
-            **breakdown,
-            "slack_area_m2": slack.wrinkled + slack.slack,
-            "slack_share": slack.share,
-            "tilt_rad": state.plate.tilt if model.specimen.plate else None,
-            "energy_J": energy,
-            "warnings": tuple(field_warnings(fields, slack, film, _firm(model, state)))}
-
-
 def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
     """Check that the law fails nowhere, in all states at once."""
     position, first, second = map(np.concatenate, zip(*(
@@ -644,17 +587,17 @@ def _sound(model: Model, at_nodes: Sequence[Fields]) -> bool:
     return not failures(model.specimen.membrane, position, first, second)
 
 
-def mounted_place(position: Array) -> tuple[float, float]:
-    """Read x and y [m] of a place in the mounted film; rounding errors of 0 become 0."""
-    x, y = (0.0 if abs(value) < _NOTHING else float(value) for value in position[:2])
-    return x, y
-
-
 def state_warnings(model: Model, state: State) -> list[str]:
     """List warnings that a reader of a state must know before trusting it."""
-    at_nodes = node_fields(model, [state])
-    return field_warnings(at_nodes[0], lost_tension(model, [state], at_nodes=at_nodes)[0],
-                          model.specimen.membrane, _firm(model, state))
+    return next(states_warnings(SolvedStates(model, [state])))
+
+
+def states_warnings(found: SolvedStates) -> Iterator[list[str]]:
+    """Yield the warnings that a reader of each of the states must know before trusting it."""
+    model = found.model
+    film = None if _sound(model, found.at_nodes) else model.specimen.membrane
+    for state, fields, loss in zip(found.states, found.at_nodes, found.lost, strict=True):
+        yield field_warnings(fields, loss, film, _firm(model, state))
 
 
 def _firm(model: Model, state: State) -> Array | None:

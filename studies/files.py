@@ -187,11 +187,14 @@ def to_json(value: Any, unit: str = "") -> Any:
         return value
     if is_dataclass(value):
         kind: Any = type(value)
-        record: dict[str, Any] = {
-            key: None if printed.may_miss and part != part else to_json(part, unit)
-            for name, key, printed in _stored(kind, unit)
-            if (part := getattr(value, name)) is not None or not printed.may_miss}
-        return {**record.pop(_INLINE, {}), **record}
+        record: dict[str, Any] = {}
+        for name, key, printed in _stored(kind, unit):
+            part = getattr(value, name)
+            if part is None and printed.may_miss:
+                continue
+            entry: Any = None if printed.may_miss and part != part else to_json(part, unit)
+            record |= entry if key == _INLINE else {key: entry}
+        return record
     if isinstance(value, Mapping):
         return {str(name): to_json(entry, unit) for name, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):

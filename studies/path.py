@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -49,7 +49,8 @@ from tympan.studies.case import (
 )
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
-from tympan.studies.rows import rows_of
+from tympan.studies.rows import cells_of, rows_of
+from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
 from tympan.studies.walk.spread import Passage, spread
 
@@ -84,22 +85,18 @@ _READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa
 
 
 @dataclass(frozen=True, kw_only=True)
-class Station:
-    """One equilibrium of a branch, in SI."""
+class Station(ShowsState):
+    """One equilibrium of a branch, in SI.
 
-    deflection_m: Annotated[float, Key("deflection of the plate, downwards")]
-    stroke_m: Annotated[float | None, Key(
-        "deflection less that without voltage, under the same mass; none where mass or pressure "
-        "grows")] = None
-    force_N: Annotated[float, Key("force that the film carries")]
-    voltage_V: Annotated[float, Key("nominal voltage")]
+    Each of the :data:`~tympan.studies.variables.VARIABLES` of the state is an attribute by its key,
+    such as ``deflection_m``.
+    """
+
+    values: StateValues = field(default_factory=dict)
+    force_N: Annotated[float, Key("force of the nominal load on the plate")]
+    voltage_V: Annotated[float, Key("voltage across the film")]
     pressure_Pa: Annotated[float, Key("pressure of the gas below the film; positive lifts it")]
     charge_C: Annotated[float, Key("charge on the film")]
-    capacitance_F: Annotated[float, Key("capacitance of the film as it is")]
-    max_stretch: Annotated[float, Key("largest principal stretch, from the virgin film")]
-    least_stress_Pa: Annotated[float, Key("smallest principal true stress")]
-    breakdown_share: Annotated[float, Key("largest field over strength; 0 where the strength is "
-                                          "unknown")]
     stable: Annotated[bool, Key("whether it is stable at constant load, voltage and gas pressure, "
                                 "the film kept from wrinkling, and not beyond its own instability")]
     tense: Annotated[bool, Key("whether no part of the film has lost tension")]
@@ -173,9 +170,8 @@ class PathResult(CaseRecord):
         for number, film in enumerate(self.limits, start=1):
             film.save(folder / f"{name}-limit-{number}.vtu")
         save_series(folder, name, list(enumerate(self.films)))
-        columns = [item.name for item in fields(Station)]
-        write_csv(folder / f"{name}.csv", columns,
-                  ([getattr(station, column) for column in columns] for station in self.stations))
+        rows = [cells_of(station) for station in self.stations]
+        write_csv(folder / f"{name}.csv", rows[0] if rows else (), (row.values() for row in rows))
 
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:
@@ -233,7 +229,7 @@ def path(case: Case, settings: Settings, along: Along,
 
 def _with_stroke(station: Station, rest: float | None) -> Station:
     """Add the stroke to a station, from a deflection without voltage [m]."""
-    return station if rest is None else replace(station, stroke_m=station.deflection_m - rest)
+    return station if rest is None else station.showing(stroke_m=station.deflection_m - rest)
 
 
 def _with_snaps(way: Iterator[Stop], settings: PathSettings) -> Iterator[Stop]:
@@ -322,15 +318,13 @@ class Stop:
         film, tangent = self.film, self.film.point.solution.tangent
         state = film.point.state
         assert tangent is not None
+        values, = rows_of_variables(film.shown, plate=film.model.specimen.plate is not None)
         return Station(
-            deflection_m=film.deflection, force_N=state.force, voltage_V=film.voltage,
+            values=values, force_N=state.force, voltage_V=film.voltage,
             pressure_Pa=state.pressure, charge_C=film.capacitance * film.voltage,
-            capacitance_F=film.capacitance, max_stretch=float(film.fields.stretch_1.max()),
-            least_stress_Pa=float(film.pressed.stress_2.min()),
-            breakdown_share=float(film.fields.breakdown_share.max()),
             stable=tangent.negative == 0 and film.firm,
             tense=bool((film.fields.tension == Tension.TAUT).all()),
-            unbalanced=film.model.unbalanced(state))
+            unbalanced=film.unbalanced)
 
     def happens(self, state: LimitState) -> bool:
         """Check whether the film reaches a limit state here."""

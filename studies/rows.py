@@ -27,7 +27,9 @@ def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
     found = []
     for item in fields_of(cls):
         origin, kinds = get_origin(item.item), {item.item}
-        if origin is Literal:
+        if item.printed.inline:
+            kinds = {*get_args(get_args(item.item)[1])} - {NoneType}
+        elif origin is Literal:
             kinds = {str}
         elif origin in (Union, UnionType):
             kinds = {*get_args(item.item)} - {NoneType}
@@ -38,8 +40,18 @@ def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
 
 
 def cells_of(record: Any) -> dict[str, Any]:
-    """Collect the fields of a record that hold one number or text, by name."""
-    return {name: getattr(record, name) for name, several in _kinds(record) if not several}
+    """Collect the fields of a record that hold one number or text, by name.
+
+    Numbers of a mapping that is stored inline stand in its place, by their keys.
+    """
+    cells: dict[str, Any] = {}
+    for name, several in _kinds(record):
+        value = getattr(record, name)
+        if isinstance(value, Mapping):
+            cells |= value
+        elif not several:
+            cells[name] = value
+    return cells
 
 
 def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
@@ -73,8 +85,11 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
 def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mapping[str, Any]],
           lists: bool = False) -> dict[str, Array]:
     """Make columns of rows; those that are the ``same`` are there even without rows."""
-    names = [name for record in records[:1] for name, several in _kinds(record)
-             if lists or not several]
+    names = list[str]()
+    for record in records[:1]:
+        for name, several in _kinds(record):
+            inline = getattr(record, name)
+            names += inline if isinstance(inline, Mapping) else [name] * (lists or not several)
     columns: dict[str, Array] = {}
     for name, value in same.items():
         kind = object if isinstance(value, str) else float

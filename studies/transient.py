@@ -233,7 +233,8 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
     result = replace(result, warnings=(*result.warnings, *case.rig.in_motion))
     if (case.voltage and result.deflection_m is not None
             and creep.rested == inf):
-        result = replace(result, stroke_m=result.deflection_m - transient.model.deflection(state))
+        rest = transient.model.deflection(state)
+        result = result.showing(stroke_m=result.deflection_m - rest)
     if film and status == "equilibrium":
         result = replace(result, film=film_surface(model, moment.state))
     return replace(result, wall_s=time.perf_counter() - began)

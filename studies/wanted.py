@@ -23,6 +23,7 @@ from tympan.base.toml_reader import POSITIVE, Rule, Table, one_of
 from tympan.base.units import DIMENSIONS, quantity_text, unit_factor
 from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.specimen import Specimen
+from tympan.studies.variables import VARIABLES, Variable
 
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 
@@ -46,19 +47,23 @@ class Loaded(Protocol):
     """Films at 0 V, at their voltage, and at that times a margin: arrays (films, states).
 
     A film that has lost tension has the numbers of a film that bears compression. A film
-    without equilibrium has nan. ``force`` [N] is the force that the film carries.
-    ``blocked_force`` [N], (films,), is the force that the voltage takes from a plate held where it
-    is without voltage. ``frequency`` [Hz], (films,), is the lowest frequency of the first two
-    states. ``limit`` is the voltage of the first loss of tension or of pull-in, over the voltage.
-    ``first_limit`` [V] is the nominal voltage of the first limit of any kind.
+    without equilibrium has nan. ``shown`` computes any variable of the states. ``stroke`` [m],
+    (films,), is the deflection under the voltage less that without. ``blocked_force`` [N],
+    (films,), is the force that the voltage takes from a plate held where it is without voltage.
+    ``frequency`` [Hz], (films,), is the lowest frequency of the first two states. ``limit`` is the
+    voltage of the first loss of tension or of pull-in, over the voltage. ``first_limit`` [V] is the
+    nominal voltage of the first limit of any kind.
     """
 
+    def shown(self, variable: Variable) -> Array: ...
     @property
     def specimens(self) -> Sequence[Specimen | None]: ...
     @property
     def voltage(self) -> Array: ...
     @property
     def deflection(self) -> Array: ...
+    @property
+    def stroke(self) -> Array: ...
     @property
     def capacitance(self) -> Array: ...
     @property
@@ -67,8 +72,6 @@ class Loaded(Protocol):
     def stress(self) -> Array: ...
     @property
     def tension(self) -> Array: ...
-    @property
-    def electric(self) -> Array: ...
     @property
     def breakdown(self) -> Array: ...
     @property
@@ -213,8 +216,8 @@ def read_bounds(name: str, given: object) -> tuple[Bound, ...]:
     InputError
         If the quantity is unknown, or the bounds cannot be used; the key is the name.
     """
-    if name not in QUANTITIES:
-        raise InputError(one_of(name, QUANTITIES), key=name, given=given)
+    if name not in QUANTITIES.known:
+        raise InputError(one_of(name, QUANTITIES.known), key=name, given=given)
     several = list(given) if isinstance(given, list | tuple) else [given]
     if not several:
         raise InputError("must be a bound, such as " + QUANTITIES[name].example, key=name,
@@ -319,7 +322,7 @@ def _film_mass(specimen: Specimen) -> float:
 
 
 def _stroke(films: Loaded) -> Array:
-    return np.asarray(np.abs(films.deflection[:, 1] - films.deflection[:, 0]))
+    return np.asarray(np.abs(films.stroke))
 
 
 def _work(films: Loaded) -> Array:
@@ -331,14 +334,38 @@ def _breakdown_margin(films: Loaded) -> Array:
         return np.asarray(1 / films.breakdown[:, 1])
 
 
+class Quantities(Registry[Quantity]):
+    """Quantities by name. A variable of states that none of them is, is one by its own name."""
+
+    def __missing__(self, name: str) -> Quantity:
+        variable = next((each for each in VARIABLES.values()
+                         if each.name == name and each.bounded and each.of is not None), None)
+        if variable is None:
+            raise KeyError(name)
+        return _under_voltage(variable)
+
+    @property
+    def known(self) -> dict[str, Quantity]:
+        """All quantities: the registered ones, then the variables of states."""
+        others = [each.name for each in VARIABLES.values()
+                  if each.bounded and each.of is not None and each.name not in self]
+        return {**self, **{name: self[name] for name in others}}
+
+
+def _under_voltage(variable: Variable, words: str = "") -> Quantity:
+    """Make the quantity of a variable under the voltage."""
+    return Quantity(variable.name, words or variable.meaning, variable.dimension, variable.gain,
+                    lambda films: films.shown(variable)[:, 1], of_plate=variable.of_plate)
+
+
 def _tension_missed(films: Loaded) -> Array:
     """Compute the missed share: least over largest stress up to the margin, sign reversed."""
     return np.asarray(-films.tension.min(1) / films.stress.max(1))
 
 
 #: All quantities of loaded films: for bounds of tolerances and of designs, and for sweeps. A
-#: quantity that is registered here is available in all of them.
-QUANTITIES: Registry[Quantity] = Registry("name")
+#: quantity that is registered here is available in all of them, and so is a variable of states.
+QUANTITIES = Quantities("name")
 for _quantity in (
     Quantity("deflection", "deflection under the voltage", "length", None,
              lambda films: films.deflection[:, 1]),
@@ -353,12 +380,11 @@ for _quantity in (
     Quantity(BREAKDOWN, "margin to breakdown", "", True, _breakdown_margin, rule=_MARGIN),
     Quantity(LIMIT, "voltage of the first limit", "voltage", True,
              lambda films: films.first_limit, sought=False, label="first limit"),
-    Quantity("capacitance", "capacitance under the voltage", "capacitance", None,
-             lambda films: films.capacitance[:, 1]),
+    _under_voltage(VARIABLES["capacitance_F"], "capacitance under the voltage"),
     Quantity("gap", "gap between plate and frame", "length", True,
              _of_specimen(lambda specimen: specimen.gap), scatters=False),
     Quantity("voltage", "voltage", "voltage", False, lambda films: films.voltage, scatters=False),
-    Quantity("max_field", "largest field", "field", False, lambda films: films.electric[:, 1]),
+    _under_voltage(VARIABLES["max_field_V_per_m"], "largest field"),
     Quantity("max_true_stress", "largest true stress", "stress", False,
              lambda films: films.stress[:, :2].max(1)),
     Quantity("film_mass", "mass of film and electrodes", "mass", False,
@@ -377,6 +403,11 @@ for _quantity in (
     QUANTITIES.register(_quantity)
 
 
+def by_column() -> dict[str, Quantity]:
+    """Index all quantities by their columns."""
+    return {quantity.column: quantity for quantity in QUANTITIES.known.values()}
+
+
 def scattering() -> tuple[str, ...]:
     """List the quantities that differ between films of one drawing."""
-    return tuple(name for name, quantity in QUANTITIES.items() if quantity.scatters)
+    return tuple(name for name, quantity in QUANTITIES.known.items() if quantity.scatters)

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.tolerance.result import SPREAD, Chance, Spread, ToleranceResult
+from tympan.studies.tolerance.result import Chance, Spread, ToleranceResult
+from tympan.studies.wanted import by_column
 
 #: Width of an axis [mm].
 _WIDTH = 56.0
@@ -76,7 +77,7 @@ def draw_films(axes: Axes, result: ToleranceResult) -> None:
 
 def draw_histogram(axes: Axes, name: str, spread: Spread) -> None:
     """Draw films by a quantity, with median, 5 and 95 %, and the film without scatter."""
-    quantity = SPREAD[name]
+    quantity = by_column()[name]
     factor = quantity.per_si
     style.describe(axes, f"{quantity.title} ({quantity.table_unit})", "films")
     axes.stairs(spread.counts, factor * np.array(spread.bins), fill=True, color=style.PALETTE[4])

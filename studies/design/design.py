@@ -528,7 +528,7 @@ def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
               *(search.space.requirements.front or ())} - bounded
     prices = dict(zip(search.bounds, found.prices.tolist(), strict=True))
     told = []
-    for name, quantity in QUANTITIES.items():
+    for name, quantity in QUANTITIES.known.items():
         if quantity.of_plate and given.plate is None:
             continue
         if name in others:

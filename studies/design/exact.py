@@ -14,13 +14,14 @@ from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.model import Model
-from tympan.fem.results.fields import Fields, node_fields
 from tympan.fem.results.limit_states import BREAKDOWN
+from tympan.fem.results.solved_states import SolvedStates
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Limit, Settings, build_model, state_warnings
 from tympan.studies.limits import limits
 from tympan.studies.modes import carried, heaving_frequency
+from tympan.studies.variables import Variable
 
 #: Largest ratio of a film's end to the margin that it does not bear: the end is known to about
 #: 1e-4.
@@ -97,19 +98,30 @@ class ExactFilm:
         return bool(self._there[:2].all())
 
     @cached_property
-    def _fields(self) -> list[Fields]:
-        return node_fields(self._model, [outcome.state for outcome in self.outcomes])
+    def _found(self) -> SolvedStates:
+        """The outcomes' states; one without equilibrium has that of the last one before it."""
+        return SolvedStates(self._model, [outcome.state for outcome in self.outcomes],
+                            self.strength)
 
-    def _row(self, values: Sequence[float]) -> Array:
+    def _row(self, values: Array) -> Array:
         return np.where(self._there, [values], np.nan)
+
+    def shown(self, variable: Variable) -> Array:
+        """Compute a variable of the states, (1, states); nan where there is no equilibrium."""
+        assert variable.of is not None
+        return self._row(variable.of(self._found))
 
     @property
     def deflection(self) -> Array:
-        return self._row([self._model.deflection(each.state) for each in self.outcomes])
+        return self._row(self._found.deflection)
+
+    @property
+    def stroke(self) -> Array:
+        return self.deflection[:, 1] - self.deflection[:, 0]
 
     @property
     def capacitance(self) -> Array:
-        return self._row([float(self._model.capacitance(each.state)) for each in self.outcomes])
+        return self._row(self._found.capacitance)
 
     @property
     def force(self) -> Array:
@@ -120,25 +132,21 @@ class ExactFilm:
     @property
     def stress(self) -> Array:
         """Largest stress; beyond a limit that of the last equilibrium before it."""
-        stress = np.array([[each.stress_1.max() for each in self._fields]])
+        stress = self._found.stress[None]
         return stress if self.sound else np.full_like(stress, np.nan)
 
     @property
     def tension(self) -> Array:
         """Least tension; beyond a limit it is that of a film that bears compression."""
-        found = self._row([each.stress_2.min() for each in self._fields])
+        found = self._row(np.array([each.stress_2.min() for each in self._found.at_nodes]))
         if self.sound and not self._there.all():  # the tension falls with U², to 0 at the limit
             end = min(float(self.limit[0]), _SHORT * self.margin)
             found[0, -1] = found[0, 0] * (1 - (self.margin / end) ** 2)
         return found
 
     @property
-    def electric(self) -> Array:
-        return self._row([each.electric_field.max() for each in self._fields])
-
-    @property
     def breakdown(self) -> Array:
-        return self._row([each.breakdown_share.max() / self.strength for each in self._fields])
+        return self._row(self._found.breakdown)
 
     @cached_property
     def blocked_force(self) -> Array:

@@ -106,7 +106,7 @@ class RequirementsFile:
 
 def sought() -> dict[str, Quantity]:
     """List the quantities that a design can aim at, by name."""
-    return {key: quantity for key, quantity in QUANTITIES.items() if quantity.sought}
+    return {key: quantity for key, quantity in QUANTITIES.known.items() if quantity.sought}
 
 
 @checks_types
@@ -323,7 +323,7 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
         _refuse_former(inner)
         rest = dict(inner.data)
         for key, given in inner.data.items():
-            if key not in QUANTITIES:
+            if key not in QUANTITIES.known:
                 raise inner.error(key, one_of(key, sought()), given)
             quantity = QUANTITIES[key]
             if not quantity.sought:

@@ -13,7 +13,7 @@ family was not made from. The estimate is scaled so that it covers the errors of
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -52,6 +52,7 @@ from tympan.studies.films.many_films import (
     Balance,
     Films,
     FilmsAt,
+    Measure,
     ShapesAt,
     positive_definite,
 )
@@ -372,7 +373,45 @@ class FilmFamily:
         force, voltage, mass = (np.broadcast_to(value, shape) for value in loads)
         blocks = [self._states(films, force[part], voltage[part], mass[part], check, loose)
                   for part, films in self.blocks(parameters)]
-        return FilmStates.joined(blocks)
+        return FilmStates.joined(blocks, self, parameters)
+
+    def extremes_of(self, parameters: Any, states: FilmStates,
+                    local: Callable[[Any], AnyArray], sign: int) -> AnyArray:
+        """Find the extremes of a local field at all nodes of the elements, (films, states).
+
+        ``parameters`` are as for :meth:`states`. ``sign``: 1 for the largest, -1 for the least.
+        """
+        at = ShapesAt(Sites.at_nodes(self.ground.model.discretisation), self.reduction.every)
+
+        def measures(at: FilmsAt) -> Measure:
+            return lambda here, films: sign * (sign * local(here)).max(1)
+
+        return self._measured(parameters, states, at, measures)
+
+    def means_of(self, parameters: Any, states: FilmStates, local: Callable[[Any], AnyArray],
+                 covered: bool) -> AnyArray:
+        """Average a local field over the mounted films, (films, states), or under the electrode.
+
+        ``parameters`` are as for :meth:`states`. The points are all quadrature points.
+        """
+        def measures(at: FilmsAt) -> Measure:
+            areas = at.areas * (at.covered if covered else 1.0)
+            shares = areas / areas.sum(1, keepdims=True)
+            return lambda here, films: (local(here) * shares[films]).sum(1)
+
+        return self._measured(parameters, states, self._one.whole, measures)
+
+    def _measured(self, parameters: Any, states: FilmStates, shapes: ShapesAt,
+                  measures: Callable[[FilmsAt], Measure]) -> AnyArray:
+        """Measure states of films at points, (films, states); nan where there is no state."""
+        result = np.full(states.holds.shape, np.nan)
+        for part, films in self.blocks(parameters):
+            at, q = films.at(shapes), states.q[part]
+            number = np.repeat(np.arange(len(q)), q.shape[1])
+            found = films.measured(measures(at), at, number, q.reshape(len(number), -1),
+                                   states.voltage[part].ravel() ** 2)
+            result[part] = found.reshape(q.shape[:2])
+        return result
 
     def rests(self, parameters: Any, forces: AnyArray, voltages: AnyArray) -> AnyArray:
         """Solve for amplitudes q of equilibria, (films, shapes), taut or not.
@@ -424,16 +463,17 @@ class FilmFamily:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
         corners = films.nodes[number[:, None], self.places.nodes[extremes.weakest]]
         place = np.einsum("slc,sl->sc", corners, self.places.values[extremes.weakest])
-        values = {"deflection": q[:, 0], "force": carried, "capacitance": capacitance,
-                  "energy": energy, "stiffness": balance.stiffness, "error": error,
+        values = {"voltage": np.abs(voltage), "deflection": q[:, 0], "force": carried,
+                  "capacitance": capacitance, "energy": energy, "stiffness": balance.stiffness,
+                  "error": error,
                   "stretch": extremes.stretch, "stress": extremes.stress,
                   "tension": extremes.tension, "electric": extremes.electric,
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
                   "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q),
                   "frequency": _frequency(films, number, q, squared, mass),
                   "stress_error": self.restressed * extremes.stress}
-        masked = {name: np.where(holds, value, np.nan).reshape(shape)
-                  for name, value in values.items()}
+        masked: dict[str, Any] = {name: np.where(holds, value, np.nan).reshape(shape)
+                                  for name, value in values.items()}
         return FilmStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
                             slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
                             q=q.reshape(*shape, -1))
@@ -771,8 +811,8 @@ class _Making:
         near = np.zeros(len(sites.cells), dtype=bool)
         for part in films.parts(number, len(near)):
             here = films.local(at, number[part], q[part], squared[part])
-            for values in (here.stretch_1, here.stress_1, -here.stress_2, here.electric,
-                           here.share):
+            for values in (here.stretch_1, here.stress_1, -here.stress_2, here.electric_field,
+                           here.breakdown_share):
                 most = values.max(1, keepdims=True)
                 near |= (values >= most - _NEARLY * (most - values.min(1, keepdims=True))).any(0)
         return sites.some(np.flatnonzero(near), np.zeros(int(near.sum())))

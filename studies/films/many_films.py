@@ -146,6 +146,12 @@ class FilmsAt:
     covered: AnyArray
     thickness: AnyArray
 
+    @property
+    def areas(self) -> AnyArray:
+        """Mounted areas that the points represent [m²], (films, points)."""
+        a, b, c, d = self.flat.transpose(1, 0, 2)
+        return np.asarray(np.abs(a * d - b * c) * self.shapes.sites.weights)
+
     def uneven(self, films: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Select share under the electrode and relative thickness for states of films."""
         every = self.covered, self.thickness
@@ -462,12 +468,16 @@ class Films:
     def least(self, field: Callable[[Any], AnyArray], at: FilmsAt, films: AnyArray, q: AnyArray,
               squared: AnyArray) -> AnyArray:
         """Find the least value of a limit state's field, (states,); nan without a state."""
+        return self.measured(lambda here, _: field(LocalPoint(here)).min(1), at, films, q, squared)
+
+    def measured(self, measure: Measure, at: FilmsAt, films: AnyArray, q: AnyArray,
+                 squared: AnyArray) -> AnyArray:
+        """Measure states at points, (states,); nan without a state."""
         result = np.full(len(q), np.nan)
         sound, sites = np.flatnonzero(np.isfinite(q).all(1)), at.shapes.sites
         for part in self.parts(sound, len(sites.cells)):
             some = sound[part]
-            here = self.local(at, films[some], q[some], squared[some])
-            result[some] = field(LocalPoint(here)).min(1)
+            result[some] = measure(self.local(at, films[some], q[some], squared[some]), films[some])
         return result
 
     def local(self, at: FilmsAt, films: AnyArray, q: AnyArray, squared: AnyArray) -> LocalState:
@@ -492,7 +502,8 @@ class Films:
         strength = np.full_like(electric, np.inf)
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)
-        return LocalState(first, second, stress_1, stress_2, electric, strength, sound, within)
+        return LocalState(first, second, thickness, stress_1, stress_2, electric, strength, sound,
+                          within)
 
     def balanced(self, films: AnyArray, force: AnyArray, squared: AnyArray, guess: AnyArray,
                  held: bool = False, share: float = 1.0) -> Balance:
@@ -720,25 +731,32 @@ class Volume:
 
 @dataclass(frozen=True, eq=False)
 class LocalState:
-    """Principal stretches, true stresses [Pa], field and the film's strength [V/m] at points.
+    """Scalar fields at points, by the names of :class:`tympan.fem.results.fields.Fields`.
 
-    ``lawful``: whether the film is within its law's range. ``sound``: whether it is also stable in
-    its plane. All arrays have the shape (states, points).
+    They are principal stretches and true stresses [Pa], thickness [m], field and the film's
+    strength [V/m]. ``lawful``: whether the film is within its law's range. ``sound``: whether it is
+    also stable in its plane. All arrays have the shape (states, points).
     """
 
     stretch_1: AnyArray
     stretch_2: AnyArray
+    thickness: AnyArray
     stress_1: AnyArray
     stress_2: AnyArray
-    electric: AnyArray
-    strength: AnyArray
+    electric_field: AnyArray
+    breakdown_strength: AnyArray
     sound: Mask
     lawful: Mask
 
     @property
-    def share(self) -> AnyArray:
+    def breakdown_share(self) -> AnyArray:
         """Ratio of field to strength."""
-        return self.electric / self.strength
+        return self.electric_field / self.breakdown_strength
+
+
+#: Function that measures states of films at points: a number for each state, (states,), from local
+#: values and the numbers of the states' films.
+Measure = Callable[[LocalState, AnyArray], AnyArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -781,12 +799,12 @@ class Extremes:
     @classmethod
     def of(cls, here: LocalState) -> Self:
         """Find the extremes of states at points."""
-        weakest = here.share.argmax(1)
+        weakest = here.breakdown_share.argmax(1)
         at = np.arange(len(weakest)), weakest
         return cls(stretch=here.stretch_1.max(1), stress=here.stress_1.max(1),
-                   tension=here.stress_2.min(1), electric=here.electric.max(1),
-                   share=here.share[at], weakest_field=here.electric[at],
-                   weakest_strength=here.strength[at], weakest=weakest,
+                   tension=here.stress_2.min(1), electric=here.electric_field.max(1),
+                   share=here.breakdown_share[at], weakest_field=here.electric_field[at],
+                   weakest_strength=here.breakdown_strength[at], weakest=weakest,
                    sound=np.all(here.sound, 1), lawful=np.all(here.lawful, 1))
 
     @classmethod

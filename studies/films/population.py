@@ -24,6 +24,7 @@ from tympan.studies.films.family import BLOCK, FilmFamily
 from tympan.studies.films.first_limits import ENDS, kinds
 from tympan.studies.films.many_films import Films
 from tympan.studies.films.states import FilmStates
+from tympan.studies.variables import VARIABLES, Variable, variables_of
 
 #: Relative distance of a limit from a voltage below which it counts as reached: limits are accurate
 #: to some 1e-4.
@@ -117,6 +118,12 @@ class Population:
         across: Array = self.amplifier[:, None] * self.rig.film_voltage(np.atleast_1d(voltages))
         return across
 
+    def of_their_strength(self, states: FilmStates) -> FilmStates:
+        """Copy states of films of the stated electric strength for these films' own strengths."""
+        strength = self.strength[:, None]
+        return replace(states, breakdown=states.breakdown / strength,
+                       weakest_strength=states.weakest_strength * strength)
+
     def reached(self, states: FilmStates) -> Mask:
         """Compute the mask of states that films reach: firm, taut and below their strength."""
         broken = states.breakdown >= self.strength[:, None]
@@ -124,7 +131,7 @@ class Population:
         return reached
 
     def numbers(self, mass: float, voltages: Any) -> dict[str, Array]:
-        """Compute results under a mass [kg] at nominal voltages [V], by their keys.
+        """Compute variables under a mass [kg] at nominal voltages [V], by their keys.
 
         Each has the shape (films, voltages). Values are nan for films that do not reach the
         voltage.
@@ -132,10 +139,11 @@ class Population:
         forces = self.forces(mass)
         states = self.family.states(self.films, forces[:, None], self.across(voltages), check=False)
         rest, loaded = self.rests(forces)[:, :1], self.loaded(forces)[:, None]
-        values = {"deflection_m": loaded * states.deflection,
-                  "stroke_m": loaded * (states.deflection - rest),
-                  "capacitance_F": states.capacitance}
         there = self.reached(states) & np.isfinite(rest)
+        plate = self.family.box.specimen.plate is not None
+        values = variables_of(self.of_their_strength(states), plate=plate) | {
+            "deflection_m": loaded * states.deflection,
+            "stroke_m": loaded * (states.deflection - rest)}
         return {key: np.where(there, value, np.nan) for key, value in values.items()}
 
     def loaded(self, forces: Array) -> Mask:
@@ -205,8 +213,8 @@ class LoadedFilms:
         return self.films.across(np.outer(self.voltage, levels))
 
     @cached_property
-    def states(self) -> FilmStates:
-        """States at these voltages."""
+    def _stated(self) -> FilmStates:
+        """States at these voltages, films of the stated electric strength."""
         masses = None
         if self.swings:  # above its voltage no frequency is computed
             asked = np.arange(self.across.shape[1]) < 2
@@ -214,10 +222,21 @@ class LoadedFilms:
         return self.films.family.states(self.films.films, self.loads[:, None], self.across,
                                         check=False, masses=masses, loose=True)
 
+    @cached_property
+    def states(self) -> FilmStates:
+        """States at these voltages."""
+        return self.films.of_their_strength(self._stated)
+
+    def shown(self, variable: Variable | str) -> Array:
+        """Compute a variable of the states, or the one of a key, (films, states)."""
+        one = VARIABLES[variable] if isinstance(variable, str) else variable
+        assert one.of is not None
+        return np.asarray(one.of(self.states))
+
     @property
     def reached(self) -> Mask:
         """Mask of films that reach their voltage, (films,)."""
-        return self.films.reached(self.states)[:, 1] & self.states.holds[:, 0]
+        return self.films.reached(self._stated)[:, 1] & self._stated.holds[:, 0]
 
     @property
     def specimens(self) -> Sequence[Specimen | None]:
@@ -225,7 +244,16 @@ class LoadedFilms:
 
     @property
     def deflection(self) -> Array:
-        return self.states.deflection
+        return np.asarray(self._moved * self.states.deflection)
+
+    @cached_property
+    def _moved(self) -> Mask:
+        """Mask of films that a load moves: others stay flat but for rounding, (films, 1)."""
+        return self.films.loaded(self.loads)[:, None]
+
+    @property
+    def stroke(self) -> Array:
+        return np.asarray(self.deflection[:, 1] - self.deflection[:, 0])
 
     @property
     def capacitance(self) -> Array:
@@ -244,12 +272,8 @@ class LoadedFilms:
         return self.states.tension
 
     @property
-    def electric(self) -> Array:
-        return self.states.electric
-
-    @property
     def breakdown(self) -> Array:
-        return self.states.breakdown / self.films.strength[:, None]
+        return self.states.breakdown
 
     @cached_property
     def blocked_force(self) -> Array:

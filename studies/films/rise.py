@@ -279,7 +279,7 @@ def _to_end(film: _Film, way: _Way, kind: str | None, last: float) -> FamilyRise
         limits[kind], last = _limit(film, way, kind, last, off)
     places = [last]
     if film.family.box.specimen.membrane.strength is not None:
-        share = film.local(np.column_stack([states.squared, states.q])).share.max(1)
+        share = film.local(np.column_stack([states.squared, states.q])).breakdown_share.max(1)
         broken = CubicSpline(states.q[:, 0], share - 1).roots(extrapolate=False)
         if (place := min(broken, default=last)) < last:
             limits["breakdown"], place = _limit(film, way, "breakdown", float(place), off)
@@ -301,7 +301,7 @@ def _limit(film: _Film, way: _Way, kind: str, place: float, off: float
         here = film.local(way.path(y))
         worst, scale, end = {
             "tension": (-here.stress_2, float(here.stress_1[0].max()), 0.0),
-            "breakdown": (here.share, 1.0, 1.0),
+            "breakdown": (here.breakdown_share, 1.0, 1.0),
             "pull_in": (here.stretch_1 * here.stretch_2, 0.0, np.nan)}[kind]
         if not scale:
             break

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Self
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol, Self
 
 import numpy as np
 
 from tympan.base.arrays import AnyArray, Mask
 
 
+class MeasuresFilms(Protocol):
+    """Interface of a family of films: it measures local values of their states, at all nodes."""
+
+    def extremes_of(self, parameters: Any, states: FilmStates, local: Callable[[Any], AnyArray],
+                    sign: int) -> AnyArray:
+        """Find the extremes of a local field; ``sign``: 1 for the largest, -1 for the least."""
+
+    def means_of(self, parameters: Any, states: FilmStates, local: Callable[[Any], AnyArray],
+                 covered: bool) -> AnyArray:
+        """Average a local field over the films, or over their parts under the electrode."""
+
+
 @dataclass(frozen=True, eq=False)
 class FilmStates:
-    """States of many films under loads: named variables of shape (films, states), in SI.
+    """States of many films under loads: named values of shape (films, states), in SI.
 
-    Numbers are nan where the family does not hold a state (``holds``). Such states need finite
-    elements.
+    They are :class:`~tympan.studies.variables.States`. Numbers are nan where the family does not
+    hold a state (``holds``). Such states need finite elements.
     """
 
+    #: Voltage across the film [V].
+    voltage: AnyArray
     #: Deflection [m].
     deflection: AnyArray
     #: Error of the deflection [m], exceeded in some 1 of 40 films; nan if not estimated.
@@ -61,12 +75,41 @@ class FilmStates:
     holds: Mask
     #: Mask of stable states that are not in tension everywhere.
     slack: Mask
+    #: Family that measures further local values, and the films' parameters or the films.
+    family: MeasuresFilms | None = field(default=None, repr=False)
+    parameters: Any = field(default=None, repr=False)
 
     @classmethod
-    def joined(cls, several: Sequence[Self]) -> Self:
+    def joined(cls, several: Sequence[Self], family: MeasuresFilms, parameters: Any) -> Self:
         """Join the states of several groups of films, one group after the other."""
-        return cls(**{item.name: np.concatenate([getattr(each, item.name) for each in several])
-                      for item in fields(cls)})
+        arrays = {item.name: np.concatenate([getattr(each, item.name) for each in several])
+                  for item in fields(cls) if item.name not in ("family", "parameters")}
+        return cls(**arrays, family=family, parameters=parameters)
+
+    @property
+    def slack_area(self) -> AnyArray:
+        """Mounted area that has lost tension [m²]: 0, and nan of slack films."""
+        return np.where(self.slack, np.nan, 0.0)
+
+    @property
+    def slack_share(self) -> AnyArray:
+        """Share of that in the mounted area."""
+        return self.slack_area
+
+    def largest(self, local: Callable[[Any], AnyArray]) -> AnyArray:
+        """Find the largest value of a local field at the nodes of every element."""
+        assert self.family is not None
+        return self.family.extremes_of(self.parameters, self, local, 1)
+
+    def least(self, local: Callable[[Any], AnyArray]) -> AnyArray:
+        """Find the least value of a local field at the nodes of every element."""
+        assert self.family is not None
+        return self.family.extremes_of(self.parameters, self, local, -1)
+
+    def mean(self, local: Callable[[Any], AnyArray], *, covered: bool = False) -> AnyArray:
+        """Average a local field over the mounted films, or their parts under the electrode."""
+        assert self.family is not None
+        return self.family.means_of(self.parameters, self, local, covered)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from tympan.fem.results.limit_states import (
     TENSION,
     begun,
 )
+from tympan.fem.results.solved_states import mounted_place
 from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
@@ -40,7 +41,6 @@ from tympan.studies.case import (
     build_model,
     equilibrate,
     failure_reason,
-    mounted_place,
     solve,
 )
 from tympan.studies.files import to_json
@@ -233,7 +233,8 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
     stroke = (result.deflection_m - within.rest
               if case.voltage and result.deflection_m is not None and within.rest is not None
               else None)
-    return replace(result, stroke_m=stroke, limits=reached, first=reached.first, limit=limit)
+    return replace(result.showing(stroke_m=stroke), limits=reached, first=reached.first,
+                   limit=limit)
 
 
 def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite, prod
 from typing import Any
 
@@ -18,7 +18,7 @@ from tympan.fem.results.limit_states import LIMIT_STATES
 from tympan.fem.vibration.modes import plate_motion, vibrations
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaSettings, alpha
-from tympan.studies.case import Case, CaseResult, Settings
+from tympan.studies.case import Case, Settings
 from tympan.studies.films.population import FilmGrid
 from tympan.studies.force import ForceCase, force
 from tympan.studies.limits import limits
@@ -26,6 +26,7 @@ from tympan.studies.modes import carried
 from tympan.studies.sweep.strokes import WIDER, strokes
 from tympan.studies.tolerance.bands import FEW_REACH, deflection_bands
 from tympan.studies.tolerance.given import Tolerances, causes
+from tympan.studies.variables import VARIABLES
 from tympan.studies.wanted import QUANTITIES, Quantity
 
 #: Values by column, with "warnings" or the reason why there are no values.
@@ -159,9 +160,8 @@ class Questions(Registry[SweepQuestion]):
     @property
     def known(self) -> dict[str, SweepQuestion]:
         """All possible questions: the questions themselves, then the quantities."""
-        taken = {item.name for item in fields(CaseResult)}
-        taken |= {column for each in self.values() for column in each.columns}
-        return {**self, **{name: self[name] for name, each in QUANTITIES.items()
+        taken = {*VARIABLES, *(column for each in self.values() for column in each.columns)}
+        return {**self, **{name: self[name] for name, each in QUANTITIES.known.items()
                            if each.column not in taken}}
 
 

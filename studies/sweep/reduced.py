@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +30,13 @@ from tympan.studies.sweep.asked import QUESTIONS, Record
 from tympan.studies.sweep.strokes import TENSE
 from tympan.studies.sweep.task import (
     BY_REDUCED,
-    COLUMNS,
     Row,
     SweepTask,
     TaskResult,
+    columns,
     digest_of,
 )
+from tympan.studies.variables import variables_of
 
 #: Cost of the specimens, in equilibria, from which a family is worth making. The mesh of each
 #: specimen counts as several equilibria. Making a family takes as long as about 1000 equilibria by
@@ -203,43 +205,34 @@ def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
     return together
 
 
-#: Numbers of a row that a film without plate does not have.
-_OF_PLATE = ("reaction_N", "tilt_rad")
-
-
 def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) -> list[list[Row]]:
     """Make the rows of each task from the family's states; nan where it has none."""
-    share = states.breakdown
-    numbers = {"deflection_m": states.deflection,
-               "reading_m": tasks[0].rig.reading(states.deflection),
-               "reaction_N": states.force, "capacitance_F": states.capacitance,
-               "max_stretch": states.stretch, "max_true_stress_Pa": states.stress,
-               "max_field_V_per_m": states.electric,
-               "breakdown_margin": 1 / np.where(share > 0, share, np.nan),
-               "breakdown_x_m": states.weakest[..., 0], "breakdown_y_m": states.weakest[..., 1],
-               "tilt_rad": states.tilt, "energy_J": states.energy,
-               "deflection_error_m": states.error,
-               "max_true_stress_error_Pa": states.stress_error}
-    columns = [values.tolist() for values in numbers.values()]
-    blank = dict.fromkeys(COLUMNS) | {
-        "status": "equilibrium", "slack_area_m2": 0.0, "slack_share": 0.0,
-        "dofs": family.ground.model.unknowns, "by": BY_REDUCED}
-    near = zip(share.tolist(), states.weakest_field.tolist(), states.weakest_strength.tolist(),
-               states.weakest.tolist(), strict=True)
+    plate = tasks[0].specimen.plate is not None
+    numbers = variables_of(states, plate=plate) | {
+        "reading_m": tasks[0].rig.reading(states.deflection),
+        "deflection_error_m": states.error, "max_true_stress_error_Pa": states.stress_error}
+    blank = dict.fromkeys(columns()) | {
+        "status": "equilibrium", "dofs": family.ground.model.unknowns, "by": BY_REDUCED}
+    near = zip(states.breakdown.tolist(), states.weakest_field.tolist(),
+               states.weakest_strength.tolist(), states.weakest.tolist(), strict=True)
     made = []
-    for task, warned, *values in zip(tasks, near, *columns, strict=True):
+    for task, warned, *values in zip(tasks, near, *map(_cells, numbers.values()), strict=True):
         rows = []
         for case_id, remark, (part, electric, strength, place), *row in zip(
                 task.ids, _remarks(task), zip(*warned, strict=True), *values, strict=True):
             rows.append({**blank, **dict(zip(numbers, row, strict=True)), "id": case_id,
                          "warnings": [*breakdown_warning(part, electric, strength, *place),
                                       *remark]})
-            if not part:
-                rows[-1] |= dict.fromkeys(("breakdown_margin", "breakdown_x_m", "breakdown_y_m"))
-            if task.specimen.plate is None:
-                rows[-1] |= dict.fromkeys(_OF_PLATE)
         made.append(rows)
     return made
+
+
+def _cells(values: Array) -> list[list[float | None]]:
+    """List values of films' states, (films, states); None for nan."""
+    cells: Any = values.astype(object)
+    cells[np.isnan(values)] = None
+    listed: list[list[float | None]] = cells.tolist()
+    return listed
 
 
 def _remarks(task: SweepTask) -> Iterator[tuple[str, ...]]:

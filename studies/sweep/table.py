@@ -16,12 +16,12 @@ from tympan.studies.files import write_atomically, write_text
 from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import Entry, Sweep, read_quantity
 from tympan.studies.sweep.task import (
-    COLUMNS,
-    NUMBERS,
     TEXTS,
     WAITING,
     WARNINGS_JOINED,
     PackedResult,
+    columns,
+    numbers,
     solver,
     without_result,
 )
@@ -82,12 +82,12 @@ def dataset(sweep: Sweep, results: Mapping[str, PackedResult]) -> xr.Dataset:
         shape = tuple(len(coordinates[name][1]) for name in names)
         return names, _column(values).reshape(shape)
 
-    numbers = dict(zip(NUMBERS, np.concatenate([result.numbers for result in kept], axis=1),
-                       strict=True))
+    values = dict(zip(numbers(), np.concatenate([result.numbers for result in kept], axis=1),
+                      strict=True))
     texts = {name: [text for result in kept for text in result.texts[name]] for name in TEXTS}
     texts["id"] = [case_id for entry in sweep.entries for case_id in _ids(entry)]
-    columns: dict[str, Any] = numbers | texts
-    data = {name: variable(axes, columns[name]) for name in ("id", *COLUMNS)}
+    of_cases: dict[str, Any] = values | texts
+    data = {name: variable(axes, of_cases[name]) for name in ("id", *columns())}
     for name in sweep.ask.names:
         quantity = QUESTIONS[name]
         records = [record for result in kept for record in result.answers[name]]

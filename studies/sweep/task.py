@@ -27,6 +27,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import film_surface
 from tympan.studies.sweep.asked import QUESTIONS, Ask, AskedCase, Record, SolvedCase
+from tympan.studies.variables import VARIABLES
 
 #: Revision of the results. Raise it whenever a change of mesher or solver changes results: finished
 #: cases of earlier revisions are then not reused.
@@ -73,17 +74,17 @@ class TaskResult:
 
     def packed(self) -> PackedResult:
         """Pack its rows and answers, without ids, wall time and fields."""
-        numbers = np.array([[np.nan if row[name] is None else row[name] for row in self.rows]
-                            for name in NUMBERS], dtype=float)
+        values = np.array([[np.nan if row[name] is None else row[name] for row in self.rows]
+                            for name in numbers()], dtype=float)
         texts = {name: tuple(sys.intern(row[name] or "") for row in self.rows)
                  for name in ("status", "by")}
         warnings = tuple(sys.intern(WARNINGS_JOINED.join(row["warnings"])) for row in self.rows)
-        return PackedResult(numbers, texts | {"warnings": warnings}, self.answers)
+        return PackedResult(values, texts | {"warnings": warnings}, self.answers)
 
     def answers_all(self, task: SweepTask) -> bool:
         """Test whether it has all rows and answers of a task."""
         return ([row.get("id") for row in self.rows] == list(task.ids)
-                and all({"id", *COLUMNS} == row.keys() and row["status"] in _STATUSES
+                and all({"id", *columns()} == row.keys() and row["status"] in _STATUSES
                         for row in self.rows)
                 and all(map(_of_its_kind, chain(self.rows, *self.answers.values())))
                 and {name: len(records) for name, records in self.answers.items()} == {
@@ -93,7 +94,7 @@ class TaskResult:
 
 @dataclass(frozen=True, eq=False)
 class PackedResult:
-    """A task's result in little memory: ``numbers`` of :data:`NUMBERS`, (columns, rows).
+    """A task's result in little memory: ``numbers`` of :func:`numbers`, (columns, rows).
 
     Missing numbers are nan. ``texts`` are by column; a row's warnings are joined with " | ".
     """
@@ -179,7 +180,7 @@ class SweepTask:
         for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
             solution.rows.append({"id": case_id} | EXACT_ROW
-                                 | {name: record[name] for name in _OF_CASE})
+                                 | {name: record[name] for name in of_case()})
             self._answer(solution.answers, number, SolvedCase(
                 self._case(number), self.settings, self.ask, self.masses, self.voltages, model,
                 outcome))
@@ -227,7 +228,7 @@ def _of_its_kind(record: Mapping[str, Any]) -> bool:
 def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reason: str,
                    status: str = FAILED) -> TaskResult:
     """Make rows of cases, by id, and answers, with the reason why there is no result."""
-    rows: list[Row] = [{**dict.fromkeys(COLUMNS), "id": case_id, "status": status,
+    rows: list[Row] = [{**dict.fromkeys(columns()), "id": case_id, "status": status,
                         "by": "", "warnings": [reason]} for case_id in ids]
     answers = {name: [{"warnings": [reason]}] * (len(ids) // QUESTIONS[name].every(loads))
                for name in ask.names}
@@ -252,12 +253,6 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-#: Columns of a result besides the inputs: those of ``solve --json`` that do not depend on time.
-_OF_CASE: tuple[str, ...] = tuple(
-    item.name for item in fields(CaseResult)
-    if item.name not in ("specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits",
-                         "limit", "equilibria", "bands"))
-
 #: Source of a row solved by finite elements.
 BY_ELEMENTS = "finite elements"
 #: Source of a row solved by a reduced film.
@@ -267,11 +262,30 @@ BY_REDUCED = "reduced"
 #: deflection and largest stress, which only reduced films have.
 EXACT_ROW: Row = {"by": BY_ELEMENTS, "deflection_error_m": None, "max_true_stress_error_Pa": None}
 
-#: All columns of a result: those of a case, and those of its source and errors.
-COLUMNS: tuple[str, ...] = (*_OF_CASE, *EXACT_ROW)
 #: Columns of texts.
 TEXTS = ("status", "by", "warnings")
-#: Columns of numbers.
-NUMBERS = tuple(name for name in COLUMNS if name not in TEXTS)
+#: Fields of a case that are no columns: inputs, what depends on time, on other cases, or was not
+#: asked for; and the stroke, which a sweep's table adds from several of its rows.
+_LEFT_OUT = {"specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits", "limit",
+             "equilibria", "bands"}
+
+
+def of_case() -> tuple[str, ...]:
+    """List the columns of a case: its fields of ``solve --json``, with the state's variables."""
+    names = chain.from_iterable(VARIABLES if item.name == "values" else (item.name,)
+                                for item in fields(CaseResult))
+    return tuple(name for name in names if name not in _LEFT_OUT)
+
+
+def columns() -> tuple[str, ...]:
+    """List all columns of a result: those of a case, and those of its source and errors."""
+    return *of_case(), *EXACT_ROW
+
+
+def numbers() -> tuple[str, ...]:
+    """List the columns of numbers."""
+    return tuple(name for name in columns() if name not in TEXTS)
+
+
 #: Separator of several warnings of a row in a table.
 WARNINGS_JOINED = " | "

@@ -22,6 +22,7 @@ from tympan.studies.limits.curve import CurveResult
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import BY_SPREAD, Scattered
 from tympan.studies.tolerance.given import AMPLIFIER, LOAD, Tolerances
+from tympan.studies.variables import VARIABLES
 
 #: Films of a band, a power of two for Sobol's sequence: its edges are accurate to about 5 % of its
 #: width.
@@ -38,6 +39,8 @@ _FORCES = 1.8
 #: Smallest force of a family over its largest: a film without force has no deflection, and errors
 #: are relative to the deflection.
 _LEAST = 0.05
+#: Variables that have a band even where no film moves.
+_ALWAYS = ("deflection_m", "stroke_m", "capacitance_F")
 #: Seed of the random numbers.
 _SEED = 1
 #: Warning where there is no band.
@@ -62,9 +65,14 @@ def bands(values: Array) -> tuple[Band | None, ...]:
 
 
 def quantity_bands(films: Population, mass: float, voltage: float) -> dict[str, Band]:
-    """Compute bands of films under a nominal mass [kg] and voltage [V], by a result's keys."""
-    return {key: band for key, values in films.numbers(mass, voltage).items()
-            for band in bands(values) if band is not None}
+    """Compute bands of films under a nominal mass [kg] and voltage [V], by a result's keys.
+
+    Variables in which all films are equal have none, but for :data:`_ALWAYS`.
+    """
+    found = {key: band for key, values in films.numbers(mass, voltage).items()
+             if VARIABLES[key].bounded for band in bands(values) if band is not None}
+    return {key: band for key, band in found.items()
+            if band.low < band.high or key in _ALWAYS}
 
 
 @singledispatch

@@ -14,11 +14,10 @@ from tympan.studies.case import CaseRecord, WallTime, Warnings
 from tympan.studies.films.first_limits import ENDS, kinds, label_of
 from tympan.studies.films.population import LoadedFilms
 from tympan.studies.rows import cells_of
-from tympan.studies.wanted import LIMIT, QUANTITIES, Bound
+from tympan.studies.wanted import Bound
 
-#: Quantities whose distributions are printed, by their columns.
-SPREAD = {QUANTITIES[name].column: QUANTITIES[name] for name in (
-    "deflection", "stroke", "blocked_force", "capacitance", "frequency", LIMIT)}
+#: Quantities that always have a distribution, besides the first limit and those of wanted bounds.
+TOLD = ("deflection", "stroke", "blocked_force", "capacitance", "frequency")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,8 +215,8 @@ class ToleranceResult(CaseRecord):
     kept: Annotated[Chance | None, Key(
         "films that reach the voltage and keep all these bounds; none without")] = None
     quantities: Annotated[Mapping[str, Spread], Key(
-        "distributions, by quantity and unit; limit_V, the nominal voltage of the first limit, is "
-        "of the films of limits.films that have one")]
+        "distributions, by quantity and unit, those of wanted bounds too; limit_V, the nominal "
+        "voltage of the first limit, is of the films of limits.films that have one")]
     limits: Annotated[FilmLimits, Key("first limits")]
     error: Annotated[float | None, Key(
         "largest estimated error of the reduced films' deflection, relative, of some of them; none "

@@ -25,7 +25,7 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Scattered
 from tympan.studies.tolerance.given import ScatterCause, Tolerances, causes
 from tympan.studies.tolerance.result import (
-    SPREAD,
+    TOLD,
     Chance,
     FilmFailure,
     FilmLimits,
@@ -36,7 +36,7 @@ from tympan.studies.tolerance.result import (
     WantedBound,
 )
 from tympan.studies.tolerance.shares import SaltelliDesign
-from tympan.studies.wanted import BREAKDOWN, LIMIT, TENSION, Bound, scattering
+from tympan.studies.wanted import BREAKDOWN, LIMIT, QUANTITIES, TENSION, Bound, scattering
 
 _FILMS: Rule = (lambda x: 100 <= x <= 1_000_000,
                 "must be a whole number from 100 to 1000000")
@@ -48,7 +48,7 @@ USUAL_FILMS = 10_000
 #: Number of films whose error is estimated.
 _CHECKED = 200
 #: Quantiles of a spread.
-_TOLD = (0.05, 0.5, 0.95)
+_EDGES = (0.05, 0.5, 0.95)
 #: Largest share of films that miss the voltage with which the variance is divided.
 _MISSED = 0.05
 #: Part of the films whose limits are sought: each needs about five states.
@@ -169,13 +169,12 @@ class SolvedFilms:
     @classmethod
     def of(cls, films: LoadedFilms, wanted: Sequence[Bound]) -> Self:
         """Solve films of one block."""
-        reached, states = films.reached, films.states
-        rest, charged = states.deflection[:, :2].T
-        loaded = films.films.loaded(films.loads)
-        values = {"deflection_m": loaded * charged, "stroke_m": loaded * (charged - rest),
-                  "capacitance_F": states.capacitance[:, 1]}
-        if films.swings:  # a film without plate has no blocked force
-            values |= {"blocked_force_N": films.blocked_force, "frequency_Hz": films.frequency}
+        reached = films.reached
+        # Limits need several states of each film, and are sought of fewer films.
+        names = (*TOLD, *(bound.name for bound in wanted if bound.name not in (LIMIT, TENSION)))
+        asked = [QUANTITIES[name] for name in names]
+        values = {each.column: films.stroke if each.name == "stroke" else each.of(films)
+                  for each in asked if films.swings or not each.of_plate}
         return cls({key: np.where(reached, value, np.nan) for key, value in values.items()},
                    reached, [bound.misses(films) for bound in wanted])
 
@@ -183,7 +182,7 @@ class SolvedFilms:
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Join the results of all films, block by block."""
         values = {key: np.concatenate([part.values[key] for part in parts])
-                  for key in SPREAD if key in parts[0].values}
+                  for key in parts[0].values}
         missed = [np.concatenate(each) for each in zip(*(part.missed for part in parts),
                                                        strict=True)]
         return cls(values, np.concatenate([part.reached for part in parts]), missed)
@@ -282,7 +281,8 @@ class DrawnFilms:
         """Compute distributions by key; none where hardly any film reaches the voltage."""
         if solved.reached[1:].sum() < _BINS:
             return {}
-        return {key: self.spread(value, self.design) for key, value in solved.values.items()}
+        return {key: self.spread(value, self.design) for key, value in solved.values.items()
+                if np.isfinite(value[1:]).sum() >= _BINS}
 
     def limits(self) -> Limited:
         """Find the first limits of some of the films."""
@@ -295,7 +295,7 @@ class DrawnFilms:
         """Compute the spread of values of the nominal film and a design's; nan are left out."""
         nominal, films = float(values[0]), values[1:]
         there = films[np.isfinite(films)]
-        low, median, high = np.quantile(there, _TOLD)
+        low, median, high = np.quantile(there, _EDGES)
         deviation, alike = float(there.std()), _ALIKE * float(np.abs(there).max())
         told = len(there) >= (1 - _MISSED) * len(films)
         count = min(_BINS, round(len(there) ** 0.5 / 2))

@@ -13,10 +13,10 @@ from tympan.fem.equilibrium.constraints import length
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
-from tympan.fem.results.fields import Fields, node_fields
+from tympan.fem.results.fields import Fields
 from tympan.fem.results.firmness import edge_firmness, firmness, rough_firmness
 from tympan.fem.results.limit_states import LimitState
-from tympan.studies.case import mounted_place
+from tympan.fem.results.solved_states import SolvedStates, mounted_place
 
 #: Largest distance of a node at a corner, relative to the frame: rounding of the mesher.
 _AT_CORNER = 1e-6
@@ -38,23 +38,31 @@ class FilmPoint:
     load: Load = "voltage"
 
     @cached_property
+    def shown(self) -> SolvedStates:
+        """The state with what it shows, in arrays of one element."""
+        return SolvedStates(self.model, [self.point.state])
+
+    @property
     def fields(self) -> Fields:
         """Fields at the nodes of every element."""
-        return node_fields(self.model, [self.point.state])[0]
+        return self.shown.at_nodes[0]
 
-    @cached_property
+    @property
     def pressed(self) -> Fields:
         """Fields of the film if it could not wrinkle."""
-        if not self.model.wrinkles:
-            return self.fields
-        return node_fields(replace(self.model, wrinkles=False), [self.point.state])[0]
+        return self.shown.pressed[0]
 
     @cached_property
     def firmness(self) -> Array:
         """Least stiffness in the film's plane at the nodes of every element [Pa]."""
         return firmness(self.model, self.point.state)
 
-    @property
+    @cached_property
+    def unbalanced(self) -> float:
+        """Largest unbalanced force on a free component, over the largest nodal force."""
+        return self.model.unbalanced(self.point.state)
+
+    @cached_property
     def firm(self) -> bool:
         """Whether the film is stable in its plane, if it could not wrinkle."""
         return bool(firmness(replace(self.model, wrinkles=False), self.point.state).min() > 0)

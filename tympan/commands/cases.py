@@ -280,8 +280,8 @@ def tolerance(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.films.first_limits import label_of
     from tympan.studies.tolerance.given import Tolerances, asked_bounds
-    from tympan.studies.tolerance.result import SPREAD
     from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
+    from tympan.studies.wanted import by_column
 
     specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
     given = Tolerances() if options.tolerances is None else Tolerances.read(options.tolerances)
@@ -294,7 +294,7 @@ def tolerance(options: argparse.Namespace) -> None:
             else parse_quantity(options.voltage, "voltage", "--voltage"))
     with naming_options(options), bar(1) as progress:
         result = tolerance(case, read_settings(options), progress)
-    finish(options, result, quantities=SPREAD, label_of=label_of)
+    finish(options, result, quantities=by_column(), label_of=label_of)
 
 
 @command("path",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Fields of a solved case that its text does not list: the lines above and below have them.
 _ELSEWHERE = ("specimen", "bands", "limits", "first", "limit", "equilibria", "dofs", "wall_s",
-              "slack_share")
+              "slack_share", "breakdown_share")
 #: Bands of a solved case: key, words, unit, and their number in one SI unit.
 _BANDS = (("deflection_m", "deflection", "mm", 1e3), ("stroke_m", "stroke", "mm", 1e3),
           ("capacitance_F", "capacitance", "pF", 1e12))
