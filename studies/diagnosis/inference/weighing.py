@@ -67,4 +67,4 @@ def unlikely(chi_squared: float, count: int, known: float = inf, unknowns: int =
 
 def most_of_noise(count: int) -> float:
     """Compute the largest χ² of ``count`` readings that counts as noise."""
-    return count + _SCATTER * (2 * count) ** 0.5
+    return count + _SCATTER * float((2 * count) ** 0.5)
