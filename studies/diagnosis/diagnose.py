@@ -185,7 +185,7 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
     noise = coupons.table.noise.known(coupons.test.freedom).plus(of_batch)
     # All rows get one state, that of a plate with some mass, fixed where the film is flat.
     mass = float(table.states.mass.max(initial=0.0))
-    flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))
+    flat = replace(States.of([0], [mass], [0.0]), deflection=np.zeros(1))
     strips = replace(coupons.table, states=flat, state=0 * coupons.table.state, noise=noise)
     return (replace(simulation, evidence=(*simulation.evidence, tests)), table.joined(strips))
 

@@ -198,7 +198,7 @@ def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_O
     states = table.states
     for sheet in dataset.sheets:
         rows = np.flatnonzero((table.file == sheet.file.name) & (table.kind == "displacement")
-                              & (table.since < 0) & np.isnan(states.heave[table.state]))
+                              & (table.since < 0) & np.isnan(states.deflection[table.state]))
         at = table.state[rows]
         begun = (states.voltage[at] == 0) & (states.mass[at] > 0)
         most = _NOTHING * np.abs(table.value[rows]).max(initial=0.0)
