@@ -5,7 +5,7 @@ A field of a dataclass is declared by its type and a :class:`Key`::
     @dataclass(frozen=True)
     class Spring:
         stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
-        rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
+        rest: Annotated[float, Key("deflection at which it is unloaded", "length")] = 0.0
 
 Reading, writing, the reference pages and the schemas of results follow from it. A result's field
 has its unit in its name, ``deflection_m``, as the printed JSON does.

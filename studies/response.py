@@ -115,10 +115,10 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
                 if case.specimen.plate is not None or film else 0.0)
     s = _natural(harmonic, undamped)
     asked = np.array(frequencies or _frequencies(case, undamped))
-    heave, voltage = harmonic.response(asked, progress)
+    deflection, voltage = harmonic.response(asked, progress)
     supplied = (rig.source.film_voltage(case.voltage + _SLOPE)
                 - rig.source.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
-    reading = heave * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
+    reading = deflection * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
     return replace(
         result, deflection_m=model.deflection(outcome.state),
         natural_Hz=None if s is None else abs(s.imag) / (2 * pi),

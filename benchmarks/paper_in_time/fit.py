@@ -145,7 +145,7 @@ def swing(film: ReducedFilm, mass: float, damper: float, signal: Signal) -> tupl
     moments = list(motion.moments())
     time = np.arange(0.0, signal.end, _INTERVAL)
     return time, Trace(np.array([moment.time for moment in moments])).at(
-        np.array([moment.heave for moment in moments]), time)
+        np.array([moment.deflection for moment in moments]), time)
 
 
 def settling(films: Sequence[ReducedFilm]) -> tuple[float, Criterion]:

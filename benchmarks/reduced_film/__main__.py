@@ -111,7 +111,7 @@ def _row(film: ReducedFilm, name: str, made: float) -> tuple[Any, Array, Array, 
         (lambda: film_deflections(film, many, [_BETWEEN] * _TOGETHER, when[:2]), 1))
     near, = film_deflections(film, [signal], [_BETWEEN], when)
     exact = field.at(field.deflection, when)
-    before = film_motion(film, signal, _BETWEEN).begin.heave
+    before = film_motion(film, signal, _BETWEEN).begin.deflection
     error = np.abs(near - exact).max() / np.ptp(np.append(exact, before))
     branch, = specimen.membrane.branches
     words = f"{specimen.name}, {branch.modulus / 1e6:g} MPa {branch.time:g} s"
@@ -134,7 +134,7 @@ def _swing(film: ReducedFilm) -> None:
     when = np.linspace(0.0, signal.end, 1001)
     exact = field.at(field.deflection, when)
     near = Trace(np.array([moment.time for moment in moments])).at(
-        np.array([moment.heave for moment in moments]), when)
+        np.array([moment.deflection for moment in moments]), when)
     error = np.abs(near - exact).max() / np.ptp(exact)
     print(f"{'':32s}{'swing':7s}{1e3 * exact_time:8.0f}{1e3 * alone:12.2f}"
           f"{exact_time / alone:13.0f}{'':10s}{100 * error:14.3f} %", flush=True)

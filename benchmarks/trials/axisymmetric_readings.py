@@ -40,13 +40,13 @@ class RoundRamp:
     weight: float
 
     @property
-    def heaves(self) -> Array:
+    def deflections(self) -> Array:
         """Deflection of each state [m]."""
         return np.array([state.deflection for state in self.states])
 
     @property
     def frequencies(self) -> Array:
-        """Of small heaves about each state [Hz]."""
+        """Of small deflections about each state [Hz]."""
         return np.asarray(np.sqrt(self.stiffness / self.swinging) / (2 * np.pi))
 
     def heights(self, number: int, distance: Array) -> Array:
@@ -65,7 +65,7 @@ def readings(design: Design, truth: Truth) -> Array | None:
     sizes, shown = _sizes(truth), np.empty(len(design.table))
     for ramp in (every := list(round_ramps(design, truth))):
         elapsed = design.table.states.elapsed[ramp.rows]
-        shown[ramp.rows] = ((1 + sizes.get("sensor_gain", 0.0)) * ramp.heaves
+        shown[ramp.rows] = ((1 + sizes.get("sensor_gain", 0.0)) * ramp.deflections
                             + sizes.get("sensor_zero", 0.0) + sizes.get("drift", 0.0) * elapsed)
     return shown if sum(len(ramp.rows) for ramp in every) == len(shown) else None
 
@@ -143,7 +143,7 @@ def _sizes(truth: Truth) -> dict[str, float]:
     return {cause.name: truth.sizes[number] for number, cause in enumerate(truth.hypothesis)}
 
 
-def heaves(film: Film, load: float, voltages: Array, spring: float = 0.0) -> Array | None:
+def deflections(film: Film, load: float, voltages: Array, spring: float = 0.0) -> Array | None:
     """Deflection at each of rising voltages [V] under a dead load [N] and a spring [N/m]; None past
     pull-in."""
     states = equilibria(RitzExpansion(film, _DEGREE), load, voltages, spring)
@@ -152,7 +152,7 @@ def heaves(film: Film, load: float, voltages: Array, spring: float = 0.0) -> Arr
 
 def equilibria(ritz: RitzExpansion, load: float, voltages: Array, spring: float
                ) -> list[_State] | None:
-    """The states of :func:`heaves`."""
+    """The states of :func:`deflections`."""
     state = ritz.flat(0.0)
     states = []
     for voltage in voltages.tolist():

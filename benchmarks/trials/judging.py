@@ -227,7 +227,7 @@ def fitted_to(simulation: Simulation, table: ReadingTable) -> tuple[Simulation, 
     And the readings that it can be at.
     """
     nominal = nominal_fit(simulation, table)
-    if nominal.possible and table.value.max() < min(law.grid.heave for law in simulation.laws):
+    if nominal.possible and table.value.max() < min(law.grid.deflection for law in simulation.laws):
         return simulation, table
     made = calibrated(simulation.setup, table)
     return with_effects(made.simulation, lambda done, count: None, 1), made.table

@@ -72,7 +72,7 @@ def along_heaves(model: Model, drawn: Drawn, solved: Outcome) -> Verdict:
     The heave takes the place of the load as what is given, so that the limit point is nothing
     special there.
     """
-    way, critical, load = "heave by heave", solved.critical, solved.limited
+    way, critical, load = "deflection by deflection", solved.critical, solved.limited
     assert critical is not None
     assert load is not None
     if not solved.advice.startswith("the film pulls in"):

@@ -415,7 +415,7 @@ Words of the printed table:
 
 * unbalanced: forces and moments are summed again on the whole film, by code that shares nothing
   with the solver's. They are relative to the largest nodal force;
-* heave by heave: the load that keeps the plate at given deflections. Its maximum is compared with
+* deflection by deflection: the load that keeps the plate at given deflections. Its maximum is compared with
   the reported limit;
 * silent: that direction could not be followed, or has no answer.
 

@@ -2,7 +2,7 @@
 with.
 
 The diagnosis knows films by force laws: elements of order 4 on a coarse mesh, plates held at
-heaves, polynomials between. The readings here come from (a) elements of order 3 or 2 on other,
+deflections, polynomials between. The readings here come from (a) elements of order 3 or 2 on other,
 finer meshes under loads, ramp by ramp; (b) the membrane's differential equations
 (tests/oracles/axisymmetric.py, nothing of the project in it) for circular specimens; (c) elements
 with a film of another material family that makes nearly the stresses of the fitted one.
@@ -58,7 +58,7 @@ NOISE = 20e-6
 ROUGH, LARGE = 0.3, (3.0, 20.0)
 #: Seconds between two readings.
 PACE = 60.0
-#: Largest heave and voltage of the fitted force laws.
+#: Largest deflection and voltage of the fitted force laws.
 HEAVE, TOP = 8e-3, 7500.0
 #: The meshes readings are made on, one or the other of the first ones; films' shapes on the last.
 MESHES = (Settings(MeshSettings(order=3, around_plate=9, growth=0.7, across=0.8)),
@@ -70,7 +70,7 @@ FINEST = len(MESHES) - 1
 ROUND = ("permittivity_stretch", "strain_stiffening", "second_invariant", "prestretch_loss",
          "unaccounted_mass", "parallel_spring",
          "voltage_sag", "sensor_gain", "sensor_zero", "drift", "amplifier_gain", "electrode_mass")
-#: Causes that nobody can see in readings of the heave, by dimensional analysis (they are
+#: Causes that nobody can see in readings of the deflection, by dimensional analysis (they are
 #: permittivity).
 ALIASES = frozenset({"amplifier_gain"})
 
@@ -358,9 +358,9 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: Numbers) -> Array |
     rig, model, solved = ramp_states(design, truth, law, ramp)
     if solved is None:
         return None
-    heaves = [model.deflection(state) for state in solved]
-    pairs = zip(heaves, states.elapsed[ramp].tolist(), strict=True)
-    return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
+    deflections = [model.deflection(state) for state in solved]
+    pairs = zip(deflections, states.elapsed[ramp].tolist(), strict=True)
+    return np.array([rig.reading(deflection, elapsed) for deflection, elapsed in pairs])
 
 
 def ramp_states(design: Design, truth: Truth, law: Material, ramp: Numbers
@@ -413,10 +413,10 @@ def _rubbing(model: Model, force: float, rig: Rig,
     return states
 
 
-def _gap(model: Model, force: float, voltage: float, pressure: float, heave: float) -> float:
-    """How much further than a heave a force moves the plate [m], above a gas."""
+def _gap(model: Model, force: float, voltage: float, pressure: float, deflection: float) -> float:
+    """How much further than a deflection a force moves the plate [m], above a gas."""
     outcome = equilibrium(model, force, voltage, pressure)
-    return outcome.state.plate.deflection - heave if outcome.status == "equilibrium" else 1.0
+    return outcome.state.plate.deflection - deflection if outcome.status == "equilibrium" else 1.0
 
 
 def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesis, means: Means,

@@ -124,7 +124,7 @@ def balloon_limit() -> Iterator[Pair]:
 @claim("Small deflection of the taut film, and the capacitance of the flat one",
        reference="closed forms F = 2πN₀w/ln(b/a), C = ε₀ε_r π(b² − a²)λ²/T", tolerance=1e-6)
 def small_deflection() -> Iterator[Pair]:
-    """A heave of 1 µm without and with voltage, at the default mesh refined twice."""
+    """A deflection of 1 µm without and with voltage, at the default mesh refined twice."""
     settings = Settings()
     settings = Settings(settings.mesh.refined(2.0))
     model = build_model(annulus(NeoHooke(MU)), settings)

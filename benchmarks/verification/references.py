@@ -44,7 +44,7 @@ def annulus_by_two_methods() -> Iterator[Pair]:
                    float(shot.sigma1(A)), "Pa")
     for loads in (Loads(30.0, 0.1, 3e3), Loads(100.0), Loads(weight=9.80665, voltage=5e3)):
         ritz, shot = minimise(film, loads), shoot(film, loads)
-        yield Pair(f"heave at {loads.pressure:g} Pa, {loads.force:g} N, "
+        yield Pair(f"deflection at {loads.pressure:g} Pa, {loads.force:g} N, "
                    f"{loads.voltage / 1e3:g} kV, "
                    f"{loads.weight:.3g} Pa weight", ritz.apex, shot.apex, "m")
 

@@ -59,12 +59,12 @@ def pull_in() -> Iterator[Pair]:
     yield Pair("U", math.sqrt(outcome.limit or 0.0), pull_in_voltage(reference(), FORCE), "V")
 
 
-@claim("The unstable branch beyond pull-in: voltage at its heaves",
-       reference="axisymmetric equations, Ritz branch followed in the heave; "
+@claim("The unstable branch beyond pull-in: voltage at its deflections",
+       reference="axisymmetric equations, Ritz branch followed in the deflection; "
                  "a membrane that cannot wrinkle",
        tolerance=1e-3)
 def unstable_branch() -> Iterator[Pair]:
-    """From 6.4 kV over the fold at 9.77 mm to 11 mm, near where the heave turns back too."""
+    """From 6.4 kV over the fold at 9.77 mm to 11 mm, near where the deflection turns back too."""
     model = soft_model()
     start = equilibrium(model, FORCE, 6400.0).state
     branch = Branch(model, "voltage", subspace=SmoothSubspace.of(model, waves=0))
@@ -94,7 +94,7 @@ def thinning() -> Iterator[Pair]:
 @claim("The loss of hoop tension by shooting", tolerance=1e-6,
        reference="Ritz method: the plate carries 17.9 g, the hoop stress is zero")
 def loss_of_tension_by_shooting() -> Iterator[Pair]:
-    """At the heave and the voltage of the Ritz method."""
+    """At the deflection and the voltage of the Ritz method."""
     film = reference()
     voltage = slack_voltage(film, FORCE, 6700.0)
     shot = shoot_deflection(film, solve_load(film, FORCE, voltage).deflection, voltage)

@@ -146,8 +146,8 @@ class Transient:
     """A film under a force [N], a gas ``pressure`` [Pa] and a source's signal.
 
     ``plate``: mass of the plate, None without inertia. ``damper``: damper on its deflection [N
-    s/m]. ``heave``: prescribed deflections [m] of a held plate, with the breaks of the signal and
-    without jumps. The force then holds the plate; inertia, damper and circuit have no effect.
+    s/m]. ``deflection``: prescribed deflections [m] of a held plate, with the breaks of the signal
+    and without jumps. The force then holds the plate; inertia, damper and circuit have no effect.
     """
 
     model: Model
@@ -158,7 +158,7 @@ class Transient:
     circuit: Circuit = field(default_factory=Circuit)
     settings: StepSettings = StepSettings()
     pressure: float = 0.0
-    heave: SourceSignal | None = None
+    deflection: SourceSignal | None = None
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
         """Yield moments from the signal's start, at a state, to its end; a jump repeats its time.
@@ -185,7 +185,7 @@ class Transient:
     def _at_once(self) -> bool:
         """Whether a mechanism may make the plate jump at once: nothing delays its motion."""
         timed = self.plate is not None or self.damper or self.circuit.resistance
-        return not timed and self.heave is None and bool(self.model.loading.softening)
+        return not timed and self.deflection is None and bool(self.model.loading.softening)
 
     def snapped(self, past: list[Moment]) -> Moment | None:
         """Find the moment after a jump in the direction of the last motion; None without one."""
@@ -222,14 +222,14 @@ class Transient:
         """
         squared = moment.state.voltage_squared if self.circuit.resistance else source**2
         model = self.remembering(moment)
-        if self.heave is not None:
-            film = self._jumped(model, moment, squared, heave=moment.state.plate.deflection)
+        if self.deflection is not None:
+            film = self._jumped(model, moment, squared, deflection=moment.state.plate.deflection)
         elif self.plate is not None:
             clamped = replace(model, loading=replace(model.loading, guide="fixed"))
             film = self._jumped(clamped, moment, squared)
             moment = replace(moment, rate=self._pushed(model, film, moment.velocity))
         elif self.damper:
-            film = self._jumped(model, moment, squared, heave=moment.state.plate.deflection)
+            film = self._jumped(model, moment, squared, deflection=moment.state.plate.deflection)
             velocity = (self.force - film.force) / self.damper * np.eye(6)[HEAVE]
             film, moment = film.under(force=self.force), replace(moment, velocity=velocity)
         else:
@@ -257,22 +257,22 @@ class Transient:
         """
         return np.where(np.isin(np.arange(6), self.model.plate_freedoms), values, 0.0)
 
-    def _jumped(self, model: Model, moment: Moment, squared: float, heave: float | None = None
+    def _jumped(self, model: Model, moment: Moment, squared: float, deflection: float | None = None
                 ) -> State:
         """Solve for the state after a jump of force, gas and U², in as many parts as needed.
 
-        If the plate is held at a ``heave`` [m], the force is solved for.
+        If the plate is held at a ``deflection`` [m], the force is solved for.
         """
         targets: dict[Load, float] = {"force": self.force, "pressure": self.pressure,
                                       "voltage": squared}
-        free, constraints = ((), ()) if heave is None else (_FORCE, (held_plate(heave),))
+        free, constraints = ((), ()) if deflection is None else (_FORCE, (held_plate(deflection),))
         share, step, state, before = 0.0, 1.0, moment.state, moment.state
         while share < 1:
             ahead = min(1.0, share + step)
             loads = {name: before.load(name) + ahead * (target - before.load(name))
                      for name, target in targets.items()}
             solution = newton(model, state.under(**loads), free, constraints, self.settings.close)
-            if solution.converged and (solution.stable or heave is not None):
+            if solution.converged and (solution.stable or deflection is not None):
                 state, share, step = solution.state, ahead, 2 * step
             elif (step := step / 2) < _PART:
                 start = newton(model, state, settings=self.settings.close)
@@ -345,12 +345,12 @@ class Transient:
         The interpolating curve passes through the stored moments and the step's end.
         """
         shares = list(_shares([*past[-3:], end], middle.time))
-        heave = sum(share * self.model.deflection(moment.state) for moment, share in shares)
-        miss = abs(self.model.deflection(middle.state) - heave) / self.model.size
+        deflection = sum(share * self.model.deflection(moment.state) for moment, share in shares)
+        miss = abs(self.model.deflection(middle.state) - deflection) / self.model.size
         if self.circuit.resistance:
             charge = sum(share * moment.charge for moment, share in shares)
             miss = max(miss, _CHARGE * abs(middle.charge - charge) / self._most_charge(end))
-        if self.heave is not None:
+        if self.deflection is not None:
             force = sum(share * moment.state.force for moment, share in shares)
             scale = max(abs(moment.state.force) for moment in (*past[-3:], middle, end))
             miss = max(miss, _HOLDING * abs(middle.state.force - force) / max(scale, 1e-300))
@@ -371,16 +371,16 @@ class Transient:
         time = moment.time + duration
         source = float(self.signal.within(piece, time))
         guess = self.state_at([*past[len(ahead) - 3:], *ahead], time)
-        if self.heave is None:
+        if self.deflection is None:
             guess = guess.under(force=self.force)
         flow = moment.memory.step(virgin_strain(self.model, moment.state), duration,
                                   virgin_strain(self.model, guess) if moment.memory.flows else None)
         model = self._moving(replace(self.model, flow=flow), moment, guess, duration)
         voltage, charge = self._electrodes(model, guess, moment, source, duration)
-        given = (_VOLTAGE if charge else (), charge) if self.heave is None else (
-            _FORCE, (held_plate(float(self.heave.within(piece, time))),))
+        given = (_VOLTAGE if charge else (), charge) if self.deflection is None else (
+            _FORCE, (held_plate(float(self.deflection.within(piece, time))),))
         solution = self._solved((model, guess.under(voltage=voltage**2), *given), tangent)
-        free = self.circuit.resistance or self.heave is not None
+        free = self.circuit.resistance or self.deflection is not None
         if not solution.converged or not (solution.stable or free):
             return None
         state, swing = solution.state, model.loading.swing

@@ -59,15 +59,15 @@ def animate(response: Response, films: Mapping[float, FilmSurface], file: Path) 
         When FFmpeg fails.
     """
     times, surfaces = list(films), list(films.values())
-    heaves = [1e3 * film.values["displacement"][:, 2] for film in surfaces]
-    scale = round_scale(min(0.0, *(float(heave.min()) for heave in heaves)),
-                        max(float(heave.max()) for heave in heaves))
+    deflections = [1e3 * film.values["displacement"][:, 2] for film in surfaces]
+    scale = round_scale(min(0.0, *(float(deflection.min()) for deflection in deflections)),
+                        max(float(deflection.max()) for deflection in deflections))
     half = np.abs(surfaces[0].mounted[:, :2]).max(0)
     wide = 2e3 * float(half.max())
     view = View(1.5 * FRAME_DPI * style.MM * _FILM / wide, 1.0, scale,
                 bar_length(wide) / 2, elevation=38.0)
-    pictures = [film_picture(film, heave, view, bool(half[1] > half[0]))
-                for film, heave in zip(surfaces, heaves, strict=True)]
+    pictures = [film_picture(film, deflection, view, bool(half[1] > half[0]))
+                for film, deflection in zip(surfaces, deflections, strict=True)]
     with style.figure_style():
         frames = [figure_pixels(_compose(picture, response, time, scale, common_extent(pictures)))
                   for time, picture in zip(times, pictures, strict=True)]

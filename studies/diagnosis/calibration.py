@@ -195,7 +195,7 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
             if reach not in laws:
                 laws[reach] = _nominal_law(setup, solver, *reach)
         simulation = Simulation(setup, tuple(laws[reach] for reach in asked))
-        have = np.array([[law.grid.heave, law.grid.voltage_squared]
+        have = np.array([[law.grid.deflection, law.grid.voltage_squared]
                          for law in simulation.laws]).T
         wanted = _needed(setup, table, FilmsAtRest(simulation, (), unknowns_of(simulation),
                                                    table.states))
@@ -211,18 +211,18 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
     return simulation
 
 
-def _nominal_law(setup: Setup, solver: FiniteElements, name: str, heave: float,
+def _nominal_law(setup: Setup, solver: FiniteElements, name: str, deflection: float,
                  voltage_squared: float) -> ForceLaw:
     """Sample a force law without effects up to a deflection [m] and U² [V²], or film limit."""
     least = _LEAST * setup.specimen(name).gap
     while True:
         try:
-            return nominal_law(setup, name, heave, voltage_squared, solver)
+            return nominal_law(setup, name, deflection, voltage_squared, solver)
         except NotSampled as error:
-            if heave <= least:
+            if deflection <= least:
                 raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
                                  given=name) from None
-            heave = max(0.7 * heave, least)
+            deflection = max(0.7 * deflection, least)
 
 
 def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) -> Array:
@@ -234,11 +234,11 @@ def _needed(setup: Setup, table: ReadingTable, rest: FilmsAtRest | None = None) 
     for number, specimen in enumerate(setup.specimens):
         read = table.value[(table.specimen == number) & (table.kind == "displacement")]
         there = states.specimen == number
-        read = np.r_[read, states.heave[there]]
+        read = np.r_[read, states.deflection[there]]
         if rest is not None:
             # Where U² is beyond reach the deflection is not known.
             sought = there & (rest.possible | rest.short) & (rest.voltage_squared <= rest.top)
-            read = rest.extended_heave[sought]
+            read = rest.extended_deflection[sought]
         read = np.abs(read[np.isfinite(read)])
         largest = float(read.max()) if len(read) else _UNKNOWN * specimen.gap
         needed.append((np.clip(largest, _LEAST * specimen.gap, _LARGEST * specimen.gap),
@@ -278,8 +278,8 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
     states = table.states.at_rest
     rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, states)
-    free = np.flatnonzero(np.isnan(states.heave))
-    order = free[np.argsort(rest.heave[free])]
+    free = np.flatnonzero(np.isnan(states.deflection))
+    order = free[np.argsort(rest.deflection[free])]
     rig, worst = setup.rig, 0.0
     place, way = rest.came
     for state in place[evenly(order, _STATES_CHECKED)].tolist():
@@ -290,8 +290,8 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
         force = rig.rubbed(force, float(way[state]))
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
-            heave = float(rest.heave[state])
-            worst = max(worst, abs(model.deflection(outcome.state) - heave))
+            deflection = float(rest.deflection[state])
+            worst = max(worst, abs(model.deflection(outcome.state) - deflection))
     return worst
 
 
@@ -327,7 +327,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
     shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
     states = np.array([table.state[table.scan == number][0] for number in np.unique(table.scan)
                        if number >= 0], np.int64)
-    for state in evenly(states[np.argsort(fit.heave[states])], _SCANS_CHECKED):
+    for state in evenly(states[np.argsort(fit.deflection[states])], _SCANS_CHECKED):
         rows = np.flatnonzero((table.state == state) & (table.point >= 0))
         specimen = setup.specimens[int(table.specimen[rows[0]])]
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(
@@ -355,7 +355,7 @@ def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
         rows = np.flatnonzero(table.ramp == ramp)
         for row in rows[np.argsort(-seen[table.state[rows]])].tolist():
             state, model = table.state[row], models[table.specimen[row]]
-            film = held(model, float(rest.extended_heave[state]), float(seen[state]))
+            film = held(model, float(rest.extended_deflection[state]), float(seen[state]))
             if film.status == "equilibrium" and model.in_tension(film.state):
                 break
             beyond[row] = True

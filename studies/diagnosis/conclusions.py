@@ -328,7 +328,7 @@ class Conclusions:
             **{name: common + table.noise.apart(values)
                for name, values in {"read": table.value, **models}.items()},
             **dict(zip("xy", table.places.T, strict=True)),
-            "displacement": table.states.heave[table.state]}
+            "displacement": table.states.deflection[table.state]}
         yield result.CURVES, curves(self.simulation, self.films, chosen)
         if len((others := curves(self.simulation, self.films, chosen, OTHERS))["kind"]):
             yield result.CHANNELS, others

@@ -26,7 +26,7 @@ from tympan.studies.diagnosis.evidence.coupons import BATCH, CouponTests
 from tympan.studies.diagnosis.evidence.held import Held
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings
 from tympan.studies.diagnosis.evidence.rest import Rest
-from tympan.studies.diagnosis.frame_check import check_frame
+from tympan.studies.diagnosis.explanations.frames import other_frame
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
@@ -110,8 +110,10 @@ def calibrated_readings(dataset: Dataset) -> tuple[PreparedReadings, Calibration
     """
     readings = _prepared(dataset)
     nominal = calibrated(readings.setup, readings.table)
-    check_frame(nominal.simulation, nominal.table,
-                "frame" if dataset.field_frame == "table" else "plate")
+    frame = other_frame(nominal.simulation, nominal.table,
+                        "frame" if dataset.field_frame == "table" else "plate")
+    if frame is not None:
+        raise InputError(f"{frame.what}: {frame.check}", key="field.csv")
     error = law_error(nominal.simulation, nominal.fit, nominal.table)
     table = with_model_error(nominal.table, error, nominal)
     readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
@@ -183,7 +185,7 @@ def weighed_together(simulation: Simulation, table: ReadingTable, tests: CouponT
     noise = coupons.table.noise.known(coupons.test.freedom).plus(of_batch)
     # All rows get one state, that of a plate with some mass, fixed where the film is flat.
     mass = float(table.states.mass.max(initial=0.0))
-    flat = replace(States.of([0], [mass], [0.0]), heave=np.zeros(1))
+    flat = replace(States.of([0], [mass], [0.0]), deflection=np.zeros(1))
     strips = replace(coupons.table, states=flat, state=0 * coupons.table.state, noise=noise)
     return (replace(simulation, evidence=(*simulation.evidence, tests)), table.joined(strips))
 

@@ -87,7 +87,7 @@ class States:
     voltage: Array
     elapsed: Array
     direction: Array
-    heave: Array
+    deflection: Array
     run: Numbers
     passage: Passages
 
@@ -96,11 +96,11 @@ class States:
            voltage: Sequence[float] | Array, elapsed: Array | float = 0.0,
            direction: Array | float = 0.0, run: Numbers | int = 0) -> States:
         """Build states with the plate free."""
-        mass, voltage, elapsed, direction, heave = (
+        mass, voltage, elapsed, direction, deflection = (
             np.full(len(specimen), part, float)
             for part in (mass, voltage, elapsed, direction, np.nan))
-        return cls(np.asarray(specimen, dtype=np.int64), mass, voltage, elapsed, direction, heave,
-                   np.full(len(specimen), run, np.int64),
+        return cls(np.asarray(specimen, dtype=np.int64), mass, voltage, elapsed, direction,
+                   deflection, np.full(len(specimen), run, np.int64),
                    Passages.of(None, np.full(len(specimen), np.nan)))
 
     def __len__(self) -> int:
@@ -114,7 +114,7 @@ class States:
     @cached_property
     def of_run(self) -> tuple[Numbers, ...]:
         """Indices of states with a free plate, by specimen, mass and run, in the order reached."""
-        free = np.flatnonzero(np.isnan(self.heave))
+        free = np.flatnonzero(np.isnan(self.deflection))
         keys = np.stack([self.specimen, self.mass, self.run], 1)[free]
         numbers = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
         return tuple(free[numbers == number] for number in range(numbers.max(initial=-1) + 1))
@@ -122,7 +122,7 @@ class States:
     @property
     def voltage_direction(self) -> Array:
         """Direction in which the voltage got there: 1 up, -1 down, 0 where it is not known."""
-        return np.where(np.isnan(self.heave), self.direction, 0.0)
+        return np.where(np.isnan(self.deflection), self.direction, 0.0)
 
     @cached_property
     def way(self) -> Array:

@@ -97,8 +97,8 @@ class ResidualCheck(FieldsAlone):
         if films.gas:
             pressure = films.pressure[number]
             nodal -= pressure[:, None, None] * self._swept(films, number, q)
-            by_heave, by_turns = films.volume.of_plates(number, q[:, 0], q @ films.turns.T)
-            on_plate[:, HEAVE] -= pressure * by_heave
+            by_deflection, by_turns = films.volume.of_plates(number, q[:, 0], q @ films.turns.T)
+            on_plate[:, HEAVE] -= pressure * by_deflection
             on_plate[:, TURNS] -= pressure[:, None] * by_turns
         mesh = self.model.discretisation
         inner = nodal[(slice(None), *mesh.free)]

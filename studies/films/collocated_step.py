@@ -183,7 +183,7 @@ class CollocatedStep:
             return force, np.zeros((len(self.stages), len(self.stages)))
         rate = motion.rule.inverse / self.duration
         moving = motion.damper * rate + (motion.mass or 0.0) * rate @ rate
-        flown = np.multiply.outer(moment.heave, np.ones(len(rate))) @ moving.T
+        flown = np.multiply.outer(moment.deflection, np.ones(len(rate))) @ moving.T
         if motion.mass is not None:
             flown = flown + motion.mass * np.multiply.outer(moment.velocity, rate.sum(1))
         return flown + force, moving
@@ -236,7 +236,7 @@ class StepSolution:
         motion, step = self.step.motion, self.step
         velocities = np.zeros(self.q.shape[:-1])
         if motion.mass is not None:
-            moved = self.q[..., 0] - np.asarray(step.moment.heave)[..., None]
+            moved = self.q[..., 0] - np.asarray(step.moment.deflection)[..., None]
             velocities = moved @ motion.rule.inverse.T / step.duration
         voltages = step.charging.voltage(self.x) if step.charging else np.zeros_like(velocities)
         first = len(step.stages) - len(step.times)

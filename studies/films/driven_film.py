@@ -59,7 +59,7 @@ class ReducedMoment:
         return self.recall()
 
     @property
-    def heave(self) -> Any:
+    def deflection(self) -> Any:
         """Deflection of the plate [m]."""
         return self.q[..., 0]
 

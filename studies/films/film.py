@@ -273,9 +273,9 @@ class ReducedFilm:
 
         The table covers a good part of the gap.
         """
-        heaves = np.multiply.outer(np.linspace(0.0, _TABULATED * self.specimen.gap, 9),
+        deflections = np.multiply.outer(np.linspace(0.0, _TABULATED * self.specimen.gap, 9),
                                    np.eye(self.count)[0])
-        c = self.strain(heaves)
+        c = self.strain(deflections)
         invariants = np.stack([c[0] + c[1], plane_determinant(c)]).reshape(2, -1)
         low, high = invariants.min(1), invariants.max(1)
         margin = _MARGIN * (high - low)

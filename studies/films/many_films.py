@@ -399,8 +399,8 @@ class Films:
         """
         carried = force - self.acting(films, q[:, 0])[0]
         if self.gas:
-            by_heave, _ = self.volume.of_plates(films, q[:, 0], q @ self.turns.T)
-            carried = carried + self.pressure[films] * by_heave
+            by_deflection, _ = self.volume.of_plates(films, q[:, 0], q @ self.turns.T)
+            carried = carried + self.pressure[films] * by_deflection
         return np.asarray(carried)
 
     def forces(self, films: AnyArray, q: AnyArray, squared: AnyArray, share: float = 1.0
@@ -713,19 +713,19 @@ class Volume:
         second += (plate * a[:, 0])[:, None, None] * (self.turns.T @ self.turns)
         return self._by(linear, twice + cubes, films, a), second
 
-    def of_plates(self, films: AnyArray, heave: AnyArray, turns: AnyArray) -> tuple[AnyArray,
+    def of_plates(self, films: AnyArray, deflection: AnyArray, turns: AnyArray) -> tuple[AnyArray,
                   AnyArray]:
         """Compute derivatives of the volume below plates by deflection and tilts.
 
         Shapes (states,) and (states, 2).
         """
         plates = self.plates[films]
-        return -plates * (1 - (turns**2).sum(1) / 2), (plates * heave)[:, None] * turns
+        return -plates * (1 - (turns**2).sum(1) / 2), (plates * deflection)[:, None] * turns
 
     def _by(self, linear: AnyArray, twice: AnyArray, films: AnyArray, a: AnyArray) -> AnyArray:
         by = -(linear + (twice @ a[..., None])[..., 0])
-        by_heave, by_turns = self.of_plates(films, a[:, 0], a @ self.turns.T)
-        by[:, 0] += by_heave
+        by_deflection, by_turns = self.of_plates(films, a[:, 0], a @ self.turns.T)
+        by[:, 0] += by_deflection
         return np.asarray(by + by_turns @ self.turns)
 
 

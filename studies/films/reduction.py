@@ -216,8 +216,8 @@ def error_of(film: ReducedFilm, model: Model, force: float, signal: Signal,
     exact = Trace(np.array([moment.time for moment in field])).at(
         np.array([moment.state.plate.deflection for moment in field]), when)
     near = Trace(np.array([moment.time for moment in moments])).at(
-        np.array([moment.heave for moment in moments]), when)
-    before = motion.begin.heave
+        np.array([moment.deflection for moment in moments]), when)
+    before = motion.begin.deflection
     return float(np.abs(near - exact).max() / np.ptp(np.append(exact, before)))
 
 
@@ -257,9 +257,9 @@ class Reduction:
             motion = shot.state.positions - shot.model.discretisation.reference
             rest = _rigid(shot.model, motion, bends)
             others = (_rigid(shot.model, motion + rate, bends) for rate in shot.rates)
-            motions += [rest, *((there - rest[0], heave - rest[1]) for there, heave in others)]
-        moved, heave = (np.array(part) for part in zip(*motions, strict=True))
-        shares = _shapes(snapshots, moved, heave, motion_left_out, most)
+            motions += [rest, *((there - rest[0], lifted - rest[1]) for there, lifted in others)]
+        moved, deflection = (np.array(part) for part in zip(*motions, strict=True))
+        shares = _shapes(snapshots, moved, deflection, motion_left_out, most)
         shapes = np.tensordot(shares, moved, 1)
         squared = max(shot.state.voltage_squared for shot in snapshots)
         every = np.concatenate([shapes, bends])
@@ -339,7 +339,7 @@ def plate_freedoms(model: Model, motion: Array) -> Array:
     return np.asarray(np.linalg.lstsq(rigid, motion[edge].ravel(), rcond=None)[0])
 
 
-def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, precision: float,
+def _shapes(snapshots: Sequence[Snapshot], displaced: Array, deflection: Array, precision: float,
             most: int) -> Array:
     """Compute the deflection's shape and the deviations from it, as sums of snapshots.
 
@@ -351,8 +351,8 @@ def _shapes(snapshots: Sequence[Snapshot], displaced: Array, heave: Array, preci
     flat = mesh.deformation(mesh.reference)
     deformed = np.array([(root * (mesh.deformation(mesh.reference + moved) - flat)).ravel()
                          for moved in displaced])
-    first = heave / (heave @ heave)
-    apart = np.eye(len(heave)) - np.multiply.outer(heave, first)
+    first = deflection / (deflection @ deflection)
+    apart = np.eye(len(deflection)) - np.multiply.outer(deflection, first)
     ways, sizes = _principal(apart @ deformed)
     largest = np.linalg.norm(deformed, axis=1).max()
     count = min(int((sizes > precision * largest).sum()), most - 1)

@@ -47,7 +47,7 @@ class HeldMotion:
         return (self.to - self.start) / self.rate
 
     @property
-    def heave(self) -> Pieces:
+    def deflection(self) -> Pieces:
         """Displacements in time."""
         turns = np.arange(2 * self.cycles + 1)
         places = np.where(turns % 2 == 0, self.start, self.to)
@@ -77,10 +77,11 @@ def loop(model: Model, voltage: float, start: State, motion: HeldMotion) -> Forc
 
 def _loop(model: Model, voltage: float, start: State, motion: HeldMotion, steps: StepSettings
           ) -> ForceLoop:
-    heave = motion.heave
-    charged = Pieces(heave.time, np.full(len(heave.time), max(start.voltage_squared, 0.0) ** 0.5))
+    deflection = motion.deflection
+    voltage = max(start.voltage_squared, 0.0) ** 0.5
+    charged = Pieces(deflection.time, np.full(len(deflection.time), voltage))
     held = Transient(model, start.force, charged, settings=steps, pressure=start.pressure,
-                     heave=heave)
+                     deflection=deflection)
     record: list[tuple[float, float, float]] = []
     followed = Followed(held.moments(start, first_memory(model, start)))
     for moment in followed:
@@ -100,7 +101,7 @@ def _loop(model: Model, voltage: float, start: State, motion: HeldMotion, steps:
     return ForceLoop(
         voltage_V=voltage, rate_m_per_s=motion.rate, leg_s=motion.leg,
         time_s=tuple(told.tolist()),
-        displacement_m=tuple(heave.within(way, told).tolist()),
+        displacement_m=tuple(deflection.within(way, told).tolist()),
         force_N=tuple(trace.at(force, np.minimum(told, time[-1])).tolist()),
         area_J=tuple((motion.rate * (work[:ways:2] - work[1:ways:2])).tolist()),
         heat_J=tuple((heat_of_way[:ways:2] + heat_of_way[1:ways:2]).tolist()),

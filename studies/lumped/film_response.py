@@ -55,8 +55,8 @@ def _deflections(motions: Sequence[ReducedMotion], when: Array) -> Array:
     if len(moments) < 2:
         return np.full((1, len(when)), np.nan)
     time = np.array([moment.time for moment in moments])
-    heaves = np.array([moment.heave for moment in moments]).reshape(len(time), -1)
-    return Trace(time).at(heaves, when).T
+    deflections = np.array([moment.deflection for moment in moments]).reshape(len(time), -1)
+    return Trace(time).at(deflections, when).T
 
 
 def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig(),
@@ -120,7 +120,7 @@ def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, int
     if stopped is not None:
         warnings.append(str(stopped))
     trace = Trace(np.array([moment.time for moment in moments]))
-    deflection = np.array([moment.heave for moment in moments])
+    deflection = np.array([moment.deflection for moment in moments])
     (_, low), (_, high) = trace.extremes(deflection)
     when = np.linspace(trace.time[0], trace.end, max(2, round(trace.end / interval) + 1))
     sampled = trace.at(deflection, when)

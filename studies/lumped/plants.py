@@ -146,7 +146,7 @@ class FilmPlant:
 
     @property
     def deflection(self) -> float:
-        return float(self.moment.heave)
+        return float(self.moment.deflection)
 
     @property
     def capacitance(self) -> float:

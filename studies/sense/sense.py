@@ -230,17 +230,17 @@ def _moved(followed: FollowedForce, row: int) -> tuple[float | None, float | Non
     by = parameters(model, names)
     functionals = {name: named_functional(name) for name in ("heave", "capacitance")}
     slopes = gradient_many(model, state, functionals, by)
-    heave, capacitance = slopes["heave"], slopes["capacitance"]
-    if not heave["force"]:
+    deflection, capacitance = slopes["heave"], slopes["capacitance"]
+    if not deflection["force"]:
         raise Failure("the force on the plate does not move it")
-    rise = capacitance["force"] / heave["force"]
+    rise = capacitance["force"] / deflection["force"]
     # Where the film is flat only rounding is left.
     scale = float(followed.curve.capacitance_F[row]) / model.size
     if rise <= _FLAT * scale:
         return None, None, None
 
     def share(name: str) -> float:
-        alone = capacitance[name] - rise * heave[name]
+        alone = capacitance[name] - rise * deflection[name]
         return _PERCENT * alone * by[name].value(model, state)
 
     return (1 / rise, sum(map(share, _PRESTRETCH)) / rise, share(_PERMITTIVITY) / rise)

@@ -71,11 +71,11 @@ class ReadingPlan:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What is read of a plan without noise: ``heaves`` as the sensor shows them [m], (rows,), by
-    row ``frequencies`` [Hz] and ``heights`` at the places [m], by the number of a specimen and the
-    voltage ``forces`` [N]."""
+    """What is read of a plan without noise: ``deflections`` as the sensor shows them [m], (rows,),
+    by row ``frequencies`` [Hz] and ``heights`` at the places [m], by the number of a specimen and
+    the voltage ``forces`` [N]."""
 
-    heaves: Array
+    deflections: Array
     frequencies: dict[int, float]
     heights: dict[int, Array]
     forces: dict[tuple[int, float], Array] = field(default_factory=dict)
@@ -96,8 +96,8 @@ def evidence(plan: ReadingPlan, truth: Truth) -> Evidence | None:
 
 def by_equations(plan: ReadingPlan, truth: Truth) -> Evidence | None:
     """Of circular specimens."""
-    heaves = readings(plan.design, truth)
-    if heaves is None:
+    deflections = readings(plan.design, truth)
+    if deflections is None:
         return None
     frequencies, heights = dict[int, float](), dict[int, Array]()
     for ramp in round_ramps(plan.design, truth):
@@ -116,7 +116,7 @@ def by_equations(plan: ReadingPlan, truth: Truth) -> Evidence | None:
             if force is None:
                 return None
             forces[number, voltage] = force
-    return Evidence(heaves, frequencies, heights, forces)
+    return Evidence(deflections, frequencies, heights, forces)
 
 
 def by_elements(plan: ReadingPlan, truth: Truth) -> Evidence | None:
@@ -125,13 +125,14 @@ def by_elements(plan: ReadingPlan, truth: Truth) -> Evidence | None:
     law = design.setup.specimens[0].membrane.material
     if truth.means == "another law":
         law, _ = look_alike(law)
-    heaves, frequencies, heights = np.empty(len(states)), dict[int, float](), dict[int, Array]()
+    deflections = np.empty(len(states))
+    frequencies, heights = dict[int, float](), dict[int, Array]()
     for ramp in design.ramps():
         rig, model, solved = ramp_states(design, truth, scaled(law, truth.stiffness), ramp)
         if solved is None:
             return None
         for row, state in zip(ramp.tolist(), solved, strict=True):
-            heaves[row] = rig.reading(state.plate.deflection, float(states.elapsed[row]))
+            deflections[row] = rig.reading(state.plate.deflection, float(states.elapsed[row]))
             if row in plan.tapped:
                 frequency = _tapped(rig, model, state, float(states.mass[row]))
                 if frequency is None:
@@ -139,7 +140,7 @@ def by_elements(plan: ReadingPlan, truth: Truth) -> Evidence | None:
                 frequencies[row] = frequency
             if row in plan.scanned:
                 heights[row] = seen_heights(model, state, plan.places(_specimen(design, ramp)))
-    return Evidence(heaves, frequencies, heights)
+    return Evidence(deflections, frequencies, heights)
 
 
 def _specimen(design: Design, rows: Numbers) -> Specimen:
@@ -185,7 +186,7 @@ def sheets(plan: ReadingPlan, read: Evidence, noise: float, random: np.random.Ge
     table = plan.design.table
     rows = np.arange(len(table))
     files: dict[str, Columns] = {"static.csv": {
-        **_states(plan, rows), "displacement": read.heaves + noise * scatter(len(table)),
+        **_states(plan, rows), "displacement": read.deflections + noise * scatter(len(table)),
         "order": table.order, "elapsed": table.states.elapsed}}
     if len(plan.tapped):
         frequency = np.array([read.frequencies[row] for row in plan.tapped.tolist()])

@@ -63,10 +63,10 @@ class StepPlan:
 
 @dataclass(frozen=True, eq=False)
 class StepEvidence:
-    """What is read of a plan without noise [m]: ``heaves`` of the design's rows, and of every step
-    its specimen's number, mass and samples."""
+    """What is read of a plan without noise [m]: ``deflections`` of the design's rows, and of every
+    step its specimen's number, mass and samples."""
 
-    heaves: Array
+    deflections: Array
     steps: tuple[tuple[int, float, Array], ...]
 
 
@@ -102,7 +102,7 @@ def step_evidence(plan: StepPlan, truth: Truth) -> StepEvidence | None:
             read = _followed(plan, truth)
     except (ArithmeticError, np.linalg.LinAlgError, ValueError):
         return None
-    every = np.concatenate([read.heaves, *(samples for *_, samples in read.steps)])
+    every = np.concatenate([read.deflections, *(samples for *_, samples in read.steps)])
     return read if np.isfinite(every).all() and np.abs(every).max() < _FAR else None
 
 
@@ -112,7 +112,7 @@ _FAR = 12e-3
 
 def _followed(plan: StepPlan, truth: Truth) -> StepEvidence:
     sizes = _values(truth)
-    states, heaves, steps = plan.design.table.states, np.empty(len(plan.design.table)), []
+    states, deflections, steps = plan.design.table.states, np.empty(len(plan.design.table)), []
     gain, zero = 1 + sizes.get("sensor_gain", 0.0), sizes.get("sensor_zero", 0.0)
 
     def seen(nominal: float) -> float:
@@ -124,7 +124,7 @@ def _followed(plan: StepPlan, truth: Truth) -> StepEvidence:
         whole = mass + sizes.get("unaccounted_mass", 0.0)
         load, voltages = whole * plan.design.setup.rig.gravity, [
             seen(voltage) for voltage in states.voltage[ramp].tolist()]
-        heaves[ramp] = _at_rest(film, load, voltages, plan.dwell)
+        deflections[ramp] = _at_rest(film, load, voltages, plan.dwell)
         if mass != MASSES[-1]:
             continue
         swings = None if plan.dwell else SwingingPlate(
@@ -133,7 +133,7 @@ def _followed(plan: StepPlan, truth: Truth) -> StepEvidence:
             sizes.get("sensor_lag", 0.0))
         steps.append((number, mass, gain * _step(plan, film, load, seen(plan.voltage), swings)
                       + zero))
-    return StepEvidence(gain * heaves + zero, tuple(steps))
+    return StepEvidence(gain * deflections + zero, tuple(steps))
 
 
 def _values(truth: Truth) -> dict[str, float]:
@@ -162,11 +162,11 @@ def _at_rest(film: CreepingFilm, load: float, voltages: Sequence[float], dwell: 
              ) -> Array:
     if film.branch and dwell:
         return film.staircase(load, np.array(voltages), dwell)
-    heaves, start = [], None
+    deflections, start = [], None
     for voltage in voltages:
         start, *_ = film.at_rest(load, voltage, None, start)
-        heaves.append(start[-1])
-    return np.array(heaves)
+        deflections.append(start[-1])
+    return np.array(deflections)
 
 
 def _step(plan: StepPlan, film: CreepingFilm, load: float, voltage: float,
@@ -195,7 +195,7 @@ def step_sheets(plan: StepPlan, read: StepEvidence, noise: float, random: np.ran
     static: Columns = {
         "specimen": [names[number] for number in states.specimen.tolist()], "mass": states.mass,
         "voltage": states.voltage, "order": table.order,
-        "displacement": read.heaves + (0.0 if exact else scatter)}
+        "displacement": read.deflections + (0.0 if exact else scatter)}
     if plan.dwell:
         static["dwell"] = np.full(len(table), plan.dwell)
     first, last = plan.times

@@ -244,7 +244,7 @@ def _table(coupons: Coupons, tests: CouponTests) -> ReadingTable:
     states = States.of(tests.film[reading], np.zeros(len(reading)), coupons.volts[reading],
                        np.nan_to_num(coupons.time[reading]), 0.0, tests.leg)
     # No plate moves: these are states at a given deflection.
-    states = replace(states, heave=np.zeros(len(reading)))
+    states = replace(states, deflection=np.zeros(len(reading)))
     labels = [" ".join(filter(None, pair)) for pair in
               zip(coupons.specimen[reading].tolist(), coupons.run[reading].tolist(), strict=True)]
     table = rows(states, "stress", 0.0, file=coupons.file[reading],

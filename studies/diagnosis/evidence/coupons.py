@@ -322,7 +322,7 @@ class CouponPrediction:
         self.possible: Mask = possible[tests.rows[rows]]
         self.short = np.zeros(len(rows), bool)
         #: Deflection of each row: no plate moves.
-        self.heave = np.zeros(len(rows))
+        self.deflection = np.zeros(len(rows))
 
     @property
     def complete(self) -> bool:

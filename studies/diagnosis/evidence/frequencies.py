@@ -36,8 +36,8 @@ class Frequencies(PlateEvidence):
         return [rows(states, "frequency", sigma, read.frequency, file=read.file.name,
                      line=read.line, given=~np.isnan(read.sigma))], []
 
-    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
-        stiffness = films.stiffness(heave)
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, deflection: Array) -> Array:
+        stiffness = films.stiffness(deflection)
         squared = stiffness * films.swing(stiffness).real / films.moving
         return np.asarray(np.sqrt(squared) / (2 * np.pi))[films.table.state[rows]]
 

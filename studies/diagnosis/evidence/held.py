@@ -42,12 +42,12 @@ class Held(PlateEvidence):
         sigma = np.where(np.isnan(read.sigma), CHANNEL * np.abs(read.force).max(), read.sigma)
         states = States.of(numbers_of(setup, read.specimen), np.zeros(len(read)), read.voltage,
                            direction=_ways(read))
-        return [rows(replace(states, heave=read.displacement), "force", sigma, read.force,
+        return [rows(replace(states, deflection=read.displacement), "force", sigma, read.force,
                      run=read.run, file=read.file.name, line=read.line,
                      given=~np.isnan(read.sigma))], []
 
-    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
-        shown = films.rig.gauged(films.force, films.stiffness, heave)
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, deflection: Array) -> Array:
+        shown = films.rig.gauged(films.force, films.stiffness, deflection)
         return np.asarray(shown[films.table.state[rows]])
 
     def observables(self, table: ReadingTable) -> set[Observable]:
@@ -60,7 +60,7 @@ class Held(PlateEvidence):
         A loop is the difference between the ways out and back, smooth in the deflection.
         """
         size = float(np.sqrt(np.mean(predicted**2))) or float(table.sigma.max())
-        along = smooth(np.abs(table.states.heave[table.state]))
+        along = smooth(np.abs(table.states.deflection[table.state]))
         every = [(table.specimen == number)[:, None] * along
                  for number in np.unique(table.specimen)]
         charged = [squared[:, None] * along for squared in smooth(table.voltage**2)[:, 1:3].T]

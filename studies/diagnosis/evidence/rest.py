@@ -49,21 +49,21 @@ class Rest(PlateEvidence):
             tables.append(_ranges(dataset.ranges, setup, range_sigma(dataset)))
         return tables, remarks
 
-    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, deflection: Array) -> Array:
         table, rig = films.table, films.rig
         at, since = table.state[rows], table.since[rows]
         if kind == "range":
-            return np.asarray(rig.reading(heave[at]) - rig.reading(heave[since]))
+            return np.asarray(rig.reading(deflection[at]) - rig.reading(deflection[since]))
         if kind == "capacitance":
-            return films.capacitance(heave)[at]
+            return films.capacitance(deflection)[at]
         if kind == "tilt":
-            return films.tilt(heave)[at]
+            return films.tilt(deflection)[at]
         if kind == "film_voltage":
             # A probe reads what the supply gives, without the film's lag.
             return np.asarray(rig.film_voltage(table.states.voltage))[at]
-        shown = np.array(rig.reading(heave[at], table.states.elapsed[at]))
+        shown = np.array(rig.reading(deflection[at], table.states.elapsed[at]))
         late = since >= 0
-        jump = heave[at[late]] - heave[since[late]]
+        jump = deflection[at[late]] - deflection[since[late]]
         shown[late] -= rig.sensor_slope * films.behind[at[late]] * jump
         return shown
 
@@ -79,7 +79,7 @@ class Rest(PlateEvidence):
         frames = [(specimen.frame, specimen.plate) for specimen in specimens]
         shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
         # Displacement-controlled plates carry no mass that could be held out.
-        mass = np.where(np.isnan(table.states.heave[table.state]), table.mass, np.nan)
+        mass = np.where(np.isnan(table.states.deflection[table.state]), table.mass, np.nan)
         edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
         splits: list[Split] = []
         for number in np.unique(shape):

@@ -68,11 +68,11 @@ class Scans(PlateEvidence):
             tables.append(_rows(dataset, setup, sheet, kept, sigma))
         return tables, remarks
 
-    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, deflection: Array) -> Array:
         table, shown = films.table, np.empty(len(rows))
         for number in np.unique(table.scan[rows]):
             mine = table.scan[rows] == number
-            values = films.scanned(int(number), int(table.state[rows[mine][0]]), heave)
+            values = films.scanned(int(number), int(table.state[rows[mine][0]]), deflection)
             point = table.point[rows[mine]] - table.first_points[number]
             shown[mine] = values[COMPONENTS.index(kind), point]
         return shown

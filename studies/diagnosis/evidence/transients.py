@@ -67,8 +67,8 @@ class Transients(PlateEvidence):
         table = reduce(ReadingTable.joined, tables)
         return [table.with_noise(_with_times_of_jumps(table.noise, table.lengths, parts))], remarks
 
-    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
-        stiffness, mass = films.stiffness(heave), films.moving
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, deflection: Array) -> Array:
+        stiffness, mass = films.stiffness(deflection), films.moving
         # Branches dissipate energy through the imaginary part of the stiffness.
         loss = stiffness * films.swing(stiffness).imag
         rate = (films.rig.plate_damping + loss / np.sqrt(stiffness / mass)) / (2 * mass)

@@ -6,10 +6,11 @@ import numpy as np
 
 from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.explanations.kind import Explanation, Written
+from tympan.studies.diagnosis.explanations.relabelled import Relabelling, relabelling_of
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
-from tympan.studies.diagnosis.inference.relabelled import Relabelling, relabelling_of
-from tympan.studies.diagnosis.inference.verdict import ALARM, EXCLUDED, MORE, Judgement
+from tympan.studies.diagnosis.inference.verdict import ALARM, Judgement
+from tympan.studies.diagnosis.inference.weighing import EXCLUDED, MORE
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.sentences import WORDS, plain
 

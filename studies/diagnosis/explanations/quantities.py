@@ -27,7 +27,8 @@ from tympan.studies.diagnosis.explanations.kind import Explanation, Written
 from tympan.studies.diagnosis.fits.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.inference.verdict import EXCLUDED, MORE, UNUSUAL, Judgement
+from tympan.studies.diagnosis.inference.verdict import UNUSUAL, Judgement
+from tympan.studies.diagnosis.inference.weighing import EXCLUDED, MORE, most_of_noise, unlikely
 from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
 from tympan.studies.diagnosis.sentences import WORDS, listed
 from tympan.studies.effects import Setup
@@ -87,19 +88,15 @@ class _Other:
     shift: Array | None = None
     larger: float = 0.0
 
-    def unlikely(self, found: Fit) -> float:
-        """Compute minus twice the logarithm of the readings' probability.
+    def unlikely(self, chi_squared: float) -> float:
+        """Compute minus twice the log probability of the readings where a fit leaves this χ².
 
         Their scatter determines the noise, together with the stated noise, which counts as a few
         readings. So a wrong unit of readings differs from a wrong unit of loads, although both
         change the stiffness in the same way.
         """
-        return self.scatter(found.chi_squared) - 2 * self.larger
-
-    def scatter(self, chi_squared: float) -> float:
-        """Compute the part of :meth:`unlikely` that depends on χ² alone."""
-        stated = float(self.table.noise.freedom.sum())
-        return float((len(self.table) + stated) * np.log(stated + chi_squared))
+        known = float(self.table.noise.freedom.sum())
+        return unlikely(chi_squared, len(self.table), known) - 2 * self.larger
 
 
 def mistaken_quantity(judged: Judgement, written: Written | None = None) -> Explanation | None:
@@ -134,15 +131,14 @@ def confusions_of(dataset: Dataset, readings: PreparedReadings, nominal: Fit
     quick = [*_readings(dataset, setup, table), *_thicknesses(setup, table),
              *_counted(dataset, setup, table)]
     near = [other for other in quick if other.shift is None or _may_be(nominal, other.shift)]
-    most = as_stated.unlikely(nominal) + EXCLUDED
+    most = as_stated.unlikely(nominal.chi_squared) + EXCLUDED
     return _ordinary(near, most) or _ordinary(_sizes(setup, table), most)
 
 
 def mistaken_sizes(setup: Setup, judged: Judgement) -> tuple[Confusion, ...]:
     """Find mistaken sizes that reduce the misfit of one odd specimen to noise, factors ordinary."""
     table, which = judged.table, judged.weighed.odd_specimen
-    most = len(table) + 2 * (2 * len(table)) ** 0.5
-    noise = _Other(setup, table).scatter(most)
+    noise = _Other(setup, table).unlikely(most_of_noise(len(table)))
     return _ordinary([*_thicknesses(setup, table, which), *_sizes(setup, table, which)], noise)
 
 
@@ -157,15 +153,16 @@ def _may_be(nominal: Fit, shift: Array) -> bool:
 def _ordinary(others: Iterable[_Other], most: float) -> tuple[Confusion, ...]:
     """Select those that fit with ordinary factors, nearly as probable as the best of them."""
     fitted = [(other, found) for other in others if (found := _fit(other)) is not None
-              and found.usual >= _ORDINARY and other.unlikely(found) < most]
+              and found.usual >= _ORDINARY and other.unlikely(found.chi_squared) < most]
 
-    def unlikely(one: tuple[_Other, Fit]) -> float:
+    def with_prior(one: tuple[_Other, Fit]) -> float:
         other, found = one
-        return other.unlikely(found) + float(np.sum((found.unknowns[FACTORS] / NUISANCE) ** 2))
+        of_factors = float(np.sum((found.unknowns[FACTORS] / NUISANCE) ** 2))
+        return other.unlikely(found.chi_squared) + of_factors
 
-    least = min(map(unlikely, fitted), default=np.inf)
-    return tuple(other.confusion for other, found in sorted(fitted, key=unlikely)
-                 if unlikely((other, found)) < least + MORE)
+    least = min(map(with_prior, fitted), default=np.inf)
+    return tuple(other.confusion for other, found in sorted(fitted, key=with_prior)
+                 if with_prior((other, found)) < least + MORE)
 
 
 def _fit(other: _Other) -> Fit | None:
@@ -201,7 +198,7 @@ def _counted(dataset: Dataset, setup: Setup, table: ReadingTable) -> Iterator[_O
     states = table.states
     for sheet in dataset.sheets:
         rows = np.flatnonzero((table.file == sheet.file.name) & (table.kind == "displacement")
-                              & (table.since < 0) & np.isnan(states.heave[table.state]))
+                              & (table.since < 0) & np.isnan(states.deflection[table.state]))
         at = table.state[rows]
         begun = (states.voltage[at] == 0) & (states.mass[at] > 0)
         most = _NOTHING * np.abs(table.value[rows]).max(initial=0.0)

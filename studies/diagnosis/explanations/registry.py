@@ -1,4 +1,9 @@
-"""Every explanation of a misfit by the data alone: a new one is a file here and a line below."""
+"""Every explanation of a misfit by the data alone: a new one is a file here and a line below.
+
+They are weighed by :mod:`~tympan.studies.diagnosis.inference.weighing` and sought in the order of
+the list. A later one is more general: a separate film for one specimen fits whatever other labels
+or another size of this specimen fit. So by probability alone the last one would always be taken.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +21,7 @@ from tympan.studies.diagnosis.inference.verdict import Judgement
 Seeks = Callable[[Judgement, Written | None], Explanation | None]
 
 #: Explanations in the order in which they are sought: the first that is found is reported.
+#: :func:`~tympan.studies.diagnosis.explanations.frames.other_frame` is sought before the verdict.
 EXPLANATIONS: tuple[Seeks, ...] = (
     wrong_labels, mistaken_quantity, no_such_film, odd_run, odd_specimen)
 

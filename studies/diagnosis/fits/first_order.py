@@ -33,7 +33,7 @@ class FitTangent:
     """Predictions of rows at some unknowns, to first order about others.
 
     ``about``: where derivatives were taken, and ``unknowns``, shape (p,); ``predicted``: at
-    ``about``, (rows,); ``jacobian``: (rows, p); ``heave``: deflection of states [m], not known;
+    ``about``, (rows,); ``jacobian``: (rows, p); ``deflection``: of states [m], not known;
     ``cost``: at ``about``. All states are taken as possible.
     """
 
@@ -41,7 +41,7 @@ class FitTangent:
     predicted: Array
     jacobian: Array
     unknowns: Array
-    heave: Array
+    deflection: Array
     cost: float
     complete: bool = True
 
@@ -49,12 +49,12 @@ class FitTangent:
     def at(cls, fit: Fit, table: ReadingTable) -> FitTangent:
         """Build the tangent of a fit at its unknowns, in the rows of the table it was fitted to."""
         return cls(fit.unknowns, fit.predicted(table), table.noise.coloured(fit.jacobian),
-                   fit.unknowns, fit.heave, fit.cost)
+                   fit.unknowns, fit.deflection, fit.cost)
 
     @classmethod
     def made(cls, shown: Shown, unknowns: Array, cost: float) -> FitTangent:
         """Build the tangent of a model's prediction at some unknowns, with its cost."""
-        return cls(unknowns, shown.extended, shown.jacobian, unknowns, shown.heave, cost)
+        return cls(unknowns, shown.extended, shown.jacobian, unknowns, shown.deflection, cost)
 
     @property
     def extended(self) -> Array:
@@ -69,12 +69,12 @@ class FitTangent:
     @property
     def possible(self) -> Mask:
         """Mask of the states with an equilibrium: all."""
-        return np.ones(len(self.heave), bool)
+        return np.ones(len(self.deflection), bool)
 
     @property
     def short(self) -> Mask:
         """Mask of the states out of the model's reach: none."""
-        return np.zeros(len(self.heave), bool)
+        return np.zeros(len(self.deflection), bool)
 
     def beyond(self, before: Any) -> bool:
         """Check whether a search must not go here: never."""
@@ -131,7 +131,7 @@ class FirstOrder:
         tangent = self.tangents.get(hypothesis) or self._added(hypothesis)
         return replace(tangent, predicted=tangent.predicted[self.rows],
                        jacobian=tangent.jacobian[self.rows], unknowns=unknowns,
-                       heave=np.full(len(table.states), np.nan))
+                       deflection=np.full(len(table.states), np.nan))
 
     def _added(self, hypothesis: Hypothesis) -> FitTangent:
         """Add the tangents of a hypothesis' effects alone, about the best of these fits."""

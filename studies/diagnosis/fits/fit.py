@@ -27,7 +27,7 @@ class Fit:
     for which films are sampled and could be sampled, shape (2, unknowns); ``slope`` and
     ``precision``: first and second derivatives of the cost; ``cost``: minus the logarithm of the
     posterior density; ``evidence``: logarithm of the readings' probability, up to a constant that
-    all hypotheses share; ``heave``: deflections of the states [m]. Where not all states are
+    all hypotheses share; ``deflection``: deflections of the states [m]. Where not all states are
     possible, cost and evidence are infinite, and ``short`` is the cost that laws of further reach
     might have, or inf. Prior scales were multiplied by ``widen``. Small errors may be assumed
     ``beside`` the hypothesis.
@@ -43,7 +43,7 @@ class Fit:
     precision: Array
     cost: float
     evidence: float
-    heave: Array
+    deflection: Array
     short: float = np.inf
     widen: float = 1.0
     beside: Noise | None = None

@@ -91,7 +91,7 @@ def _fit_from(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
         jacobian = table.noise.whitened(prediction.jacobian)
     reached = Fit(hypothesis, unknowns, bounds, limits, residual, jacobian,
                   problem.slope(unknowns, point), problem.curvature(unknowns, point), minimum.cost,
-                  0.0, prediction.heave, widen=widen, beside=beside)
+                  0.0, prediction.deflection, widen=widen, beside=beside)
     if prediction.complete:
         # Derivatives off a minimum would count as evidence that the readings do not give.
         known = finished or not hypothesis

@@ -19,6 +19,7 @@ from scipy.special import expit
 
 from tympan.base.arrays import Array
 from tympan.studies.diagnosis.inference.projection import RANK, orthonormal, without
+from tympan.studies.diagnosis.inference.weighing import NOISE, unlikely
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.estimation.noise import Noise, NoiseMemory, NoiseTerm, Off
 
@@ -57,8 +58,8 @@ _SMOOTH = np.geomspace(1.0, 1e4, 9)
 #: cost.
 _MODELS = 8
 
-#: Log ratio of probabilities from which another noise than the stated one is taken: 20 to 1.
-_BETTER = 3.0
+#: Log ratio of probabilities from which another noise than the stated one is taken.
+_BETTER = NOISE / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,13 +238,8 @@ def _rest(residual: Array, jacobian: Array) -> tuple[float, int]:
 
 
 def _value(squares: float, unknowns: int, count: int, stated: float) -> float:
-    """Compute the log probability of ``count`` good readings, marginal over a factor on the noise.
-
-    It contains Schwarz's penalty for each unknown, and no constants of a normal distribution.
-    """
-    freedom = count + stated
-    return (-0.5 * freedom * float(np.log(max(squares + stated, 1e-12) / freedom))
-            - 0.5 * unknowns * float(np.log(max(count, 2))))
+    """Compute the log probability of ``count`` good readings besides some unknowns."""
+    return -0.5 * unlikely(squares, count, stated, unknowns)
 
 
 def _slip(size: float) -> float:

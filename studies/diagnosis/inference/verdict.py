@@ -29,6 +29,7 @@ from tympan.studies.diagnosis.inference.posterior import (
 )
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests, TestResult
 from tympan.studies.diagnosis.inference.rough_bench import SMALL, RoughBench, near_rivals
+from tympan.studies.diagnosis.inference.weighing import EXCLUDED, MORE
 from tympan.studies.diagnosis.patterns.reading_patterns import over
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Verdict
@@ -56,14 +57,6 @@ UNUSUAL = 1e-3
 
 #: Factors on the prior scales; a cause must stand out with each of them to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)
-
-#: χ² by which a rival must exceed the named cause, whatever the rival's size may be: a cause that
-#: is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or more, 3 at
-#: least.
-EXCLUDED = 9.0
-
-#: χ² by which two causes of one class must explain more than one alone, to count as two.
-MORE = 4.0
 
 #: Log odds of two causes over a smooth misfit of no cause from which the two are named.
 PAIRED = 3.0

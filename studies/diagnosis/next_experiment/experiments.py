@@ -47,7 +47,7 @@ class Readout:
     def states(self) -> States:
         """The states whose displacement was read, each once."""
         states = self.table.compact().states
-        states = states[np.isnan(states.heave)]
+        states = states[np.isnan(states.deflection)]
         keys = np.stack([states.specimen, states.mass, states.voltage, states.elapsed,
                          states.direction], 1)
         return states[np.sort(np.unique(np.nan_to_num(keys), axis=0, return_index=True)[1])]
@@ -88,12 +88,12 @@ class Readout:
     def within_reach(self, table: ReadingTable) -> Mask:
         """Mark rows in states that the force laws cover, by the nominal model."""
         stiffness, permittivity = np.exp(self.nominal.unknowns[FACTORS])
-        heave, voltage_squared = np.array([
-            [law.grid.heave, law.grid.voltage_squared]
+        deflection, voltage_squared = np.array([
+            [law.grid.deflection, law.grid.voltage_squared]
             for law in self.simulation.laws])[table.states.specimen].T
-        reached = FilmsAtRest(self.simulation, (), self.nominal.unknowns, table.states).heave
+        reached = FilmsAtRest(self.simulation, (), self.nominal.unknowns, table.states).deflection
         seen = permittivity / stiffness * table.states.voltage**2
-        inside = (reached <= heave) & (seen <= voltage_squared)
+        inside = (reached <= deflection) & (seen <= voltage_squared)
         return np.asarray(inside[table.state])
 
 
@@ -266,8 +266,8 @@ def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable | None
         return None
     states = readout.states
     unloaded = readout.displacements(replace(states, voltage=np.zeros(len(states))))
-    heave = FilmsAtRest(readout.simulation, (), readout.nominal.unknowns, unloaded.states).heave
-    table = rows(replace(states, heave=heave), "force", 1.0)
+    rest = FilmsAtRest(readout.simulation, (), readout.nominal.unknowns, unloaded.states)
+    table = rows(replace(states, deflection=rest.deflection), "force", 1.0)
     return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
 
 

@@ -216,11 +216,12 @@ class RememberingFilm:
             return np.zeros((3, len(asked)))
         time = np.array([moment.time for moment in moments])
         # The axes are time, variant and run.
-        heave = np.array([moment.heave for moment in moments]).reshape(len(time), 3, -1)
+        deflection = np.array([moment.deflection for moment in moments]).reshape(len(time), 3, -1)
         lines = np.array([numbers.index(run) for run in self.asked[asked].tolist()])
         times = self.passages.times[asked] + histories[0].begins
         times = times.clip(time[0], time[-1])
-        path = Trace(time).at(heave, times.ravel()).reshape(*times.shape, *heave.shape[1:])
+        path = Trace(time).at(deflection, times.ravel())
+        path = path.reshape(*times.shape, *deflection.shape[1:])
         values = WEIGHTS @ path[np.arange(len(asked)), :, :, lines]
         force = motion.force.reshape(3, -1)[:, lines].T
         squared = np.multiply.outer(self._squares[asked], [1.0, 1.0, 1 + _CHANGE])
@@ -277,13 +278,13 @@ class RememberingFilm:
         whole = relaxed + np.asarray(moduli)[:, None, None] * added
         return np.linalg.inv(relaxed)[:, 0, 0] / np.linalg.inv(whole)[:, 0, 0]
 
-    def _eta(self, heave: Array, force: Array, squared: Array) -> Array:
+    def _eta(self, deflection: Array, force: Array, squared: Array) -> Array:
         """Find the relative stiffening that gives a film's equilibrium this deflection."""
-        film, eta = self._relaxed, np.zeros(len(heave))
-        load = force - self.rig.spring * heave
-        q = np.zeros((len(heave), film.count))
+        film, eta = self._relaxed, np.zeros(len(deflection))
+        load = force - self.rig.spring * deflection
+        q = np.zeros((len(deflection), film.count))
         for _ in range(_ROUNDS):
-            q[:, 0] = heave
+            q[:, 0] = deflection
             under = FilmLoads(0.0, squared / (1 + eta))
             q = film.balanced(q, under, clamped=True)
             pull = film.pull(q, under.voltage_squared)[0][:, 0]

@@ -75,7 +75,7 @@ class FilmsAtRest:
         self.rig = self.setup.rig
         self._reached: _Reach = like._reached if like is not None else _Reach.of(films, states)
         self.low, self.high, self.top = self._reached.low, self._reached.high, self._reached.top
-        self.free = np.isnan(states.heave)
+        self.free = np.isnan(states.deflection)
 
     @cached_property
     def load(self) -> Array:
@@ -150,7 +150,7 @@ class FilmsAtRest:
         return self._like.powers + self._like.powers_by_voltage * further
 
     def _powers(self, voltage_squared: Array) -> Array:
-        powers = np.empty((len(self.low), self.films.laws[0].grid.heaves))
+        powers = np.empty((len(self.low), self.films.laws[0].grid.deflections))
         for rows, surface in self.surfaces:
             powers[rows] = continued(surface, voltage_squared[rows])
         return (powers @ in_powers(powers.shape[1])).T
@@ -205,7 +205,7 @@ class FilmsAtRest:
         They are those of moving plates: one with friction may stay where it was.
         """
         _, _, at, rests = self._came
-        return np.where(self.free, at, self.states.heave), rests | ~self.free
+        return np.where(self.free, at, self.states.deflection), rests | ~self.free
 
     @cached_property
     def possible(self) -> Mask:
@@ -220,12 +220,12 @@ class FilmsAtRest:
         return ended[self._came[0]] | (self.voltage_squared > self.top)
 
     @cached_property
-    def heave(self) -> Array:
+    def deflection(self) -> Array:
         """Deflection of each state [m], nan where it is not possible."""
-        return np.where(self.possible, self.extended_heave, np.nan)
+        return np.where(self.possible, self.extended_deflection, np.nan)
 
     @cached_property
-    def extended_heave(self) -> Array:
+    def extended_deflection(self) -> Array:
         """Deflection of each state [m]; without equilibrium its continuation."""
         return self._moved[self._came[0]]
 
@@ -250,7 +250,7 @@ class FilmsAtRest:
         stiffness = np.empty(len(self.low))
         for rows, surface in self.surfaces:
             none = np.zeros(1)
-            stiffness[rows] = surface.force(none, surface.by_heave(none))[1]
+            stiffness[rows] = surface.force(none, surface.by_deflection(none))[1]
         return np.maximum(self.stiffness * stiffness, _LEAST)
 
     @property
@@ -261,9 +261,9 @@ class FilmsAtRest:
         stiffness = self.balance(flat, 0.0)[1] - outer * self._plate
         return np.maximum(stiffness / self.films.flat_stiffness[self.states.specimen], _SOFT)
 
-    def stiffness_at(self, heave: Array) -> Array:
+    def stiffness_at(self, deflection: Array) -> Array:
         """Compute the stiffness of film and rig at deflections [m] [N/m], positive, (states,)."""
-        return np.maximum(self.balance(heave, 0.0)[1], _LEAST)
+        return np.maximum(self.balance(deflection, 0.0)[1], _LEAST)
 
     @cached_property
     def _about(self) -> tuple[Array, Array]:
@@ -283,19 +283,19 @@ class FilmsAtRest:
         rests = self._rest[1][place]
         if rests.all():
             return shift
-        return np.where(rests, shift, there.extended_heave - self.extended_heave)
+        return np.where(rests, shift, there.extended_deflection - self.extended_deflection)
 
-    def balance(self, heave: Array, way: Array | float | None = None) -> tuple[Array, Array]:
+    def balance(self, deflection: Array, way: Array | float | None = None) -> tuple[Array, Array]:
         """Compute the missing force [N], and the stiffness of film and rig [N/m].
 
         The deflections [m] of the states have the shape (..., states). A plate with friction moves
         to them down (1) or up (-1); by default as it came to its own.
         """
-        force, rate = self._film_force(heave)
+        force, rate = self._film_force(deflection)
         stiffness = self.stiffness * self.hardening
         force = stiffness * force + (stiffness - 1) * self._film_weight
-        _, push, bend = acting(self._biases, heave)
-        push, bend = push + self.rig.spring * heave, bend + self.rig.spring
+        _, push, bend = acting(self._biases, deflection)
+        push, bend = push + self.rig.spring * deflection, bend + self.rig.spring
         load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
         if not self._plate.all():
             push, bend = self._plate * push, self._plate * bend
@@ -307,10 +307,10 @@ class FilmsAtRest:
         """Mechanisms between plate and ground, without the rig's spring."""
         return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity)
 
-    def _film_force(self, heave: Array) -> tuple[Array, Array]:
+    def _film_force(self, deflection: Array) -> tuple[Array, Array]:
         """Compute the force of films of nominal stiffness [N], and its derivative [N/m]."""
-        at = np.clip(heave, self.low, self.high)
-        reach, odd = self._reached.heave, self._reached.odd
+        at = np.clip(deflection, self.low, self.high)
+        reach, odd = self._reached.deflection, self._reached.odd
         share = at / reach
         x = 2 * share - 1 if odd is None else np.where(odd, 2 * share**2, 2 * share) - 1
         force, rate = np.broadcast_to(self.powers[-1], x.shape), np.zeros_like(x)
@@ -321,7 +321,7 @@ class FilmsAtRest:
         if odd is not None:
             rate = np.where(odd, force + at * rate, rate)
             force = np.where(odd, at * force, force)
-        return force + rate * (heave - at), rate
+        return force + rate * (deflection - at), rate
 
 
 @lru_cache(maxsize=32)
@@ -334,12 +334,12 @@ def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float) -> tuple
 class _Reach:
     """Reach of the force laws at the states, shape (states,) each.
 
-    ``heave`` [m] and ``top``, a U² [V²], are the largest; ``low`` and ``high`` [m] bound where the
-    laws are valid. ``odd`` marks states whose force changes its sign with the deflection, None for
-    no such state.
+    ``deflection`` [m] and ``top``, a U² [V²], are the largest; ``low`` and ``high`` [m] bound where
+    the laws are valid. ``odd`` marks states whose force changes its sign with the deflection;
+    None for no such state.
     """
 
-    heave: Array
+    deflection: Array
     odd: Mask | None
     low: Array
     high: Array
@@ -349,13 +349,13 @@ class _Reach:
     def of(cls, films: ReducedFilms, states: States) -> _Reach:
         """Find the reach of each state's film."""
         grids = [law.grid for law in films.laws]
-        heave = np.array([grid.heave for grid in grids])[states.specimen]
+        deflection = np.array([grid.deflection for grid in grids])[states.specimen]
         odd = np.array([grid.odd for grid in grids])[states.specimen]
         voltage_squared = np.array([grid.voltage_squared for grid in grids])[states.specimen]
         # An odd force is known on both sides.
-        high = (1 + BEYOND) * heave
-        return cls(heave, odd if odd.any() else None, -np.where(odd, high, _BELOW * heave), high,
-                   (1 + BEYOND) * voltage_squared)
+        high = (1 + BEYOND) * deflection
+        return cls(deflection, odd if odd.any() else None,
+                   -np.where(odd, high, _BELOW * deflection), high, (1 + BEYOND) * voltage_squared)
 
 
 def resting_place(balance: RestBalance, low: Array, high: Array) -> tuple[Array, Mask]:
@@ -410,19 +410,19 @@ def play(first: Array, last: Array, runs: Iterable[Numbers],
     """
     at, way = np.arange(len(first)), np.ones(len(first))
     for run in runs:
-        heave, before = 0.0, -1
+        deflection, before = 0.0, -1
         for state, lower, upper in zip(run.tolist(), first[run].tolist(), last[run].tolist(),
                                        strict=True):
             if before < 0:
                 way[state] = begun[state]
-            elif heave < lower - _STAYS:
+            elif deflection < lower - _STAYS:
                 way[state] = 1.0
-            elif heave > upper + _STAYS:
+            elif deflection > upper + _STAYS:
                 way[state] = -1.0
             else:
                 at[state], way[state] = at[before], way[before]
                 continue
-            heave, before = (lower if way[state] > 0 else upper), state
+            deflection, before = (lower if way[state] > 0 else upper), state
     return at, way
 
 

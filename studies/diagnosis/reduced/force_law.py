@@ -53,16 +53,16 @@ SHAPE = 3
 
 @dataclass(frozen=True)
 class Grid:
-    """Chebyshev points up to a ``heave`` [m] and a ``voltage_squared`` [V²].
+    """Chebyshev points up to a ``deflection`` [m] and a ``voltage_squared`` [V²].
 
     An ``odd`` force (without weight and gas) is sampled over the deflection, as a function of its
     square. With ``some`` not all of the points are nodes.
     """
 
-    heave: float
+    deflection: float
     voltage_squared: float
     odd: bool
-    heaves: int = 5
+    deflections: int = 5
     voltages: int = 6
     some: bool = False
 
@@ -71,20 +71,20 @@ class Grid:
         """Indices of the Chebyshev points that are nodes, by deflection and by U²."""
         if self.some:
             return _SOME_HEAVES, _SOME_VOLTAGES
-        return np.arange(self.heaves), np.arange(self.voltages)
+        return np.arange(self.deflections), np.arange(self.voltages)
 
     @cached_property
     def points(self) -> tuple[Array, Array]:
         """The nodes as numbers from -1 to 1."""
-        heaves, voltages = self.numbers
-        return _points(self.heaves)[heaves], _points(self.voltages)[voltages]
+        deflections, voltages = self.numbers
+        return _points(self.deflections)[deflections], _points(self.voltages)[voltages]
 
     @cached_property
     def nodes(self) -> tuple[Array, Array]:
         """Deflections [m] and U² [V²] of the nodes."""
         shares, squares = ((1 + points) / 2 for points in self.points)
-        heaves = self.heave * (np.sqrt(shares) if self.odd else shares)
-        return heaves, self.voltage_squared * squares
+        deflections = self.deflection * (np.sqrt(shares) if self.odd else shares)
+        return deflections, self.voltage_squared * squares
 
     @property
     def coarse(self) -> Grid:
@@ -94,31 +94,31 @@ class Grid:
     @property
     def rounded(self) -> Grid:
         """A grid up to 15 % larger, the same for readings that are nearly the same."""
-        return replace(self, heave=_rounded(self.heave),
+        return replace(self, deflection=_rounded(self.deflection),
                        voltage_squared=_rounded(self.voltage_squared))
 
     def coefficients(self, values: Array) -> Array:
-        """Compute Chebyshev coefficients of values at the nodes, shape (..., heaves, voltages)."""
+        """Compute Chebyshev coefficients of nodal values, shape (..., deflections, voltages)."""
         rows, columns = (np.linalg.inv(chebyshev.chebvander(points, len(points) - 1))
                          for points in self.points)
-        full = np.zeros((*values.shape[:-2], self.heaves, self.voltages))
+        full = np.zeros((*values.shape[:-2], self.deflections, self.voltages))
         full[..., : len(rows), : len(columns)] = rows @ values @ columns.T
         return full
 
-    def of_heave(self, heave: Array) -> tuple[Array, Array]:
+    def of_deflection(self, deflection: Array) -> tuple[Array, Array]:
         """Evaluate Chebyshev polynomials of deflections [m] and derivatives, each (n, count)."""
-        share = heave / self.heave
-        x, rate = 2 * share - 1, np.full_like(share, 2 / self.heave)
+        share = deflection / self.deflection
+        x, rate = 2 * share - 1, np.full_like(share, 2 / self.deflection)
         if self.odd:
-            x, rate = 2 * share**2 - 1, 4 * share / self.heave
-        values = _polynomials(x, self.heaves)
-        return values, values @ _derivative(self.heaves) * rate[:, None]
+            x, rate = 2 * share**2 - 1, 4 * share / self.deflection
+        values = _polynomials(x, self.deflections)
+        return values, values @ _derivative(self.deflections) * rate[:, None]
 
     def values(self, coefficients: Array, other: Grid) -> Array:
         """Evaluate polynomials at the nodes of another grid."""
-        heaves, voltages_squared = other.nodes
-        in_heave, _ = self.of_heave(heaves)
-        return in_heave @ coefficients @ self.of_voltage(voltages_squared).T
+        deflections, voltages_squared = other.nodes
+        in_deflection, _ = self.of_deflection(deflections)
+        return in_deflection @ coefficients @ self.of_voltage(voltages_squared).T
 
     def of_voltage(self, voltage_squared: Array) -> Array:
         """Evaluate Chebyshev polynomials of U² [V²], shape (n, count)."""
@@ -128,7 +128,7 @@ class Grid:
 class Solver(Protocol):
     """Solver of films with their plates held.
 
-    Results have the shape (3, heaves, voltages) of a grid's nodes: force [N], capacitance [F],
+    Results have the shape (3, deflections, voltages) of a grid's nodes: force [N], capacitance [F],
     squared tilt [rad²]; nan where there is none. Displacements [m] of a
     :class:`~tympan.studies.diagnosis.reduced.film_shape.Lattice` may follow.
     """
@@ -173,7 +173,7 @@ def _rounded(value: float) -> float:
 class SampledForce:
     """Force [N], capacitance [F], squared tilt [rad²] of a film and, if requested, its shape.
 
-    ``values`` have the shape (3, heaves, voltages) or more.
+    ``values`` have the shape (3, deflections, voltages) or more.
     """
 
     grid: Grid
@@ -218,7 +218,7 @@ class ForceLaw:
 
     @cached_property
     def nominal(self) -> Array:
-        """Coefficients of the film without effects, shape (3, heaves, voltages)."""
+        """Coefficients of the film without effects, shape (3, deflections, voltages)."""
         return self.samples[()].coefficients(self.grid)
 
     @cached_property
@@ -255,7 +255,7 @@ class ForceTerm:
     """Term that depends on all axes of a ``group`` together, through samples.
 
     ``at`` are their coordinates, shape (samples, axes); ``added`` are coefficients there, shape
-    (samples, 3, heaves, voltages).
+    (samples, 3, deflections, voltages).
     """
 
     group: tuple[int, ...]
@@ -263,7 +263,7 @@ class ForceTerm:
     added: Array
 
     def value(self, coordinates: Sequence[float]) -> Array:
-        """Interpolate the coefficients, shape (3, heaves, voltages)."""
+        """Interpolate the coefficients, shape (3, deflections, voltages)."""
         at = np.asarray(coordinates)
         weights = self._along(float(at[0])) if len(self.group) == 1 else self._among(at)
         return np.tensordot(weights, self.added, 1)
@@ -342,38 +342,41 @@ class ForceSurface:
     grid: Grid
     coefficients: Array
 
-    def by_heave(self, voltage_squared: Array) -> Array:
-        """Compute the force's coefficients by polynomials of deflection at U² [V²], (n, heaves)."""
+    def by_deflection(self, voltage_squared: Array) -> Array:
+        """Compute the force's coefficients by polynomials of deflection at U² [V²], (n, powers)."""
         return np.asarray(self.grid.of_voltage(voltage_squared) @ self.coefficients[FORCE].T)
 
-    def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
-        """Compute force [N] and stiffness [N/m] at deflections [m], (n,), from :meth:`by_heave`."""
-        v, slope = self.grid.of_heave(heave)
-        value, rate = (v * by_heave).sum(1), (slope * by_heave).sum(1)
-        return (heave * value, value + heave * rate) if self.grid.odd else (value, rate)
+    def force(self, deflection: Array, by_deflection: Array) -> tuple[Array, Array]:
+        """Compute force [N] and stiffness [N/m] at deflections [m], (n,).
 
-    def capacitance(self, heave: Array, voltage_squared: Array) -> Array:
+        ``by_deflection``: coefficients by :meth:`by_deflection`.
+        """
+        v, slope = self.grid.of_deflection(deflection)
+        value, rate = (v * by_deflection).sum(1), (slope * by_deflection).sum(1)
+        return (deflection * value, value + deflection * rate) if self.grid.odd else (value, rate)
+
+    def capacitance(self, deflection: Array, voltage_squared: Array) -> Array:
         """Compute the capacitance [F] at deflections [m] and U² [V²]."""
-        return self._value(CAPACITANCE, heave, voltage_squared)
+        return self._value(CAPACITANCE, deflection, voltage_squared)
 
-    def tilt_squared(self, heave: Array, voltage_squared: Array) -> Array:
+    def tilt_squared(self, deflection: Array, voltage_squared: Array) -> Array:
         """Compute the square of the angle between the plate's normal and the load [rad²].
 
         It depends on deflections [m] and U² [V²]; interpolation may make it slightly negative.
         """
-        return self._value(TILT, heave, voltage_squared)
+        return self._value(TILT, deflection, voltage_squared)
 
-    def shape(self, heave: float, voltage_squared: float) -> Array:
+    def shape(self, deflection: float, voltage_squared: float) -> Array:
         """Compute the lattice's displacements [m] at a deflection [m], a U² [V²], (3, points)."""
-        v, _ = self.grid.of_heave(np.array([heave]))
+        v, _ = self.grid.of_deflection(np.array([deflection]))
         u = self.grid.of_voltage(np.array([voltage_squared]))
         values = np.asarray(v[0] @ (self.coefficients[SHAPE:] @ u[0]).T).reshape(3, -1)
         if self.grid.odd:
-            values[2] *= heave
+            values[2] *= deflection
         return values
 
-    def _value(self, which: int, heave: Array, voltage_squared: Array) -> Array:
-        v, _ = self.grid.of_heave(heave)
+    def _value(self, which: int, deflection: Array, voltage_squared: Array) -> Array:
+        v, _ = self.grid.of_deflection(deflection)
         return np.asarray((v * (self.grid.of_voltage(voltage_squared)
                                 @ self.coefficients[which].T)).sum(1))
 
@@ -406,9 +409,9 @@ def continued(surface: ForceSurface, voltage_squared: Array) -> Array:
     """Compute the force's coefficients by the deflection's polynomials, linear in high U²."""
     top = (1 + BEYOND) * surface.grid.voltage_squared
     within = np.minimum(voltage_squared, top)
-    coefficients = surface.by_heave(within)
+    coefficients = surface.by_deflection(within)
     if np.all(voltage_squared <= top):
         return coefficients
-    ends = surface.by_heave(top * np.array([1 - _NEAR, 1.0]))
+    ends = surface.by_deflection(top * np.array([1 - _NEAR, 1.0]))
     share = (voltage_squared - within) / (_NEAR * top)
     return np.asarray(coefficients + share[:, None] * (ends[1] - ends[0]))

@@ -52,9 +52,9 @@ class Prediction:
         return self.rest.short
 
     @property
-    def heave(self) -> Array:
+    def deflection(self) -> Array:
         """Deflection of each state [m], nan where it is not possible."""
-        return self.rest.heave
+        return self.rest.deflection
 
     @property
     def impossible_rows(self) -> Mask:
@@ -74,12 +74,12 @@ class Prediction:
     @cached_property
     def extended(self) -> Array:
         """Reading of each row at the extended deflections."""
-        return self.shown(self.rest.extended_heave)
+        return self.shown(self.rest.extended_deflection)
 
     @cached_property
     def values(self) -> Array:
         """Reading of each row."""
-        return self.shown(self.heave)
+        return self.shown(self.deflection)
 
     @cached_property
     def jacobian(self) -> Array:
@@ -98,56 +98,57 @@ class Prediction:
     def _change(self, there: Prediction) -> Array:
         """Compute the change from the extended rows to those at nearby unknowns, to first order."""
         table, shift = self.table, self.rest.shift(there.rest)
-        change = self._by_heave * shift[table.state]
+        change = self._by_deflection * shift[table.state]
         # A reading counted from another state, or read late, depends on two states.
         both = table.since >= 0
         here, origin = REST.shares(self, both)
         change[both] = self.rig.sensor_slope * (
             here * shift[table.state[both]] + origin * shift[table.since[both]])
-        return there.shown(self.rest.extended_heave) - self.extended + change
+        return there.shown(self.rest.extended_deflection) - self.extended + change
 
     @cached_property
-    def _by_heave(self) -> Array:
+    def _by_deflection(self) -> Array:
         """Derivatives of rows of one state by its deflection; ranges and transients have two."""
-        heave, tiny = self.rest.extended_heave, _STEP * np.mean(self.rest.high)
-        return (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
+        deflection, tiny = self.rest.extended_deflection, _STEP * np.mean(self.rest.high)
+        return (self.shown(deflection + tiny) - self.shown(deflection - tiny)) / (2 * tiny)
 
-    def shown(self, heave: Array) -> Array:
+    def shown(self, deflection: Array) -> Array:
         """Compute readings of the rows when the states have these deflections [m]."""
         shown = np.empty(len(self.table))
         for kind, rows in self.table.rows_of.items():
-            shown[rows] = BY_ROWS[kind].shown(self, kind, rows, heave)
+            shown[rows] = BY_ROWS[kind].shown(self, kind, rows, deflection)
         return shown
 
-    def capacitance(self, heave: Array) -> Array:
-        return self.rest.permittivity * self._of_films(ForceSurface.capacitance, heave)
+    def capacitance(self, deflection: Array) -> Array:
+        return self.rest.permittivity * self._of_films(ForceSurface.capacitance, deflection)
 
-    def tilt(self, heave: Array) -> Array:
-        return np.sqrt(np.maximum(self._of_films(ForceSurface.tilt_squared, heave), 0.0))
+    def tilt(self, deflection: Array) -> Array:
+        return np.sqrt(np.maximum(self._of_films(ForceSurface.tilt_squared, deflection), 0.0))
 
-    def force(self, heave: Array) -> Array:
-        return self.rest.balance(heave, 0.0)[0] + self.rest.load
+    def force(self, deflection: Array) -> Array:
+        return self.rest.balance(deflection, 0.0)[0] + self.rest.load
 
-    def stiffness(self, heave: Array) -> Array:
-        return self.rest.stiffness_at(heave)
+    def stiffness(self, deflection: Array) -> Array:
+        return self.rest.stiffness_at(deflection)
 
-    def scanned(self, number: int, state: int, heave: Array) -> Array:
-        heave, voltage_squared = self._within(heave)
+    def scanned(self, number: int, state: int, deflection: Array) -> Array:
+        deflection, voltage_squared = self._within(deflection)
         film = self._scanned_films[int(self.table.states.specimen[state])]
-        return scanned(*film, self.table.scans[number], float(heave[state]),
+        return scanned(*film, self.table.scans[number], float(deflection[state]),
                        float(voltage_squared[state]), float(self._pressure[state]))
 
-    def _of_films(self, quantity: OfFilms, heave: Array) -> Array:
-        heave, voltage_squared = self._within(heave)
-        values = np.empty(len(heave))
+    def _of_films(self, quantity: OfFilms, deflection: Array) -> Array:
+        deflection, voltage_squared = self._within(deflection)
+        values = np.empty(len(deflection))
         for states, surface in self.rest.surfaces:
-            values[states] = quantity(surface, heave[states], voltage_squared[states])
+            values[states] = quantity(surface, deflection[states], voltage_squared[states])
         return values
 
-    def _within(self, heave: Array) -> tuple[Array, Array]:
+    def _within(self, deflection: Array) -> tuple[Array, Array]:
         """Limit deflections [m] and U² [V²] of the states to the laws' reach."""
         rest = self.rest
-        return (np.clip(heave, rest.low, rest.high), np.minimum(rest.voltage_squared, rest.top))
+        return (np.clip(deflection, rest.low, rest.high),
+                np.minimum(rest.voltage_squared, rest.top))
 
     @property
     def moving(self) -> Array:
@@ -164,7 +165,7 @@ class Prediction:
         late = rig.plate_damping or rig.sensor_lag or rig.series_resistance
         if not late or not len(states.in_time):
             return np.zeros(len(states))
-        stiffness = self.rest.stiffness_at(self.rest.extended_heave)
+        stiffness = self.rest.stiffness_at(self.rest.extended_deflection)
         return behind(states, rig, self.moving, stiffness, self.rest.capacitance)
 
     def swing(self, stiffness: Array) -> Array:

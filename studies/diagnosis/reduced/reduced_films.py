@@ -60,7 +60,7 @@ class ReducedFilms:
         none, stiffness = np.zeros(1), []
         for law in self.laws:
             surface = law.at(np.zeros(len(law.axes)))
-            stiffness.append(float(surface.force(none, surface.by_heave(none))[1][0]))
+            stiffness.append(float(surface.force(none, surface.by_deflection(none))[1][0]))
         return np.array(stiffness)
 
     @cached_property

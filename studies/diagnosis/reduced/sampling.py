@@ -75,9 +75,9 @@ class Nodes:
 
     Without a plate the force is the pressure [Pa] that holds its centre.
 
-    ``values`` have the shape (3, heaves, voltages), nan beyond the voltage at which it could not be
-    solved; where shapes are wanted the lattice's displacements follow. ``states`` have the numbers
-    of the grid's Chebyshev points.
+    ``values`` have the shape (3, deflections, voltages), nan beyond the voltage at which it could
+    not be solved; where shapes are wanted the lattice's displacements follow. ``states`` have the
+    numbers of the grid's Chebyshev points.
     """
 
     model: Model
@@ -97,16 +97,16 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
     else:
         model = build_model(film.specimen, COARSE, film.loading)
-    heaves, voltages_squared = grid.nodes
+    deflections, voltages_squared = grid.nodes
     rows, columns = grid.numbers
-    nodes = Nodes(model, np.full((SHAPE, len(heaves), len(voltages_squared)), np.nan))
+    nodes = Nodes(model, np.full((SHAPE, len(deflections), len(voltages_squared)), np.nan))
     row_numbers, column_numbers = rows.tolist(), columns.tolist()
     reached = len(voltages_squared)
-    for i, heave in enumerate(heaves.tolist()):
+    for i, deflection in enumerate(deflections.tolist()):
         for j, voltage_squared in enumerate(voltages_squared[:reached].tolist()):
             guess = _guess(nodes, near, row_numbers[: i + 1], column_numbers[: j + 1])
             last = nodes.states.get((row_numbers[i], column_numbers[j - 1])) if j else None
-            solution = _solved(model, guess, last, heave, voltage_squared, film.gas_pressure)
+            solution = _solved(model, guess, last, deflection, voltage_squared, film.gas_pressure)
             if solution is None:
                 if strict:
                     raise NotSampled(voltage_squared)
@@ -174,7 +174,7 @@ def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]
     return last
 
 
-def _solved(model: Model, guess: State | None, last: State | None, heave: float,
+def _solved(model: Model, guess: State | None, last: State | None, deflection: float,
             voltage_squared: float, pressure: float) -> Solution | None:
     """Solve from a guess, else half way from this row's ``last`` state, else from the flat film."""
     guess = model.mounted() if guess is None else guess
@@ -183,7 +183,7 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
 
     def at(state: State, squared: float) -> Solution:
         return newton(model, state.under(voltage=squared, pressure=pressure), free,
-                      (held_plate(heave),), _NEAR)
+                      (held_plate(deflection),), _NEAR)
 
     solution = at(guess, voltage_squared)
     if not solution.converged and last is not None:
@@ -194,7 +194,7 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
     if solution.converged or last is not None:
         return solution if solution.converged else None
     start = newton(model, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
-    outcome = held(model, heave, voltage_squared**0.5, start, _BOLD)
+    outcome = held(model, deflection, voltage_squared**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
@@ -222,8 +222,8 @@ class FiniteElements:
 
     def kept(self, film: HeldFilm, grid: Grid, nodes: Nodes) -> Array:
         """Keep the values of a film on disk, and its states in this process."""
-        _states[film, grid.heave] = nodes
-        _states.move_to_end((film, grid.heave))
+        _states[film, grid.deflection] = nodes
+        _states.move_to_end((film, grid.deflection))
         while len(_states) > _MOST:
             _states.popitem(last=False)
         if (key := _key(film, grid)) is not None:
@@ -236,7 +236,7 @@ class FiniteElements:
         mesh = meshed_outlines(film.specimen)
         alike = [other for other in near if meshed_outlines(other.specimen) == mesh]
         for other in reversed(alike):
-            if (nodes := _states.get((other, grid.heave))) is not None:
+            if (nodes := _states.get((other, grid.deflection))) is not None:
                 return nodes
         if not alike:
             return None
@@ -258,14 +258,14 @@ def _key(film: HeldFilm, grid: Grid) -> bytes | None:
     return None
 
 
-def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float,
+def nominal_law(setup: Setup, name: str, deflection: float, voltage_squared: float,
                 solver: FiniteElements = FiniteElements()) -> ForceLaw:
     """Sample the force law of a film without effects up to a deflection [m] and a U² [V²], or less.
 
     It may reach a little further: the grid is :attr:`Grid.rounded`.
     """
     film = HeldFilm.of(setup, name)
-    grid = Grid(heave, voltage_squared, film.odd).rounded
+    grid = Grid(deflection, voltage_squared, film.odd).rounded
     while True:
         try:
             values = solver.stored(film, grid)

@@ -68,15 +68,15 @@ def _lattice(lattices: FlatLattices, sample: Sample) -> Lattice:
 
 
 @lru_cache(maxsize=1024)
-def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan, heave: float,
+def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan, deflection: float,
             voltage_squared: float, pressure: float) -> Array:
     """Compute displacements at a scan's places [m], shape (3, n), deflections last.
 
     They are nan without equilibrium.
     """
-    if not np.isfinite(heave):
+    if not np.isfinite(deflection):
         return np.full((3, len(scan)), np.nan)
-    values = surface.shape(heave, voltage_squared).reshape(3, ALONG, AROUND)
+    values = surface.shape(deflection, voltage_squared).reshape(3, ALONG, AROUND)
     if sag is not None and pressure:
         values = np.stack([*values[:2], values[2] + pressure * sag.by_pressure])
     shape = FilmShape.of(lattice, values)

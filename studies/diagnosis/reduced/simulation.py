@@ -32,7 +32,8 @@ class JointPrediction:
 
     def __init__(self, parts: list[Shown], rows: list[Mask]) -> None:
         self.parts, self.rows = parts, rows
-        self.possible, self.short, self.heave = parts[0].possible, parts[0].short, parts[0].heave
+        self.possible, self.short = parts[0].possible, parts[0].short
+        self.deflection = parts[0].deflection
 
     @property
     def complete(self) -> bool:
@@ -114,7 +115,7 @@ class Simulation(ReducedFilms, ReadingModel):
         return coupled(self, hypotheses, unknowns, workers)
 
     def further(self, workers: int = 1) -> Simulation:
-        grids = [replace(law.grid, heave=_FURTHER * law.grid.heave,
+        grids = [replace(law.grid, deflection=_FURTHER * law.grid.deflection,
                          voltage_squared=_FURTHER * law.grid.voltage_squared)
                  for law in self.laws]
         try:

@@ -57,7 +57,7 @@ def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
         return columns
     units = [UNITS[kind] for kind in table.kind.tolist()]
     per_si = np.array([unit.per_si for unit in units])
-    return columns | {"displacement": table.states.heave[table.state],
+    return columns | {"displacement": table.states.deflection[table.state],
                       "unit": np.array([unit.name for unit in units], str)} | {
         name: per_si * columns[name] for name in ("baseline", "extended", "low", "high")}
 
@@ -80,7 +80,7 @@ def dense(table: ReadingTable, kinds: Sequence[str] = LENGTHS) -> ReadingTable:
         return table
     table = replace(table, states=table.states.at_rest)
     direction, held = table.states.direction[table.state], np.isfinite(
-        table.states.heave[table.state])
+        table.states.deflection[table.state])
     # Held plates move out and back at one voltage; free ones up and down under one mass.
     ramp = np.where(held, 0, 1 + table.ramp)
     kept = np.where(held, table.voltage, 0.0)
@@ -101,8 +101,9 @@ def _ramp(ramp: ReadingTable, held: bool) -> ReadingTable:
     first = ramp.states[ramp.state[:1]]
     states = replace(first[np.zeros(_POINTS, np.int64)])
     if held:
-        heave = ramp.states.heave[ramp.state]
-        states = replace(states, heave=np.linspace(heave.min(), heave.max(), _POINTS))
+        deflection = ramp.states.deflection[ramp.state]
+        path = np.linspace(deflection.min(), deflection.max(), _POINTS)
+        states = replace(states, deflection=path)
     else:
         start = ramp.states.voltage[ramp.since].min() if ramp.since[0] >= 0 else 0.0
         voltage = np.linspace(start, float(ramp.voltage.max()), _POINTS)

@@ -9,13 +9,13 @@ import pytest
 
 from tests.support.trials import design, read
 from tympan.studies.diagnosis.explanations.registry import explanation_of
-from tympan.studies.diagnosis.fits.fitting import nominal_fit
-from tympan.studies.diagnosis.hypothesis import Cause
-from tympan.studies.diagnosis.inference.relabelled import (
+from tympan.studies.diagnosis.explanations.relabelled import (
     RelabelledPart,
     Relabelling,
     relabelling_of,
 )
+from tympan.studies.diagnosis.fits.fitting import nominal_fit
+from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation

@@ -49,7 +49,7 @@ def test_taps_and_lines_are_the_same_by_equations_and_by_elements(name: str, siz
                       for means in ("equations", "elements"))
     assert read is not None
     assert elements is not None
-    assert elements.heaves == pytest.approx(read.heaves, abs=2e-6)
+    assert elements.deflections == pytest.approx(read.deflections, abs=2e-6)
     assert len(read.frequencies) == len(read.heights) * 2 == 8
     for row, frequency in read.frequencies.items():
         assert elements.frequencies[row] == pytest.approx(frequency, rel=3e-4)
@@ -68,7 +68,7 @@ def test_a_step_ends_where_the_film_rests(means: str) -> None:
     read, none = step_evidence(plan, truth), step_evidence(plan, Truth(1.05, 0.97))
     assert read is not None
     assert none is not None
-    assert read.heaves == pytest.approx(none.heaves, abs=2e-8)
+    assert read.deflections == pytest.approx(none.deflections, abs=2e-8)
     (*_, samples), (*_, rest) = *read.steps, *none.steps
     assert samples[-1] == pytest.approx(rest[-1], abs=2e-8)
     assert samples[len(plan.times[0])] < rest[-1] - 2e-6
@@ -195,7 +195,7 @@ def test_on_a_rough_bench_one_effect_is_large_and_all_others_are_a_little_there(
     every, some = step_evidence(plan, truth), step_evidence(plan, alone)
     assert every is not None
     assert some is not None
-    assert np.abs(every.heaves - some.heaves).max() > 20e-6
+    assert np.abs(every.deflections - some.deflections).max() > 20e-6
     assert np.abs(every.steps[0][2] - some.steps[0][2]).max() > 20e-6
 
 

@@ -60,19 +60,19 @@ def test_it_sticks_and_slips_as_a_plate_moved_by_the_missing_force(
     film = Film(10e-3, 45e-3, specimen.membrane.thickness, specimen.membrane.prestretch[0],
                 Ogden(tuple(np.ravel(law.mu)), tuple(np.ravel(law.alpha))),
                 specimen.membrane.relative_permittivity)
-    heave, heaves = 0.0, []
+    deflection, deflections = 0.0, []
     for voltage in WANDER.tolist():
         def missing(at: float, voltage: float = voltage) -> float:
             return MASS * GRAVITY - (solve_deflection(film, at, voltage).force if at else 0.0)
 
-        if missing(heave) > friction:
-            heave = brentq(lambda at: missing(at) - friction, heave, 6e-3, xtol=1e-9)
-        elif missing(heave) < -friction:
-            heave = brentq(lambda at: missing(at) + friction, 1e-4, heave, xtol=1e-9)
-        heaves.append(heave)
+        if missing(deflection) > friction:
+            deflection = brentq(lambda at: missing(at) - friction, deflection, 6e-3, xtol=1e-9)
+        elif missing(deflection) < -friction:
+            deflection = brentq(lambda at: missing(at) + friction, 1e-4, deflection, xtol=1e-9)
+        deflections.append(deflection)
     table = table_of(WANDER)
-    assert Prediction(three_shapes, (RUBS,), unknowns(friction), table).heave == pytest.approx(
-        heaves, abs=5e-7)
+    assert Prediction(three_shapes, (RUBS,), unknowns(friction), table).deflection == pytest.approx(
+        deflections, abs=5e-7)
 
 
 def test_films_under_loads_rub_the_same(three_shapes: Simulation) -> None:
@@ -90,7 +90,7 @@ def test_films_under_loads_rub_the_same(three_shapes: Simulation) -> None:
 @pytest.mark.parametrize("others", [(), (Cause("parallel_spring"),)])
 def test_derivatives_are_those_of_differences(three_shapes: Simulation, friction: float,
                                               others: tuple[Cause, ...]) -> None:
-    """Also where a plate stands at the heave of the state before; at no friction, from above."""
+    """Also where a plate stands at the deflection of the state before; without friction, above."""
     table, hypothesis = table_of(WANDER, 2), (RUBS, *others)
     centre = np.array([0.05, -0.03, friction, *(4.0 for _ in others)])
     jacobian = Prediction(three_shapes, hypothesis, centre, table).jacobian
@@ -114,9 +114,9 @@ def test_play_is_a_clip_from_state_to_state(middle: list[float], half: float, be
     centre = np.array(middle)
     place, way = play(centre - half, centre + half, [np.arange(len(centre))],
                       np.full(len(centre), begun))
-    heave = (centre - way * half)[place]
+    deflection = (centre - way * half)[place]
     before = centre[0] - begun * half
-    for at, rests in zip(centre.tolist(), heave.tolist(), strict=True):
+    for at, rests in zip(centre.tolist(), deflection.tolist(), strict=True):
         before = min(max(before, at - half), at + half)
         assert rests == pytest.approx(before, abs=1e-9)
 

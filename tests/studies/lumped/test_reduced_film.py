@@ -69,7 +69,7 @@ def moved(film: ReducedFilm, signal: Any, times: np.ndarray, mass: float = MASS,
           ) -> np.ndarray:
     moments = list(film_motion(film, signal, mass, **more).moments())
     return Trace(np.array([moment.time for moment in moments])).at(
-        np.array([moment.heave for moment in moments]), times)
+        np.array([moment.deflection for moment in moments]), times)
 
 
 def stepped(low: float, high: float, end: float) -> Pieces:
@@ -160,7 +160,7 @@ def test_a_film_that_charges_creeps_as_by_finite_elements(rig: Rig, signal: Any)
     field, voltage = (done.at(values, when) for values in (done.deflection, done.voltage))
     moments = list(film_motion(of(NEO), signal, MASS, rig).moments())
     trace = Trace(np.array([moment.time for moment in moments]))
-    near = trace.at(np.array([moment.heave for moment in moments]), when)
+    near = trace.at(np.array([moment.deflection for moment in moments]), when)
     across = trace.at(np.array([moment.voltage for moment in moments]), when)
     assert np.abs(near - field).max() < 2e-3 * np.ptp(np.append(field, done.before))
     assert np.abs(across - voltage).max() < 1e-3 * np.abs(voltage).max()
@@ -175,7 +175,7 @@ def test_a_film_charges_by_a_sine_about_0_v_in_few_steps(rig: Rig) -> None:
     moments = list(film_motion(of(NEO), signal, MASS, rig).moments())
     assert max(len(moments), len(done.time)) < 200
     near = Trace(np.array([moment.time for moment in moments])).at(
-        np.array([moment.heave for moment in moments]), when)
+        np.array([moment.deflection for moment in moments]), when)
     assert np.abs(near - field).max() < 5e-3 * np.ptp(field)  # 2e-3 of it without a circuit
 
 
@@ -335,8 +335,8 @@ def test_its_law_in_a_table_is_its_law(specimen: Specimen) -> None:
     film = of(specimen)
     assert film.tabulated.table is not None
     flow = film.relaxed(film.flat).step(film.strain(film.flat), 0.0)
-    for heave, squared, near in ((3e-3, 30e6, 1e-4), (3e-2, 30e6, 1e-13), (3e-3, 9e8, 1e-13)):
-        q = heave * np.eye(film.count)[0]
+    for deflection, squared, near in ((3e-3, 30e6, 1e-4), (3e-2, 30e6, 1e-13), (3e-3, 9e8, 1e-13)):
+        q = deflection * np.eye(film.count)[0]
         for exact, quick in zip(film.pull(q, squared, flow), film.tabulated.pull(q, squared, flow),
                                 strict=True):
             assert np.abs(quick - exact).max() <= near * np.abs(exact).max()
@@ -379,7 +379,7 @@ def test_a_branch_much_stiffer_than_the_law_against_the_field_model() -> None:
         field = history(TransientCase(film.specimen, signal, mass=MASS), Settings())
         when = np.linspace(0.0, signal.end, 121)
         exact = field.at(field.deflection, when)
-        before = film_motion(film, signal, MASS).begin.heave
+        before = film_motion(film, signal, MASS).begin.deflection
         assert (np.abs(moved(film, signal, when) - exact).max()
                 < 5e-3 * np.ptp(np.append(exact, before)))
 
@@ -397,8 +397,8 @@ def test_a_start_that_is_not_in_balance_is_put_there() -> None:
         motion = film_motion(film, stepped(3e3, 3e3, 1.0), MASS, inertia=inertia)
         begin = motion.begin
         q = begin.q + 2e-5 * np.eye(film.count)[1]
-        heaves = [moment.heave for moment in motion.moments(replace(begin, q=q))]
-        assert heaves[-1] == pytest.approx(begin.heave, abs=2e-6)
+        deflections = [moment.deflection for moment in motion.moments(replace(begin, q=q))]
+        assert deflections[-1] == pytest.approx(begin.deflection, abs=2e-6)
 
 
 def lumped(film: ReducedFilm) -> LumpedModel:

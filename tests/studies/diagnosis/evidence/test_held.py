@@ -34,7 +34,7 @@ VOLTAGES = (0.0, 3e3)
 RUN, CHARGED = np.linspace(-1.5e-3, 7e-3, 18), (0.0, 3e3, 5.5e3)
 
 
-def written(folder: Path, seed: int | None = None, heaves: np.ndarray = HEAVES,
+def written(folder: Path, seed: int | None = None, deflections: np.ndarray = HEAVES,
             voltages: tuple[float, ...] = VOLTAGES) -> Path:
     """Deflections to 20 µm and forces to 2 mN of the specimen as it is stated."""
     random = np.random.default_rng(seed)
@@ -47,10 +47,10 @@ def written(folder: Path, seed: int | None = None, heaves: np.ndarray = HEAVES,
             static += f"circle,{mass},{kilovolts},{1e3 * read:.5f}\n"
     force = "specimen,voltage_kV,displacement_mm,force_mN,run,direction,sigma_mN\n"
     for voltage in voltages:
-        for heave in heaves.tolist():
-            read = solve_deflection(FILM, heave, voltage).force
+        for deflection in deflections.tolist():
+            read = solve_deflection(FILM, deflection, voltage).force
             read += 2e-3 * scatter * random.standard_normal()
-            force += f"circle,{voltage / 1e3},{1e3 * heave},{1e3 * read:.5f},1,out,2\n"
+            force += f"circle,{voltage / 1e3},{1e3 * deflection},{1e3 * read:.5f},1,out,2\n"
     folder = write_dataset(folder, 'noise = "20 um"\n' + HEAD, (), static=static, force=force)
     (folder / "circle.toml").write_text(specimen_to_toml(circular()), encoding="utf-8")
     with (folder / "dataset.toml").open("a", encoding="utf-8") as about:
@@ -59,20 +59,20 @@ def written(folder: Path, seed: int | None = None, heaves: np.ndarray = HEAVES,
 
 
 def test_forces_are_those_of_the_membrane(tmp_path: Path) -> None:
-    """Within 1e-4 of the largest, at heaves beyond all that hang; a spring adds k times the heave.
+    """Within 1e-4 of the largest, at deflections beyond all that hang; a spring adds k times them.
     """
     readings = prepared_readings(read_dataset(written(tmp_path / "d")))
     nominal = calibrated(readings.setup, readings.table)
     rows = nominal.table.rows_of["force"]
     assert len(rows) == len(HEAVES) * len(VOLTAGES)
-    heave = nominal.table.states.heave[nominal.table.state[rows]]
-    assert heave == pytest.approx(np.tile(HEAVES, len(VOLTAGES)))
+    deflection = nominal.table.states.deflection[nominal.table.state[rows]]
+    assert deflection == pytest.approx(np.tile(HEAVES, len(VOLTAGES)))
     exact = nominal.table.value[rows]
     shown = nominal.simulation.predict((), np.zeros(2), nominal.table)[rows]
     assert shown == pytest.approx(exact, abs=1e-4 * exact.max())
     spring = (Cause("parallel_spring"),)
     stiffer = nominal.simulation.predict(spring, np.array([0.0, 0.0, 4.0]), nominal.table)[rows]
-    assert stiffer - shown == pytest.approx(4.0 * heave)
+    assert stiffer - shown == pytest.approx(4.0 * deflection)
 
 
 def test_noise_is_stated_or_a_share(tmp_path: Path) -> None:

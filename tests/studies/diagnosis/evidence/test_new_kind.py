@@ -53,8 +53,8 @@ class Stiffnesses(PlateEvidence):
         return [rows(states, "stiffness", NOISE * read.stiffness, read.stiffness,
                      file=read.file.name, line=read.line)], []
 
-    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, heave: Array) -> Array:
-        return np.asarray(films.stiffness(heave)[films.table.state[rows]])
+    def shown(self, films: FilmsUnderLoads, kind: str, rows: Numbers, deflection: Array) -> Array:
+        return np.asarray(films.stiffness(deflection)[films.table.state[rows]])
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ def pressing(hypothesis: Hypothesis, cost: float, size: float = 1.0) -> Fit:
     """A fit at the end of what is sampled, 1, that would go on."""
     return Fit(hypothesis, np.array([0.0, 0.0, size]), bounds=bounds(1.0), limits=bounds(100.0),
                residual=np.zeros(1), jacobian=np.zeros((1, 3)), slope=np.array([0.0, 0.0, -1.0]),
-               precision=np.eye(3), cost=cost, evidence=-cost, heave=np.zeros(1))
+               precision=np.eye(3), cost=cost, evidence=-cost, deflection=np.zeros(1))
 
 
 def bounds(end: float) -> np.ndarray:

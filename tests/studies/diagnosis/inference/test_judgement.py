@@ -10,11 +10,11 @@ import pytest
 
 from tests.support.straight_bench import StraightBench, design, readings
 from tympan.studies.diagnosis.explanations.labels import other_labels
+from tympan.studies.diagnosis.explanations.relabelled import relabelling_of
 from tympan.studies.diagnosis.fits.fitting import nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference import verdict
 from tympan.studies.diagnosis.inference.nominal import one_sided
-from tympan.studies.diagnosis.inference.relabelled import relabelling_of
 from tympan.studies.diagnosis.inference.residual_tests import ResidualTests
 from tympan.studies.diagnosis.inference.verdict import (
     Judgement,

@@ -39,7 +39,7 @@ def made(hypothesis: Hypothesis, evidence: float, chi_squared: float, size: floa
     ends = np.array([np.full(count, -np.inf), np.full(count, np.inf)])
     return Fit(hypothesis, np.r_[0.0, 0.0, size * np.array(usual)], ends, ends, residual,
                np.zeros((len(TABLE), count)), np.zeros(count), np.eye(count), cost=-evidence,
-               evidence=evidence, heave=np.zeros(len(TABLE)))
+               evidence=evidence, deflection=np.zeros(len(TABLE)))
 
 
 @dataclass

@@ -105,7 +105,8 @@ def test_a_line_is_what_finer_films_show() -> None:
     truth = Truth(1.05, 0.97, (Cause("prestretch_anisotropy"),), (0.04,), mesh=FINEST)
     exact = by_elements(plan, truth)
     assert exact is not None
-    table = plan.design.table.with_values(exact.heaves).with_sigma(np.full(len(exact.heaves), 5e-6))
+    table = plan.design.table.with_values(exact.deflections).with_sigma(
+        np.full(len(exact.deflections), 5e-6))
     nominal = calibrated(plan.design.setup, table)
     readout = Readout(nominal.simulation, nominal.table, nominal.fit)
     new = film_line(readout)
@@ -150,8 +151,8 @@ def test_a_longer_dwell_is_what_films_that_creep_do(tmp_path: Path) -> None:
     shown = there.simulation.predict((cause,), np.array([0.0, 0.0, *truth.sizes]), table)
     states = plan.design.table.states
     same = (states.specimen == table.specimen[0]) & (states.mass == table.mass[0])
-    assert shown == pytest.approx(long.heaves[same], abs=4e-6)
-    assert np.abs(long.heaves[same] - short.heaves[same]).max() > 60e-6
+    assert shown == pytest.approx(long.deflections[same], abs=4e-6)
+    assert np.abs(long.deflections[same] - short.deflections[same]).max() > 60e-6
     assert "hold every voltage for 300 s" in DWELL.words(table, readings.setup)
     assert DWELL.work(there, table, Effort(waiting=0.5)) == pytest.approx(
         len(table) * 20 + 120 + 300 + 0.5 * len(table) * 300, rel=1e-3)
@@ -159,8 +160,8 @@ def test_a_longer_dwell_is_what_films_that_creep_do(tmp_path: Path) -> None:
 
 @pytest.mark.study
 def test_what_is_recommended_decides(tmp_path: Path) -> None:
-    """By heaves alone a film stretched unequally may be a plate off its centre; the line that is
-    proposed names it."""
+    """By deflections alone a film stretched unequally may be a plate off its centre; the line that
+    is proposed names it."""
     hidden = [("prestretch_anisotropy", (0.04,), None)]
     first, second = (film_lines.write(tmp_path / name, hidden, 1, noise=5e-6, places=places)
                      for name, places in (("heaves", None), ("line", cross)))

@@ -144,8 +144,8 @@ class Yielding:
         stretch = film.specimen.membrane.prestretch[0]
         if stretch < self.least:
             raise ArithmeticError("it is slack")
-        heaves, squares = grid.nodes[0], 1e-6 * grid.nodes[1]
-        force = heaves[:, None] * (stretch**2 - squares)
+        deflections, squares = grid.nodes[0], 1e-6 * grid.nodes[1]
+        force = deflections[:, None] * (stretch**2 - squares)
         force[:, squares > self.top * stretch] = np.nan
         return np.stack([force, force, force])
 
@@ -196,7 +196,7 @@ def _force(simulation: Simulation, loss: float) -> tuple[float, float]:
     law = simulation.laws[0]
     sizes = np.array([loss if axis.effect == LOSS.name else 0.0 for axis in law.axes])
     surface, at, squared = law.at(sizes), np.array([0.5]), np.array([0.3e6])
-    force, stiffness = surface.force(at, surface.by_heave(squared))
+    force, stiffness = surface.force(at, surface.by_deflection(squared))
     return float(force[0]), float(stiffness[0])
 
 
@@ -206,7 +206,7 @@ def test_other_grids_keep_the_samples() -> None:
                     np.array([0.0, 0.0, 0.04, 0.03]))
     larger = regridded(joint, [Grid(2.0, 1.5e6, odd=True)])
     assert larger.laws[0].samples.keys() == joint.laws[0].samples.keys()
-    assert larger.laws[0].grid.heave == 2.0
+    assert larger.laws[0].grid.deflection == 2.0
     assert _force(larger, 0.05) == pytest.approx(_force(joint, 0.05))
 
 
@@ -217,16 +217,17 @@ def test_films_softer_than_stated_are_sampled_up_to_their_limit() -> None:
                                             material=scaled(circle.membrane.material, 0.85)))
     voltages, setup = [0.0, 2e3, 3.5e3, 4.5e3, 5.5e3, 6e3, 6.5e3], Setup((circle,), Rig())
     model = build_model(soft, COARSE, setup.rig.loading)
-    heaves = [outcome.state.plate.deflection
+    deflections = [outcome.state.plate.deflection
               for outcome in voltage_path(model, 0.02245 * setup.rig.gravity, voltages)]
     count = len(voltages)
     states = States.of([0] * count, [0.02245] * count, voltages)
-    table = rows(states, "displacement", 10e-6, np.array(heaves))
+    table = rows(states, "displacement", 10e-6, np.array(deflections))
     nominal = calibrated(setup, table)
     simulation = with_effects(nominal.simulation, lambda done, count: None, 1)
     assert len(nominal.table) == count
     assert np.exp(nominal.fit.unknowns[0]) == pytest.approx(0.85, rel=0.02)
-    assert simulation.predict((), nominal.fit.unknowns, table) == pytest.approx(heaves, abs=3e-6)
+    predicted = simulation.predict((), nominal.fit.unknowns, table)
+    assert predicted == pytest.approx(deflections, abs=3e-6)
     assert all(axis.places for axis in simulation.laws[0].axes)
 
 
@@ -264,7 +265,7 @@ def test_a_film_solved_before_is_read_from_disk(cache, monkeypatch: pytest.Monke
         film.specimen.membrane, thickness=1.0001 * film.specimen.membrane.thickness)))
     assert FiniteElements().stored(film, first.grid) is not None
     assert FiniteElements().stored(thicker, first.grid) is None
-    assert FiniteElements().stored(film, replace(first.grid, heave=2.1e-3)) is None
+    assert FiniteElements().stored(film, replace(first.grid, deflection=2.1e-3)) is None
     assert cache.exists()
 
 

@@ -20,20 +20,14 @@ from tympan.studies.diagnosis.evidence.kind import ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Hypothesis
+from tympan.studies.diagnosis.inference.weighing import LABELS, LINES, most_of_noise
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
 
 #: Largest share of χ² beyond noise that other labels may leave: a third of the residuals.
 _LEFT = 0.1
-#: Least χ² that other labels must remove.
-_CLEAR = 30.0
-#: Standard deviations of χ² that count as noise.
-_SCATTER = 2.0
 #: For each way, number of relabelled parts that are refitted: those with the least χ² to first
 #: order.
 _FITTED = 3
-#: χ² by which rows between two lines must do better than a part that has a name. A few rows whose
-#: labels hardly matter gain as much by chance.
-_NAMED = 12.0
 #: Rounds in which rows between two lines are chosen with the factors of the round before.
 _ASKED = 2
 #: Largest root mean square residual of changed rows, over that of the others.
@@ -107,13 +101,12 @@ def relabelling_of(simulation: ReadingModel, table: ReadingTable, fitted: Fit
     tried = [one for way in _ways(table, names)
              for one in _Search.of(simulation, table, fitted, way).tried(names) if one.alike]
     best = min(tried, key=_left, default=None)
-    if best is None or _left(best) > fitted.chi_squared - _CLEAR:
+    if best is None or _left(best) > fitted.chi_squared - LABELS:
         return None
     # Labels of some lines, or an effect in addition, fit too easily: they must leave noise alone.
     much = bool(best.part.file or fitted.hypothesis)
-    count = len(table)
-    beyond = best.chi_squared - count - _SCATTER * (2 * count) ** 0.5
-    if beyond > (0.0 if much else _LEFT * (fitted.chi_squared - count)):
+    beyond = best.chi_squared - most_of_noise(len(table))
+    if beyond > (0.0 if much else _LEFT * (fitted.chi_squared - len(table))):
         return None
     rows = best.rows & (best.way.changed | best.way.lost)
     return Relabelling(best.way.column, best.way.pair, best.way.rows, best.part,
@@ -137,8 +130,8 @@ class _Tried:
 
 
 def _left(tried: _Tried) -> float:
-    """Compute χ² that is left; it is increased for rows between two lines, which have no name."""
-    return tried.chi_squared + _NAMED * bool(tried.part.file)
+    """Compute χ² that is left, with the price of rows between two lines, which have no name."""
+    return tried.chi_squared + LINES * bool(tried.part.file)
 
 
 @dataclass(frozen=True, eq=False)
