@@ -14,8 +14,8 @@ import pytest
 
 import tympan
 from tests.support.specimens import circular
-from tympan.explore.numbers import limit_rows
 from tympan.commands.lines import limits_text
+from tympan.explore.numbers import limit_rows
 from tympan.fem.results.limit_states import LIMIT_STATES, LimitState
 from tympan.options import print_record
 from tympan.reports.figures.curve import VoltageCurve
