@@ -19,15 +19,7 @@ itself checks relations between fields, in ``__post_init__``.
 from __future__ import annotations
 
 import builtins
-from collections.abc import (
-    Callable,
-    ItemsView,
-    Iterator,
-    KeysView,
-    Mapping,
-    Sequence,
-    ValuesView,
-)
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
@@ -40,6 +32,7 @@ from os import PathLike
 from threading import RLock
 from types import NoneType, UnionType
 from typing import (
+    TYPE_CHECKING,
     Annotated,
     Any,
     Literal,
@@ -62,6 +55,9 @@ from tympan.base.units import (
     quantity,
     quantity_text,
 )
+
+if TYPE_CHECKING:
+    from _collections_abc import dict_items, dict_keys, dict_values
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -763,7 +759,7 @@ class Registry(dict[str, T]):
     """
 
     by_name: Callable[[str], Any] | None = None
-    more: Callable[[Self], None] | None = None
+    more: Callable[[Registry[T]], None] | None = None
 
     def __init__(self, tag: str, usual: str = "") -> None:
         super().__init__()
@@ -796,13 +792,13 @@ class Registry(dict[str, T]):
         known: dict[str, T] = self if name in self else {}
         return dict.get(known, name, default)
 
-    def keys(self) -> KeysView[str]:
+    def keys(self) -> dict_keys[str, T]:
         return dict.keys(self._filled())
 
-    def values(self) -> ValuesView[T]:
+    def values(self) -> dict_values[str, T]:
         return dict.values(self._filled())
 
-    def items(self) -> ItemsView[str, T]:
+    def items(self) -> dict_items[str, T]:
         return dict.items(self._filled())
 
     def whole(self, name: str = "") -> Self:

@@ -23,7 +23,7 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.linear_solver import direct
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Model
-from tympan.geometry.mesh import from_meshio
+from tympan.geometry.mesh import from_flat
 from tympan.geometry.mesher import MeshSettings, mesh_film
 
 FORCE, VOLTAGE = 0.0179 * 9.81, 5e3
@@ -87,7 +87,7 @@ def film_model(order: int, unknowns: int) -> Model:
     case = replace(plain, membrane=replace(plain.membrane, material=Ogden((20e3,), (2.0,))))
     # Fine meshes of order 4 have 1800 unknowns times the square of their refinement.
     factor = math.sqrt(unknowns / 1800) * 4 / order
-    mesh = from_meshio(mesh_film(case, MeshSettings(order).refined(factor), frozenset()))
+    mesh = from_flat(mesh_film(case, MeshSettings(order).refined(factor), frozenset()))
     return Model(Discretisation.of(mesh), case)
 
 

@@ -38,7 +38,7 @@ from tympan.base.toml_reader import Table
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
-from tympan.geometry.mesh import from_meshio
+from tympan.geometry.mesh import from_flat
 from tympan.geometry.mesher import mesh_film
 from tympan.geometry.outlines import OUTLINES
 from tympan.studies.case import summaries, voltage_ramp
@@ -245,7 +245,7 @@ def _timed_parts(task: SweepTask, factor: float) -> Iterator[tuple[str, float]]:
     specimen = load_specimen(Table("specimen.toml", content))
     planes = specimen.mirror_planes
     yield "reading and checking", lap()
-    mesh = from_meshio(mesh_film(specimen, task.settings.mesh, planes))
+    mesh = from_flat(mesh_film(specimen, task.settings.mesh, planes))
     yield "CAD and gmsh", lap()
     model = Model(Discretisation.of(mesh, planes), specimen)
     model.linearised(model.mounted())

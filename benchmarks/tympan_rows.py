@@ -16,7 +16,7 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
-from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh, from_meshio
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh, from_flat
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Film, Plate, Specimen
@@ -90,7 +90,7 @@ def _gmsh(repeat: int, planes: frozenset[str], words: str) -> Iterator[Row]:
     """The mesh a user gets, and one of elements half as large again."""
 
     def prepare(level: int) -> CurvedTriangles:
-        return from_meshio(mesh_film(specimen(), MeshSettings().refined((2 / 3, 1.0)[level]),
+        return from_flat(mesh_film(specimen(), MeshSettings().refined((2 / 3, 1.0)[level]),
                                      planes))
 
     peer = _peer(f"P4, gmsh default mesh, {words}")

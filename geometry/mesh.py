@@ -1,11 +1,11 @@
-"""Tagged triangle meshes with curved elements, from meshio to scikit-fem; mirror images."""
+"""Tagged triangle meshes with curved elements, from gmsh to scikit-fem; mirror images."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import permutations
-from typing import TYPE_CHECKING
 
 import numpy as np
 import skfem
@@ -13,13 +13,24 @@ from skfem.assembly import Dofs
 
 from tympan.base.arrays import Array, Mask, Numbers
 
-if TYPE_CHECKING:
-    import meshio
-
-
 ELEMENTS: dict[int, type[skfem.Element]] = {
     1: skfem.ElementTriP1, 2: skfem.ElementTriP2, 3: skfem.ElementTriP3, 4: skfem.ElementTriP4}
-_CELLS = {"triangle": 1, "triangle6": 2, "triangle10": 3, "triangle15": 4}
+
+
+@dataclass(frozen=True, eq=False)
+class FlatMesh:
+    """Flat mesh with gmsh's order of nodes in each element.
+
+    ``points`` [m] have shape (points, 2), ``triangles`` (elements, nodes), in point numbers.
+    ``boundaries`` are the edges of each named boundary, shape (edges, order + 1), in point numbers,
+    ``subdomains`` the numbers of each named subdomain's triangles.
+    """
+
+    points: Array
+    triangles: Numbers
+    order: int
+    boundaries: Mapping[str, Numbers]
+    subdomains: Mapping[str, Numbers]
 
 
 @dataclass(repr=False)
@@ -48,30 +59,22 @@ def curved_mesh(vertices: Array, triangles: Numbers, order: int,
     return CurvedTriangles(doflocs, triangles, elem=element, validate=False)
 
 
-def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
-    """Convert a meshio mesh: sets of lines become boundaries, sets of triangles subdomains."""
-    kind = next(cell.type for cell in source.cells if cell.type in _CELLS)
-    order = _CELLS[kind]
-    cells = source.cells_dict[kind]
+def from_flat(source: FlatMesh) -> CurvedTriangles:
+    """Convert a mesh of gmsh, with its boundaries and subdomains."""
+    order, cells = source.order, source.triangles
     used, corners = np.unique(cells[:, :3], return_inverse=True)
     corners = corners.reshape(-1, 3)
     rank = np.argsort(corners, axis=1)
     triangles = np.take_along_axis(corners, rank, axis=1).T
     local = _local_numbers(_gmsh_barycentric(order), order)[tuple(rank.T)]
     nodes = np.take_along_axis(cells, local, axis=1)
-    mesh = curved_mesh(source.points[used, :2].T, triangles, order,
-                       source.points[nodes, :2].transpose(2, 1, 0))
+    mesh = curved_mesh(source.points[used].T, triangles, order,
+                       source.points[nodes].transpose(2, 1, 0))
     new = np.full(len(source.points), -1)
     new[used] = np.arange(len(used))
-    boundaries, subdomains = {}, {}
-    for name, sets in source.cell_sets_dict.items():
-        for cell_type, members in sets.items():
-            if not len(members):
-                continue
-            if cell_type == kind:
-                subdomains[name] = members
-            else:
-                boundaries[name] = facets_of(mesh, new[source.cells_dict[cell_type][members, :2]])
+    boundaries = {name: facets_of(mesh, new[edges[:, :2]])
+                  for name, edges in source.boundaries.items() if len(edges)}
+    subdomains = {name: members for name, members in source.subdomains.items() if len(members)}
     tagged: CurvedTriangles = mesh.with_boundaries(boundaries).with_subdomains(subdomains)
     return tagged
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tympan.base.arrays import Numbers
 from tympan.base.errors import InputError
 from tympan.base.fields import checks_types
 from tympan.base.process.folder import temporary_folder
@@ -25,7 +26,7 @@ from tympan.geometry.sectors import Loop, sectors
 from tympan.geometry.specimen import Plate, Specimen
 
 if TYPE_CHECKING:
-    import meshio
+    from tympan.geometry.mesh import FlatMesh
 
 #: Dimension and tag of gmsh's entities, by name.
 Groups = dict[str, list[tuple[int, int]]]
@@ -58,8 +59,9 @@ _LEVEL = 0.25
 #: bounds the cost.
 _FINEST = 2.0
 
-_CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
-          4: ("line5", "triangle15")}
+#: Orders of the elements' curved edges.
+_ORDERS = (1, 2, 3, 4)
+
 
 
 @checks_types
@@ -79,8 +81,8 @@ class MeshSettings:
     across: float = 0.7
 
     def __post_init__(self) -> None:
-        if self.order not in _CELLS:
-            raise InputError(f"must be one of {', '.join(map(str, _CELLS))}", key="order",
+        if self.order not in _ORDERS:
+            raise InputError(f"must be one of {', '.join(map(str, _ORDERS))}", key="order",
                              given=self.order)
         if self.around_plate < 4 or not 0 < self.growth <= 2 or not 0 < self.across <= 2:
             raise InputError("must be: around_plate ≥ 4, growth and across in (0, 2]",
@@ -109,10 +111,10 @@ class MeshSettings:
         return self if factor == 1 else self.refined(factor)
 
 
-def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> meshio.Mesh:
+def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> FlatMesh:
     """Mesh the flat mounted film: points [m], shape (n, 2), and triangles of ``settings.order``.
 
-    Its cell sets are the lines ``frame``, ``plate``, ``axis_x``, ``axis_y`` (through the plate's
+    Its named parts are the edges ``frame``, ``plate``, ``axis_x``, ``axis_y`` (through the plate's
     centre, or the frame's where there is no plate), the triangles ``covered`` and ``bare``.
     ``planes`` names the coordinates in which the film will be mirrored: only the part where they
     are positive is meshed.
@@ -131,7 +133,7 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
                 raise short from None
             raise InputError(f"cannot be meshed: {error}", key="frame, plate, electrode",
                              given=specimen.name) from None
-        return _to_meshio(gmsh, groups, settings.order)
+        return _flat_mesh(gmsh, groups, settings.order)
 
 
 def _cut_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
@@ -487,23 +489,28 @@ def _cones(gmsh: Any, settings: MeshSettings, places: np.ndarray, sizes: np.ndar
                    f" + (y - ({float(places[number, 1])!r}))^2)") for number in kept]
 
 
-def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:
+def _flat_mesh(gmsh: Any, groups: Groups, order: int) -> FlatMesh:
     """Convert gmsh's mesh: tagged, points numbered from zero, in metres."""
-    import meshio
+    from tympan.geometry.mesh import FlatMesh  # settings are read without finite elements
 
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))
     nodes_of = {1: order + 1, 2: (order + 1) * (order + 2) // 2}
-    cells: list[tuple[str, np.ndarray]] = []
-    names: list[str] = []
+    triangles: list[Numbers] = []
+    edges: dict[str, list[Numbers]] = {}
+    members: dict[str, list[Numbers]] = {}
+    count = 0
     for name, entities in groups.items():
         for dim, tag in entities:
             _, _, nodes = gmsh.model.mesh.getElements(dim, tag)
-            cells.append((_CELLS[order][dim - 1],
-                          number[nodes[0].astype(np.int64)].reshape(-1, nodes_of[dim])))
-            names.append(name)
-    counts = [len(data) for _, data in cells]
-    sets = {name: [np.arange(count if owner == name else 0)
-                   for owner, count in zip(names, counts, strict=True)] for name in groups}
-    return meshio.Mesh(xyz.reshape(-1, 3)[:, :2] / METRE, cells, cell_sets=sets)
+            cells = number[nodes[0].astype(np.int64)].reshape(-1, nodes_of[dim])
+            if dim == 1:
+                edges.setdefault(name, []).append(cells)
+                continue
+            members.setdefault(name, []).append(count + np.arange(len(cells)))
+            triangles.append(cells)
+            count += len(cells)
+    return FlatMesh(xyz.reshape(-1, 3)[:, :2] / METRE, np.concatenate(triangles), order,
+                    {name: np.concatenate(parts) for name, parts in edges.items()},
+                    {name: np.concatenate(parts) for name, parts in members.items()})

@@ -104,8 +104,10 @@ _FILE = Path(__file__).with_name("library.toml")
 
 def _with_films(library: Content) -> Content:
     """Find the tables of materials, each with what is known of the film that is made of it."""
+    films: dict[str, Content] = library["films"]
+
     def known(film: str, **entry: Any) -> Content:
-        return library["films"][film] | entry
+        return films[film] | entry
 
     return {name: known(**entry) for name, entry in library["materials"].items()}
 

@@ -19,7 +19,7 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
-from tympan.geometry.mesh import CurvedTriangles, from_meshio, unfold
+from tympan.geometry.mesh import CurvedTriangles, from_flat, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.case import failure_reason, voltage_ramp
@@ -185,7 +185,7 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     for mass, voltage in product(masses or (0.0,), voltages or (0.0,)):
         checked_load(mass, voltage, pressure)
     planes = specimen.mirror_planes
-    part = from_meshio(mesh_film(specimen, replace(settings, order=2), planes))
+    part = from_flat(mesh_film(specimen, replace(settings, order=2), planes))
     mesh = unfold(part, planes)[0]  # as symmetric as the film, so that its plate does not tilt
     layers = specimen.membrane.layers
     single = replace(specimen, membrane=replace(specimen.membrane, layers=1))

@@ -40,7 +40,7 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
             yield file
     mesh = mesh_film(specimen, replace(settings, order=2), frozenset())
     flat = meshio.Mesh(np.column_stack([mesh.points, np.zeros(len(mesh.points))]),
-                       [("triangle6", mesh.cells_dict["triangle6"])])
+                       [("triangle6", mesh.triangles)])
     file = folder / f"{specimen.name}-film.vtu"
     write_atomically(file, lambda path: flat.write(path, file_format="vtu"))
     yield file

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing import parent_process
 
-from tympan.geometry.mesh import CurvedTriangles, from_bytes, from_meshio, to_bytes
+from tympan.geometry.mesh import CurvedTriangles, from_bytes, from_flat, to_bytes
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
@@ -35,7 +35,7 @@ def film_part(specimen: Specimen, settings: MeshSettings,
     kept = None if key is None else MESHES.read(key, from_bytes)
     if kept is not None:
         return kept
-    part = from_meshio(mesh_film(specimen, settings, planes))
+    part = from_flat(mesh_film(specimen, settings, planes))
     content = to_bytes(part)
     if key is not None and len(content) <= _LARGEST:
         MESHES.keep(key, content)

@@ -22,7 +22,7 @@ from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry import mesher
 from tympan.geometry.cad.wires import pieces_wire, planar
-from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_meshio, to_bytes, unfold
+from tympan.geometry.mesh import ELEMENTS, facets_of, from_bytes, from_flat, to_bytes, unfold
 from tympan.geometry.mesher import MeshSettings, _widths, mesh_film
 from tympan.geometry.outlines import Circle, Ellipse, Outline, Superellipse, examples
 from tympan.geometry.sectors import sectors
@@ -54,7 +54,7 @@ def area(mesh: skfem.Mesh, cells: object = None) -> float:
 def test_area_and_boundaries(name: str, order: int) -> None:
     specimen = SPECIMENS[name]
     planes = specimen.mirror_planes
-    part = from_meshio(mesh_film(specimen, MeshSettings(order), planes))
+    part = from_flat(mesh_film(specimen, MeshSettings(order), planes))
     mesh = unfold(part, planes)[0]
     exact = np.pi * (np.prod(specimen.frame.semi_axes) - 0.01**2)
     tolerance = {1: 8e-2, 2: 1e-3, 3: 2e-4, 4: 2e-6}[order]
@@ -78,7 +78,7 @@ def test_area_and_boundaries(name: str, order: int) -> None:
 def test_a_quarter_has_the_same_area_with_a_bare_band() -> None:
     for frame in (Ellipse((30e-3, 50e-3)), Superellipse((60e-3, 45e-3), 3.0)):
         whole = replace(circular(), frame=frame)
-        built, cut = (from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+        built, cut = (from_flat(mesh_film(specimen, MeshSettings(), frozenset("xy")))
                       for specimen in (whole, replace(whole, electrode=Electrode(3e-3))))
         assert area(built) == pytest.approx(area(cut), rel=1e-6)
         assert area(built) == pytest.approx((frame.curve.area - np.pi * 10e-3**2) / 4, rel=1e-5)
@@ -94,7 +94,7 @@ def test_a_quarter_built_in_gmsh_is_the_one_of_cadquerys_kernel(
     assert loops is not None
     face = cq.Face(planar(pieces_wire(loops["covered"][0])))
     mesh = mesh_film(film, MeshSettings(), frozenset("xy"))
-    assert area(from_meshio(mesh)) * 1e6 == pytest.approx(face.Area(), rel=2e-6)
+    assert area(from_flat(mesh)) * 1e6 == pytest.approx(face.Area(), rel=2e-6)
     box = face.BoundingBox()
     extents = [*mesh.points.min(0), *mesh.points.max(0)]
     assert np.allclose(extents, np.array([box.xmin, box.ymin, box.xmax, box.ymax]) / 1e3,
@@ -110,7 +110,7 @@ def test_a_quarter_built_in_gmsh_is_the_one_of_cadquerys_kernel(
 
 def test_electrode_margins_have_their_areas() -> None:
     specimen = replace(circular(), electrode=Electrode(margin_frame=3e-3, margin_plate=2e-3))
-    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+    mesh = from_flat(mesh_film(specimen, MeshSettings(), frozenset("xy")))
     assert 4 * area(mesh,
                     mesh.subdomains["covered"]) == pytest.approx(np.pi * (42e-3**2 - 12e-3**2),
                                                                  rel=1e-6)
@@ -122,7 +122,7 @@ def test_a_margin_that_the_electrode_does_not_reach_costs_no_elements() -> None:
     disc = Region(Circle(30e-3))
     far, none = (replace(circular(), electrode=Electrode(margin, outline=disc))
                  for margin in (1e-3, 0.0))
-    meshes = [from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+    meshes = [from_flat(mesh_film(specimen, MeshSettings(), frozenset("xy")))
               for specimen in (far, none)]
     assert meshes[0].nelements == meshes[1].nelements
     assert area(meshes[0], meshes[0].subdomains["covered"]) == pytest.approx(
@@ -134,7 +134,7 @@ def test_an_electrode_cut_by_its_margin_has_its_area() -> None:
     radius, away, rim = 30e-3, 15e-3, 42e-3
     specimen = replace(circular(), electrode=Electrode(
         45e-3 - rim, outline=Region(Circle(radius), (away, 0.0))))
-    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset("y")))
+    mesh = from_flat(mesh_film(specimen, MeshSettings(), frozenset("y")))
     angles = [np.arccos((away**2 + a**2 - b**2) / (2 * away * a))
               for a, b in ((radius, rim), (rim, radius))]
     lens = sum(r**2 * (angle - np.sin(2 * angle) / 2)
@@ -165,7 +165,7 @@ def test_slivers_are_refused(electrode: Electrode, radius: float, words: str) ->
 
 
 def test_folding_is_seen() -> None:
-    mesh = from_meshio(mesh_film(circular(), MeshSettings(), frozenset("xy")))
+    mesh = from_flat(mesh_film(circular(), MeshSettings(), frozenset("xy")))
     assert folded(mesh) == 0
     inner = np.flatnonzero(np.hypot(*mesh.doflocs) < 12e-3)[0]
     places = mesh.doflocs.copy()
@@ -174,7 +174,7 @@ def test_folding_is_seen() -> None:
 
 
 def test_mirrored_mesh_is_symmetric_and_knows_its_origin() -> None:
-    part = from_meshio(mesh_film(elliptical(60e-3), MeshSettings(), frozenset("xy")))
+    part = from_flat(mesh_film(elliptical(60e-3), MeshSettings(), frozenset("xy")))
     whole, origin, signs = unfold(part, frozenset("xy"))
     assert whole.nelements == 4 * part.nelements
     assert np.allclose(whole.doflocs, signs * part.doflocs[:, origin], atol=1e-15)
@@ -184,12 +184,12 @@ def test_mirrored_mesh_is_symmetric_and_knows_its_origin() -> None:
 def test_half_meshes_for_plates_off_centre_along_one_axis() -> None:
     specimen = SPECIMENS["off centre"]
     assert specimen.mirror_planes == {"y"}
-    part = from_meshio(mesh_film(specimen, MeshSettings(), specimen.mirror_planes))
+    part = from_flat(mesh_film(specimen, MeshSettings(), specimen.mirror_planes))
     assert part.doflocs[1].min() > -1e-12
 
 
 def test_facets_are_found_by_their_ends() -> None:
-    mesh = from_meshio(mesh_film(circular(), MeshSettings(), frozenset("xy")))
+    mesh = from_flat(mesh_film(circular(), MeshSettings(), frozenset("xy")))
     numbers = np.array([5, 0, 17])
     assert np.array_equal(facets_of(mesh, mesh.facets[::-1, numbers].T), numbers)
 
@@ -203,7 +203,7 @@ def test_gmsh_is_finalised_and_its_options_do_not_leak() -> None:
 
 
 def test_elements_shrink_towards_the_plate() -> None:
-    mesh = from_meshio(mesh_film(elliptical(75e-3), MeshSettings(), frozenset("xy")))
+    mesh = from_flat(mesh_film(elliptical(75e-3), MeshSettings(), frozenset("xy")))
     centres = mesh.p[:, mesh.t].mean(axis=1)
     size = np.sqrt(skfem.CellBasis(mesh, mesh.elem(), intorder=4).dx.sum(axis=1))
     near = np.hypot(*centres) < 0.016
@@ -260,7 +260,7 @@ def test_no_room_for_temporary_files_is_said_where_one_is_needed() -> None:
     elliptical(60e-3), electrode=Electrode(2e-3, 1e-3))], ids=["round", "skewed", "bands"])
 def test_a_mesh_is_read_back_to_the_last_bit(specimen: Specimen) -> None:
     for order in (2, 4):
-        mesh = from_meshio(mesh_film(specimen, MeshSettings(order), specimen.mirror_planes))
+        mesh = from_flat(mesh_film(specimen, MeshSettings(order), specimen.mirror_planes))
         again = from_bytes(to_bytes(mesh))
         assert type(again) is type(mesh)
         assert again.order == order
@@ -287,7 +287,7 @@ def test_a_tight_end_is_fine_without_the_whole_edge_being_so() -> None:
     """Twelve elements go around a circle of the end, of radius b²/a; flanks have larger ones."""
     frame = Ellipse((90e-3, 6e-3))
     film = replace(circular(), frame=frame, plate=Plate(Circle(2e-3)))
-    part = from_meshio(mesh_film(film, MeshSettings(), frozenset("xy")))
+    part = from_flat(mesh_film(film, MeshSettings(), frozenset("xy")))
     corners = part.p[:, part.t]  # (2, 3, elements)
     sides = corners - np.roll(corners, 1, axis=1)
     sizes = np.hypot(*sides).max(axis=0)

@@ -16,7 +16,7 @@ from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.geometry import mesher
 from tympan.geometry.cad.membrane import membrane_faces
-from tympan.geometry.mesh import from_meshio, unfold
+from tympan.geometry.mesh import from_flat, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import (
     Circle,
@@ -74,7 +74,7 @@ def test_meshes_of_parts_have_their_areas(electrode: Electrode, planes: set[str]
     offset = (0.0 if "x" in planes else 4e-3, 0.0 if "y" in planes else -3e-3)
     specimen = replace(film(Circle(45e-3), offset, electrode), plate=Plate(Circle(8e-3), offset))
     assert specimen.mirror_planes >= planes
-    part = from_meshio(mesh_film(specimen, MeshSettings(), frozenset(planes)))
+    part = from_flat(mesh_film(specimen, MeshSettings(), frozenset(planes)))
     assert folded(part) == 0
     covered = np.pi * ((45e-3 - electrode.margin_frame)**2 - (8e-3 + electrode.margin_plate)**2)
     whole = np.pi * (45e-3**2 - 8e-3**2)
@@ -92,7 +92,7 @@ def test_what_crosses_an_axis_twice_or_is_cut_by_an_outline_is_left_to_the_kerne
     assert sectors(below, frozenset("x")) is not None
     assert sectors(within, frozenset()) is None
     for specimen in (below, within):
-        mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))
+        mesh = from_flat(mesh_film(specimen, MeshSettings(), frozenset()))
         assert folded(mesh) == 0
         exact = specimen.frame.curve.area - np.pi * 9e-3 * 6e-3
         assert _area(mesh, None) == pytest.approx(exact, rel=1e-6)
@@ -105,7 +105,7 @@ def test_an_axis_that_nearly_meets_two_pieces(beside: float, sign: int) -> None:
     """The frame's lines meet its arcs at 5 mm."""
     frame = RoundedRectangle((45e-3, 40e-3), 35e-3)
     specimen = film(frame, (5e-3 + beside * sign, 5e-3 - beside * sign))
-    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))
+    mesh = from_flat(mesh_film(specimen, MeshSettings(), frozenset()))
     assert folded(mesh) == 0
     assert mesh.nelements < 400
     assert _area(mesh, None) == pytest.approx(frame.curve.area - np.pi * 9e-3 * 6e-3, rel=1e-6)

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tympan.geometry.outlines import Outline
     from tympan.geometry.specimen import Plate, Specimen
-    from tympan.studies.case import CaseResult, Limits
-    from tympan.studies.tolerance.bands import Band
+    from tympan.studies.case import Band, CaseResult, Limits
 
 #: Fields of a solved case that its text does not list: the lines above and below have them.
 _ELSEWHERE = ("specimen", "bands", "limits", "first", "limit", "equilibria", "dofs", "wall_s",

@@ -25,7 +25,7 @@ from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
-from tympan.geometry.mesh import from_meshio
+from tympan.geometry.mesh import from_flat
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.studies.case import Case, Settings, solve
 
@@ -182,7 +182,7 @@ def test_quarter_and_full_models_agree(specimen, voltage) -> None:
     for name, value in quarter.json().items():
         if isinstance(value, float) and name != "wall_s":
             assert value == pytest.approx(getattr(full, name), rel=1e-8, abs=1e-12), name
-    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))
+    mesh = from_flat(mesh_film(specimen, MeshSettings(), frozenset()))
     free = Model(Discretisation.of(mesh), specimen)
     heave = equilibrium(free, 17.9e-3 * 9.80665, voltage).state.plate.deflection
     assert heave == pytest.approx(quarter.deflection_m, rel=1e-6)
