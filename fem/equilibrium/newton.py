@@ -27,8 +27,9 @@ _LEFT = 1e-3
 #: Largest number of corrections by the tangent of another state. If more are needed, a new tangent
 #: costs less.
 _SIMPLIFIED = 5
-#: Largest ratio of one of these corrections to the previous one: five corrections then gain three
-#: digits. If corrections decrease more slowly, a new tangent costs less.
+#: Largest ratio of a correction by the tangent of another state to the previous one: five
+#: corrections then gain three digits. If corrections decrease more slowly, a new tangent costs
+#: less.
 _SHORTER = 0.25
 
 

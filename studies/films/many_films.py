@@ -44,7 +44,7 @@ _SLOW = 0.2
 #: Least number of steps over the gap of a plate that mechanisms may make snap: a snap takes
 #: several.
 _MARCHED = 30
-#: Largest number of such steps; it limits the cost.
+#: Largest number of steps of a plate that may snap; it limits the cost.
 _MOST_MARCHED = 400
 #: Length of a step relative to an interval of negative stiffness.
 _PART = 0.125
@@ -772,13 +772,13 @@ class Extremes:
     tension: AnyArray
     #: Largest field [V/m].
     electric: AnyArray
-    #: Largest share of the film's strength.
+    #: Largest share of the film's strength, at its weakest point.
     share: AnyArray
-    #: Field at that point [V/m].
+    #: Field at the weakest point [V/m].
     weakest_field: AnyArray
-    #: Strength at that point [V/m].
+    #: Strength at the weakest point [V/m].
     weakest_strength: AnyArray
-    #: Number of that point.
+    #: Number of the weakest point.
     weakest: AnyArray
     #: Mask of states that are stable in the film's plane and within the law's range at all points.
     sound: Mask

@@ -26,7 +26,7 @@ _POINTS = 25
 #: States in addition to those of the search. U² is then accurate to 3e-4 of its value at the end,
 #: in eight random films; a family's own error is as large.
 _MORE = 8
-#: Exponent of the spacing of their deflections: the plate moves ever more per volt.
+#: Exponent of the spacing of additional states' deflections: the plate moves ever more per volt.
 _MORE_AND_MORE = 1.5
 #: Largest correction of a state's U², over the largest U²: its square remains as error.
 _FAR = 0.03
