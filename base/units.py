@@ -110,7 +110,8 @@ _SIGNS = str.maketrans({"²": "^2", "³": "^3", "°": "deg"})
 _POWERS = {"kg": (1, 0, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "N": (1, 1, -2, 0),
            "Pa": (1, -1, -2, 0), "J": (1, 2, -2, 0), "V": (1, 2, -3, -1), "F": (-1, -2, 4, 2),
            "ohm": (1, 2, -3, -2), "A": (0, 0, 0, 1), "Hz": (0, 0, -1, 0), "rad": (0, 0, 0, 0)}
-#: Multiples of these units, as fractions. Any other unit, or a wrong one, is left to pint.
+#: Multiples of the units that people write, as fractions. Any other unit, or a wrong one, is left
+#: to pint.
 _MULTIPLES: dict[str, dict[str, tuple[float, int]]] = {
     "kg": {"kg": (1, 1), "g": (1, 1000), "mg": (1, 10**6)},
     "m": {"m": (1, 1), "cm": (1, 100), "mm": (1, 1000), "um": (1, 10**6), "km": (1000, 1)},

@@ -45,7 +45,7 @@ _ALIKE = 1.5
 #: Points of the frame's outline where the width of the film is measured: every 4 degrees of a
 #: circle. Set by trial.
 _PLACES = 90
-#: Corners of the frame's polygon from one of those points to the next. Widths are measured to the
+#: Corners of the frame's polygon from one measured width to the next. Widths are measured to the
 #: polygon, so it must be near the curve.
 _BETWEEN = 8
 

@@ -62,12 +62,12 @@ _MARKERS = "os^Dv*"  #: as many as colours
 
 #: Opacity of the band of films that scatter: curves are visible through several bands.
 _BAND = 0.15
-#: Words for this band in a legend.
+#: Words for the band of films in a legend.
 _BAND_WORDS = "90 % of the films"
 
 #: Share by which axes are made higher in one try, to make room for their legend.
 _RAISED = 0.08
-#: Most such tries, so that curves keep half of the height.
+#: Most tries to make room for a legend, so that curves keep half of the height.
 _TRIES = 9
 #: Distance that words may reach beyond the page before it is enlarged: less is rounding [mm].
 _CUT = 0.2

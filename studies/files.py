@@ -12,7 +12,7 @@ import tomllib
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cache
 from math import isinf, nan
 from pathlib import Path
@@ -218,75 +218,126 @@ def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: st
     >>> from_json(tuple[float, ...], [1, 2.5])
     (1.0, 2.5)
     """
-    return cast(T, _converted(kind, value, file, key, unit))
+    return cast(T, _converted(kind, value, _Place(file, key, unit)))
 
 
-def _converted(kind: Any, value: Any, file: Path | str | None, key: str, unit: str) -> Any:
-    def fail(allowed: str) -> InputError:
-        return InputError(allowed, file=file, key=key or None, given=value)
+@dataclass(frozen=True)
+class _Place:
+    """Where a value of a JSON file stands: file and key; ``unit`` is that of the whole result."""
 
-    origin, inner = get_origin(kind), get_args(kind)
+    file: Path | str | None
+    key: str
+    unit: str
+
+    def error(self, allowed: str, given: Any = None) -> InputError:
+        """Make the error about the value here."""
+        return InputError(allowed, file=self.file, key=self.key or None, given=given)
+
+    def at(self, name: str) -> _Place:
+        """Find the place of an object's entry."""
+        return replace(self, key=f"{self.key}.{name}".lstrip("."))
+
+    def item(self, number: int) -> _Place:
+        """Find the place of a list's item."""
+        return replace(self, key=f"{self.key}[{number}]")
+
+
+def _converted(kind: Any, value: Any, place: _Place) -> Any:
+    """Convert a JSON value at a place to a type."""
     if kind is Any:
         return value
     if is_dataclass(kind):
-        if not isinstance(value, dict):
-            raise fail("must be an object")
-        hints, arguments = get_type_hints(kind), {}
-        stored = {name: (own, printed) for name, own, printed in _stored(cast(Any, kind), unit)}
-        for item in fields(kind):
-            own, printed = stored.get(item.name, (None, Printed()))
-            path = f"{key}.{own}".lstrip(".")
-            if own == _INLINE:
-                choices = printed.choices or {}
-                beside = {name: entry for name, entry in value.items() if name in choices}
-                arguments[item.name] = _converted(hints[item.name], beside, file, key, unit)
-            elif printed.may_miss and value.get(own, 0) is None:
-                arguments[item.name] = nan
-            elif own in value:
-                part = _converted(hints[item.name], value[own], file, path, unit)
-                if printed.choices is not None and part not in (None, *printed.choices):
-                    raise InputError(f"must be one of {', '.join(printed.choices)}", file=file,
-                                     key=path, given=part)
-                arguments[item.name] = part
-            elif item.default is MISSING and item.default_factory is MISSING:
-                raise InputError("is missing: run the command that wrote the file again",
-                                 file=file, key=path)
-        return cast(Any, kind)(**arguments)
-    if origin is Literal:
-        if value not in inner:
-            raise fail(f"must be one of {', '.join(map(str, inner))}")
-        return value
-    if origin in (Union, types.UnionType):
-        if value is None and type(None) in inner:
-            return None
-        first, *_ = (option for option in inner if option is not type(None))
-        return _converted(first, value, file, key, unit)
-    if origin is tuple:
-        if not isinstance(value, list):
-            raise fail("must be a list")
-        repeated = len(inner) == 2 and inner[1] is Ellipsis
-        if not repeated and len(value) != len(inner):
-            raise fail(f"must be a list of {len(inner)}")
-        kinds = [inner[0]] * len(value) if repeated else inner
-        return tuple(_converted(item, entry, file, f"{key}[{number}]", unit)
-                     for number, (item, entry) in enumerate(zip(kinds, value, strict=True)))
-    if origin in (dict, Mapping):
-        if not isinstance(value, dict):
-            raise fail("must be an object")
-        return {name: _converted(inner[1], entry, file, f"{key}.{name}".lstrip("."), unit)
-                for name, entry in value.items()}
-    if origin is np.ndarray:
-        try:
-            return np.array(value, float)
-        except (TypeError, ValueError):
-            raise fail("must be a list of numbers") from None
+        return _record(kind, value, place)
     if kind is float:
-        if value in ("inf", "-inf"):
-            return float(value)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise fail("must be a number")
+        return _number(value, place)
+    return _READERS.get(get_origin(kind), _instance)(kind, value, place)
+
+
+def _record(kind: Any, value: Any, place: _Place) -> Any:
+    if not isinstance(value, dict):
+        raise place.error("must be an object", value)
+    hints, arguments = get_type_hints(kind), {}
+    stored = {name: (own, printed) for name, own, printed in _stored(kind, place.unit)}
+    for item in fields(kind):
+        own, printed = stored.get(item.name, (None, Printed()))
+        hint = hints[item.name]
+        if own == _INLINE:
+            choices = printed.choices or {}
+            beside = {name: entry for name, entry in value.items() if name in choices}
+            arguments[item.name] = _converted(hint, beside, place)
+        elif printed.may_miss and value.get(own, 0) is None:
+            arguments[item.name] = nan
+        elif own in value:
+            arguments[item.name] = _chosen(hint, value[own], printed, place.at(str(own)))
+        elif item.default is MISSING and item.default_factory is MISSING:
+            raise place.at(str(own)).error("is missing: run the command that wrote the file again")
+    return kind(**arguments)
+
+
+def _chosen(kind: Any, value: Any, printed: Printed, place: _Place) -> Any:
+    """Convert a field's value, which must be one of its choices, if it has any."""
+    part = _converted(kind, value, place)
+    if printed.choices is not None and part not in (None, *printed.choices):
+        raise place.error(f"must be one of {', '.join(printed.choices)}", part)
+    return part
+
+
+def _number(value: Any, place: _Place) -> float:
+    if value in ("inf", "-inf"):
         return float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise place.error("must be a number", value)
+    return float(value)
+
+
+def _literal(kind: Any, value: Any, place: _Place) -> Any:
+    if value not in get_args(kind):
+        raise place.error(f"must be one of {', '.join(map(str, get_args(kind)))}", value)
+    return value
+
+
+def _option(kind: Any, value: Any, place: _Place) -> Any:
+    options = get_args(kind)
+    if value is None and type(None) in options:
+        return None
+    first, *_ = (option for option in options if option is not type(None))
+    return _converted(first, value, place)
+
+
+def _tuple(kind: Any, value: Any, place: _Place) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise place.error("must be a list", value)
+    items = get_args(kind)
+    repeated = len(items) == 2 and items[1] is Ellipsis
+    if not repeated and len(value) != len(items):
+        raise place.error(f"must be a list of {len(items)}", value)
+    kinds = [items[0]] * len(value) if repeated else items
+    return tuple(_converted(item, entry, place.item(number))
+                 for number, (item, entry) in enumerate(zip(kinds, value, strict=True)))
+
+
+def _mapping(kind: Any, value: Any, place: _Place) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise place.error("must be an object", value)
+    return {name: _converted(get_args(kind)[1], entry, place.at(name))
+            for name, entry in value.items()}
+
+
+def _array(kind: Any, value: Any, place: _Place) -> Any:
+    try:
+        return np.array(value, float)
+    except (TypeError, ValueError):
+        raise place.error("must be a list of numbers", value) from None
+
+
+def _instance(kind: Any, value: Any, place: _Place) -> Any:
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         words = {str: "a text", int: "a whole number", bool: "true or false"}
-        raise fail(f"must be {words.get(kind, kind.__name__)}")
+        raise place.error(f"must be {words.get(kind, kind.__name__)}", value)
     return value
+
+
+#: Readers of annotated types by their origin; all others are read as instances of a class.
+_READERS: dict[Any, Callable[[Any, Any, _Place], Any]] = {
+    Literal: _literal, Union: _option, types.UnionType: _option, tuple: _tuple, dict: _mapping,
+    Mapping: _mapping, np.ndarray: _array}

@@ -42,7 +42,7 @@ _DECIMAL_POINT = re.compile(r"[-+]?\d+\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
 #: A number that may have a thousands separator: "1.000" is 1000 or 1.
 THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
-#: Such numbers that end with 0: a program that omits zero decimals does not write them.
+#: A number with a separator that ends with 0: programs that omit zero decimals do not write it.
 _ROUND = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d\d0(?![\d.eE])", re.ASCII)
 _HUNDREDS = re.compile(r"[-+]?[1-9]\d{2,}", re.ASCII)
 
@@ -58,7 +58,7 @@ _FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
 
 #: Number of lines from which the separator of cells is found.
 _LOOKED_AT = 200
-#: Number of characters of each of them that count: 1000 columns of numbers.
+#: Number of characters of a line in which the separator is sought: 1000 columns of numbers.
 _LOOKED_INTO = 20_000
 
 #: Characters that no text contains.
@@ -73,7 +73,7 @@ _MOST_CELLS = 10_000_000
 _MOST_ROWS = 300_000
 #: Most tags in the cells and texts of a workbook, four a cell: 100,000 take openpyxl 0.3 s.
 _MOST_TAGS = 5_000_000
-#: Most tags in its styles and other parts: 100,000 take 1.4 s and 50 MB.
+#: Most tags in the styles and other parts of a workbook: 100,000 take 1.4 s and 50 MB.
 _MOST_OTHER_TAGS = 100_000
 #: Parts of a workbook that hold cells or texts.
 _CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
@@ -81,9 +81,9 @@ _CELLS = re.compile(r"worksheets/|sharedStrings", re.IGNORECASE)
 _SHEETS = "xl/workbook.xml"
 #: Part of a workbook with the places of its sheets.
 _PLACES = "xl/_rels/workbook.xml.rels"
-#: A sheet in that list.
+#: A sheet in the list of a workbook.
 _SHEET = re.compile(r"<(?:\w+:)?sheet\s[^>]*>")
-#: The place of a part.
+#: The place of a part of a workbook.
 _PLACE = re.compile(r"<(?:\w+:)?Relationship\s[^>]*>")
 #: A cell with something in it.
 _CELL = re.compile(rb"<(?:\w+:)?(?:v|is)>")
@@ -91,7 +91,7 @@ _CELL = re.compile(rb"<(?:\w+:)?(?:v|is)>")
 _ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
 #: Bytes of a workbook that are counted at a time.
 _CHUNK = 1 << 20
-#: Longest tag of a cell that is found where two such parts meet [bytes].
+#: Longest tag of a cell that is found where two chunks meet [bytes].
 _NAME = 20
 
 #: Encodings by their byte-order mark at the beginning; that of UTF-32 begins with one of UTF-16.

@@ -180,7 +180,7 @@ def _next(model: Model, span: Span | None, last: Solution, value: float, setting
     if solution is None:
         last.release()
         solution = newton(model, guess, *given)
-        # This needed one tangent more than corrections alone.
+        # Newton's method needed one tangent more than corrections alone.
         solution = replace(solution, iterations=solution.iterations + _EASY)
     if not solution.converged:
         return None

@@ -27,8 +27,9 @@ _LEFT = 1e-3
 #: Largest number of corrections by the tangent of another state. If more are needed, a new tangent
 #: costs less.
 _SIMPLIFIED = 5
-#: Largest ratio of one of these corrections to the previous one: five corrections then gain three
-#: digits. If corrections decrease more slowly, a new tangent costs less.
+#: Largest ratio of a correction by the tangent of another state to the previous one: five
+#: corrections then gain three digits. If corrections decrease more slowly, a new tangent costs
+#: less.
 _SHORTER = 0.25
 
 
@@ -164,63 +165,138 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     shorter than the correction that led there. The test compares displacements with displacements,
     so it does not depend on units or on the stiffness of the film.
     """
+    search = _Search(model, free, constraints, settings, subspace)
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     damping = 1.0
-    tangent: Tangent | None = None
+    full: _Correction | None = None
     for iteration in range(1, settings.iterations + 1):
         if not settings.spend(tangent_work(model, subspace)):
             return Solution(state, False, iteration, None, EXHAUSTED)
-        with np.errstate(all="ignore"):  # a prediction may overshoot; checked below
+        full = None  # two tangents would double the memory
+        try:
+            full = search.correction(state)
+        except _Stuck as reason:
+            return Solution(state, False, iteration, None, str(reason))
+        if full.length < settings.correction:
+            reached, forces = search.last(state, full)
+            if search.balanced(reached, forces):
+                return Solution(reached, True, iteration, full.tangent)
+        step = search.damped(state, full, min(1.0, 4 * damping))
+        if step is None:
+            return Solution(state, False, iteration, full.tangent, "no step reduces the error: a "
+                            "limit point or a loss of tension is near")
+        state, damping = step.state, step.damping
+        near = (step.length < settings.correction
+                or _left(step.length, full.length) < _LEFT * settings.correction)
+        if damping == 1.0 and near:
+            state = moved(model, state, step.motion, 1.0, step.loads)
+            if search.balanced(state, model.nodal_forces(state)):
+                return Solution(state, True, iteration, full.tangent)
+    return Solution(state, False, settings.iterations, None if full is None else full.tangent,
+                    "the iteration limit was reached: start closer or take smaller steps")
+
+
+class _Stuck(ArithmeticError):
+    """A state without a correction; its message is advice."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Correction:
+    """Newton's correction of a state: motion, loads and its length; nodal forces at the state."""
+
+    tangent: Tangent
+    forces: Array
+    motion: Parts
+    loads: Mapping[Load, float]
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Accepted step to a state, and the simplified correction there: motion, loads, length."""
+
+    state: State
+    damping: float
+    motion: Parts
+    loads: Mapping[Load, float]
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Question that Newton's method answers, as :func:`newton` is called."""
+
+    model: Model
+    free: tuple[Load, ...]
+    constraints: tuple[Constraint, ...]
+    settings: NewtonSettings
+    subspace: Subspace
+
+    def balanced(self, state: State, forces: Array) -> bool:
+        """Check whether the forces at the nodes balance."""
+        return _unbalanced(self.model, self.subspace, state, forces) < self.settings.residual
+
+    def correction(self, state: State) -> _Correction:
+        """Compute the correction of a state by its own tangent.
+
+        Raises
+        ------
+        _Stuck
+            If the law has no stress there, or if the tangent is singular.
+        """
+        model = self.model
+        with np.errstate(all="ignore"):  # a prediction may overshoot
             part = model.linearised(state)
         if not np.isfinite(part.forces).all():
-            return Solution(state, False, iteration, None, f"{STRAINED}: take smaller steps")
-        equations = [constraint(model, state) for constraint in constraints]
-        tangent = None  # two tangents would double the memory
+            raise _Stuck(f"{STRAINED}: take smaller steps")
+        equations = [constraint(model, state) for constraint in self.constraints]
         try:
-            tangent = Tangent(model, part, state, free, equations, subspace)
+            tangent = Tangent(model, part, state, self.free, equations, self.subspace)
             motion, loads = tangent.correct(model.residual(part.forces, state),
                                             [equation.miss for equation in equations])
         except (RuntimeError, ValueError, np.linalg.LinAlgError):
-            return Solution(state, False, iteration, None,
-                            "the tangent is singular: a limit point is near")
-        before, damping = length(model, motion), min(1.0, 4 * damping)
-        if before < settings.correction:
-            reached = moved(model, state, motion, 1.0, loads)
-            still = before < _STILL and set(free) <= {"force"}
-            forces = part.forces if still else model.nodal_forces(reached)
-            if _unbalanced(model, subspace, reached, forces) < settings.residual:
-                return Solution(reached, True, iteration, tangent)
-        while True:
-            if not (before <= settings.longest and np.isfinite(before)
-                    and damping >= settings.damping):
-                return Solution(state, False, iteration, tangent, "no step reduces the error: a "
-                                "limit point or a loss of tension is near")
-            trial = moved(model, state, motion, damping, loads)
+            raise _Stuck("the tangent is singular: a limit point is near") from None
+        return _Correction(tangent, part.forces, motion, loads, length(model, motion))
+
+    def last(self, state: State, full: _Correction) -> tuple[State, Array]:
+        """Apply a short correction as a whole; return the state with its nodal forces."""
+        reached = moved(self.model, state, full.motion, 1.0, full.loads)
+        still = full.length < _STILL and set(self.free) <= {"force"}
+        return reached, full.forces if still else self.model.nodal_forces(reached)
+
+    def damped(self, state: State, full: _Correction, damping: float) -> _Step | None:
+        """Take the largest part of a correction that brings the state nearer to the equilibrium.
+
+        The part is at most ``damping``. None if every part is too small.
+        """
+        model, settings, before = self.model, self.settings, full.length
+        if not (before <= settings.longest and np.isfinite(before)):
+            return None
+        while damping >= settings.damping:
+            trial = moved(model, state, full.motion, damping, full.loads)
             # A step that is too long may collapse an element; the step is then halved.
             with np.errstate(all="ignore"):
                 forces = model.nodal_forces(trial)
             if np.isfinite(forces).all():
                 settings.spend(_CORRECTION * tangent_work(model))
-                misses = [constraint(model, trial).miss for constraint in constraints]
-                simplified, changes = tangent.correct(model.residual(forces, trial), misses)
-                after = length(model, simplified)
-                if after <= (1 - damping / 4) * before or after < settings.correction:
-                    break
-                # The slope of the potential jumps where wrinkles begin. A decrease of the potential
-                # is then sufficient.
-                descends = not free and _work(model.residual(forces, trial), motion) <= 0
-                if descends and model.wrinkles and not model.in_tension(state):
-                    break
+                misses = [constraint(model, trial).miss for constraint in self.constraints]
+                residual = model.residual(forces, trial)
+                motion, loads = full.tangent.correct(residual, misses)
+                after = length(model, motion)
+                if (after <= (1 - damping / 4) * before or after < settings.correction
+                        or self._descends(state, residual, full.motion)):
+                    return _Step(trial, damping, motion, loads, after)
             damping /= 2
-        state = trial
-        near = after < settings.correction or _left(after, before) < _LEFT * settings.correction
-        if damping == 1.0 and near:
-            state = moved(model, state, simplified, 1.0, changes)
-            forces = model.nodal_forces(state)
-            if _unbalanced(model, subspace, state, forces) < settings.residual:
-                return Solution(state, True, iteration, tangent)
-    return Solution(state, False, settings.iterations, tangent,
-                    "the iteration limit was reached: start closer or take smaller steps")
+        return None
+
+    def _descends(self, state: State, residual: Parts, motion: Parts) -> bool:
+        """Check whether the potential falls along a motion of a film that wrinkles.
+
+        The slope of the potential jumps where wrinkles begin. A decrease of the potential is then
+        sufficient.
+        """
+        return (not self.free and _work(residual, motion) <= 0 and self.model.wrinkles
+                and not self.model.in_tension(state))
 
 
 def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),

@@ -215,7 +215,7 @@ class Bistable:
         while high - low > 1e-15:
             middle = (low + high) / 2
             over, back = _peaks(middle)
-            # It is the easier to push over, the nearer the unstable position is to the first.
+            # The plate is easier to push over if the unstable position is nearer to the first.
             low, high = (middle, high) if back > np.real(ratio) * over else (low, middle)
         place: Any = low
         if np.iscomplexobj(ratio):  # derivative of the implicit function, off the real axis

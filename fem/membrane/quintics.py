@@ -21,7 +21,7 @@ CUBIC = 1e-9
 #: Most halvings of a step: a wrinkling film has forces that no polynomial follows closer, and a
 #: film that becomes unstable does so within a 250th of a step.
 HALVINGS = 8
-#: Pieces that a range is divided into before these are halved.
+#: Pieces that a range of deflections is divided into before pieces are halved.
 _PIECES = 32
 
 #: Inverse of the values and slopes at 0, 1/2 and 1 of the powers up to the fifth.

@@ -67,7 +67,7 @@ class PlateMotion:
         turned = arms @ self.rotation.T
         result = np.zeros((len(arms), 3, 6), dtype=turned.dtype)
         result[:, :, :3] = _UNIT
-        # These are the cross products of the axes with the arms.
+        # Rotations move the nodes by the cross products of the axes with the arms.
         result[:, (2, 0, 1), (3, 4, 5)] = turned[:, (1, 2, 0)]
         result[:, (1, 2, 0), (3, 4, 5)] = -turned[:, (2, 0, 1)]
         return result

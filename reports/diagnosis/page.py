@@ -80,7 +80,7 @@ _WORTH = 0.02
 #: Outliers in successive lines from which a moved sensor is suggested: a typing error affects one
 #: line.
 _SHIFTED = 3
-#: Largest relative difference of their shifts from the first one's.
+#: Largest relative difference of the outliers' shifts from the first one's.
 _ALIKE = 0.5
 
 

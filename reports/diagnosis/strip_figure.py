@@ -19,7 +19,7 @@ _TITLE = 7.0
 _ABOVE = 58.0
 #: Height of the axis of residuals below it [mm].
 _BELOW = 34.0
-#: Room between both [mm].
+#: Room between the axes of stresses and residuals [mm].
 _GAP = 4.0
 #: Room below an axis for its numbers and words [mm].
 _AXIS = 12.0

@@ -44,7 +44,7 @@ _CELL = 11.0
 _BAR = 20.0
 #: Width for the names of the constants, without their letters [mm].
 _SHORTEST = 6.0
-#: Width of each letter of these names [mm].
+#: Width of each letter of a constant's name [mm].
 _LETTER = 1.3
 #: Narrowest figure of correlations, for its title [mm].
 _NARROWEST = 75.0

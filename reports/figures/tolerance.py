@@ -18,9 +18,9 @@ _WIDTH = 56.0
 _HEIGHT = 30.0
 #: Height of a row of shares of films [mm].
 _ROW = 5.0
-#: Width for the names of these rows [mm].
+#: Width for the names of the rows of shares [mm].
 _NAMES = 58.0
-#: Width between histogram and shares, for the names of these [mm].
+#: Width between histogram and shares, for the names of the shares [mm].
 _GAP = 32.0
 #: Ends of the axis, over the value, if all films are the same.
 _ALIKE = (0.9, 1.1)

@@ -37,8 +37,8 @@ _LITTLE = 1e-3
 
 #: Number of radii at which forces are solved for the fit, a cubic spline between. Set by trial.
 _GRID = 9
-#: Factor by which these radii go beyond the frame's nearest and farthest distance, so that the best
-#: radius lies inside.
+#: Factor by which the radii of the fit go beyond the frame's nearest and farthest distance, so that
+#: the best radius lies inside.
 _BEYOND = 1.1
 
 

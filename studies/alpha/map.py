@@ -163,7 +163,7 @@ class MapSettings:
 class AlphaMap:
     """Readings by the name of a column of :data:`COLUMNS`, in SI, and the formula."""
 
-    #: Names of its pictures.
+    #: Names of the pictures of a map.
     pictures: ClassVar[tuple[str, ...]] = ("alpha-map.png", "alpha-map.svg")
 
     settings: MapSettings

@@ -33,10 +33,10 @@ from tympan.studies.limits.loads import LoadGrid, usual_masses, usual_voltages
 
 Basis = Literal["membrane", "cone", "cone_scaled"]
 
-#: Smallest and largest of each weight.
+#: Smallest and largest value of each weight.
 Ranges = tuple[tuple[float, float], ...]
 
-#: Most circles: more cannot be distinguished.
+#: Largest number of circles: more cannot be distinguished.
 MOST_CIRCLES = 6
 
 #: Relative force error of a mixture of circles above which it does not represent the shape.
@@ -55,7 +55,7 @@ _HELD_OUT_VOLTAGES = (0.5, 0.9, 1.1)
 #: Bases with the source paper's circles, which have no mixture for most shapes.
 _CONES: dict[Basis, str] = {"cone": "cones as in Eq. (5)",
                             "cone_scaled": "cones scaled to the membrane"}
-#: Relative force error of such a mixture at its bound above which a remark names it.
+#: Relative force error of a mixture of cones at its bound above which a remark names it.
 _UNFITTED = 0.02
 
 #: Factor by which elements are finer in the test of the mesh's effect on α.

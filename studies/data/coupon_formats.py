@@ -28,7 +28,7 @@ _DIGITISED = (
     "id description temp vel stretch stress",
     "id description temp voltage vel stretch stress",
 )
-#: Columns of such a table that are taken over into coupon.csv under another name.
+#: Columns of a digitised table that are taken over into coupon.csv under another name.
 _RENAMED = {"stretch": "stretch", "stress": "nominal_stress_Pa", "time": "t_s",
             "voltage": "voltage_V"}
 _RATES = ("vel", "rate")

@@ -21,7 +21,8 @@ _HEAVIER = 1.5
 _STIFFENS = 1 / 3
 #: Number of deflections at which a film's force is computed.
 _PLACES = 1001
-#: Largest of these deflections, over the frame's radius: no film goes as far.
+#: Largest deflection at which a film's force is computed, over the frame's radius: no film goes as
+#: far.
 _WIDTHS = 3.0
 #: Readings of one state from which a range of frequencies is a sweep: repeats are fewer.
 _SWEEP = 4

@@ -18,7 +18,7 @@ from tympan.studies.data.sampled_run import SampledRun
 
 #: Samples before the first voltage jump that show the scatter at standstill.
 _STILL = 16
-#: Standard deviations of this scatter from which a deflection has begun to move.
+#: Standard deviations of the scatter at standstill from which a deflection has begun to move.
 _MOVED = 6.0
 #: Least share of the largest deflection that it must then have reached.
 _SHARE = 0.05

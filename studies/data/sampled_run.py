@@ -34,7 +34,8 @@ _HARMLESS = 5
 
 #: Number of equal values at an extreme from which a sensor is saturated.
 _OFTEN = 10
-#: Least ratio of this number to that of any other value, since a display rounds.
+#: Least ratio of the number of values at an extreme to that of any other value, since a display
+#: rounds.
 _MORE = 8
 
 

@@ -28,7 +28,7 @@ Spans = Sequence[tuple[int, int]]
 
 #: Frequencies of mains [Hz].
 _MAINS = (50.0, 60.0)
-#: Highest multiple of these that counts as hum: motors and rectifiers make the first few.
+#: Highest multiple of the mains that counts as hum: motors and rectifiers make the first few.
 _MULTIPLES = 4
 #: Largest error of mains and clocks together, for each multiple [Hz]: grids keep within 0.2 Hz.
 _OFF = 0.25

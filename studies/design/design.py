@@ -67,9 +67,9 @@ _IN_VAIN = 2
 _LEVEL_STEP = (0.7, 1.4)
 #: Times that a search continues about a film at the edge of the known reduced films.
 _BEYOND = 4
-#: Ranges about such a film, over the ranges given.
+#: Ranges about a film at the edge, over the ranges given.
 _ABOUT = 0.3
-#: Smallest relative gain of the aim for which the search continues there.
+#: Smallest relative gain of the aim for which the search continues about a film at the edge.
 _BETTER = 1e-3
 #: Quantities that are reported for every film.
 _TOLD = ("stroke", "blocked_force", "work", "frequency", TENSION, "voltage", "max_field",

@@ -165,7 +165,7 @@ class DesignResult:
 
     indexed: ClassVar[tuple[str, ...]] = ("film", "quantity")
 
-    #: Files of its pictures.
+    #: Files of the pictures of a design.
     pictures: ClassVar[tuple[str, ...]] = ("design.png", "design.svg")
 
     name: Annotated[str, Key("of the requirements")]

@@ -41,11 +41,11 @@ _LITTLE = 0.05
 _FEWEST = 16
 #: Random films about a design, where the share of them that keep all bounds is sought.
 _DRAWN = 512
-#: Number of these films next to the quantile, from which its slope is computed.
+#: Number of random films next to the quantile, from which its slope is computed.
 _NEXT = 32
 #: Random designs that may be better starts than the known one.
 _LOOKED_AT = 15
-#: Films about each of these.
+#: Films about each random design.
 _FEW = 128
 
 #: Most designs in one sequence.

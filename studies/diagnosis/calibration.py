@@ -41,8 +41,8 @@ from tympan.studies.modes import heave_frequency
 #: Reach of a force law beyond what the readings need, as factors on deflection and U²: effects and
 #: larger factors move films further out.
 _ROOM = (1.3, 1.15)
-#: The same factors for a film that hardly reaches its range: with less deflection it bears more
-#: voltage. They are less than one because laws are valid a little beyond their range.
+#: Factors on deflection and U² of a film that hardly reaches its range: with less deflection it
+#: bears more voltage. They are less than one because laws are valid a little beyond their range.
 _TIGHT = (0.95, 0.95)
 #: Share of the needed range that is enough, for the same reason.
 _ENOUGH = 0.94
@@ -71,10 +71,11 @@ _GROWTH = 2.0
 #: Number of equilibria checked with finite elements on a fine mesh, about 0.1 s each.
 _STATES_CHECKED = 6
 
-#: Number of frequencies checked in this way: each takes an equilibrium and its modes.
+#: Number of frequencies checked on a fine mesh: each takes an equilibrium and its modes.
 _FREQUENCIES_CHECKED = 4
 
-#: Number of scans checked in this way: each takes an equilibrium and the places of all its points.
+#: Number of scans checked on a fine mesh: each takes an equilibrium and the places of all its
+#: points.
 _SCANS_CHECKED = 4
 
 #: Reasons why a reading is left out: the force law ends before it, or the film pulls in before it.

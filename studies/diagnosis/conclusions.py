@@ -67,7 +67,7 @@ _LEAST = 0.01
 #: Share of the misfit that an effect must remove alone, half, before its check is recommended where
 #: no hypothesis explains the misfit.
 _WORTH = 0.5
-#: Most such checks that are recommended: more would be no advice.
+#: Most checks of effects that are recommended: more would be no advice.
 _CHECKS = 2
 
 #: Sizes over the prior scale up to which such actuators show an effect.

@@ -28,7 +28,7 @@ _BEFORE = 1e-6
 _RULE = np.polynomial.legendre.leggauss(12)
 #: Places in a passage, denser at its beginning: there a film moves fastest.
 _SHARES: Array = ((_RULE[0] + 1) / 2) ** 2
-#: Weights of the values at these places in the mean; they add up to 1.
+#: Weights of the values at a passage's places in the mean; they add up to 1.
 WEIGHTS: Array = _RULE[1] * (_RULE[0] + 1) / 2
 
 

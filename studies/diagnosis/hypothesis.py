@@ -19,7 +19,7 @@ STIFFNESS = 0
 #: Place of the permittivity factor's logarithm.
 PERMITTIVITY = 1
 
-#: Places of both factors.
+#: Places of the factors on stiffness and permittivity.
 FACTORS = slice(0, 2)
 #: Places of the sizes of a hypothesis' effects.
 SIZES = slice(2, None)

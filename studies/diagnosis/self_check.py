@@ -45,7 +45,7 @@ _DRAWS = 50
 _HARDLY = 0.1
 #: Share of the detected sets that list another effect, from which the two are not distinguished.
 _ALIKE = 0.5
-#: Fewest detected sets for such a share.
+#: Fewest detected sets for the share of sets that list another effect.
 _SEEN = 3
 
 

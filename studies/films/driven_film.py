@@ -29,7 +29,7 @@ PHASES = 2.0
 #: Last correction of a state over the root of a step's error: the error after a correction is its
 #: square.
 _CLOSER = 0.2
-#: Largest value of this correction, relative to the gap. Set by trial.
+#: Largest value of the last correction of a state, relative to the gap. Set by trial.
 _NEAR = 2e-3
 
 #: Error of a step, relative to the gap between plate and frame.

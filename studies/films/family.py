@@ -261,6 +261,21 @@ def require_reducible(specimen: Specimen, loads: Loads) -> None:
 
 
 @dataclass(frozen=True, eq=False)
+class RaisedFilms:
+    """Films whose voltage is raised until a limit, under forces [N], (films,).
+
+    ``at``: the points where stretches and fields are compared. ``strengths``: factors on the
+    electric strength, (films,). ``wanted``: kinds of limits that are looked for.
+    """
+
+    films: Films
+    at: FilmsAt
+    forces: AnyArray
+    strengths: AnyArray
+    wanted: Collection[str]
+
+
+@dataclass(frozen=True, eq=False)
 class FilmFamily:
     """Films of a box of parameters, under forces and voltages of a range.
 
@@ -538,9 +553,9 @@ class FilmFamily:
         :func:`~tympan.studies.films.first_limits.kinds`.
         """
         strength = np.broadcast_to(np.asarray(strengths, float), forces.shape)
-        found = [first_limits(partial(self.margins, films, films.at(self.looked_at), forces[part],
-                                      strength[part], wanted or kinds()), len(films),
-                              *self.squared)
+        found = [first_limits(partial(self.margins, RaisedFilms(
+            films, films.at(self.looked_at), forces[part], strength[part], wanted or kinds())),
+                              len(films), *self.squared)
                  for part, films in self.blocks(parameters)]
         return FirstLimits(np.concatenate([some.voltage for some in found]),
                            np.concatenate([some.kind for some in found]))
@@ -550,11 +565,11 @@ class FilmFamily:
         """Lowest and highest U² [V²]."""
         return self.voltage[0] ** 2, self.voltage[1] ** 2
 
-    def margins(self, films: Films, at: FilmsAt, forces: AnyArray, strengths: AnyArray,
-                wanted: Collection[str], number: AnyArray, squared: AnyArray,
+    def margins(self, raised: RaisedFilms, number: AnyArray, squared: AnyArray,
                 near: AnyArray | None) -> FilmMargins:
-        """Compute margins of ``wanted`` kinds of some films, by their numbers, at U² of each."""
-        force, strength = forces[number], strengths[number]
+        """Compute the margins of some films, by their numbers, at U² of each, from states near."""
+        films, at, wanted = raised.films, raised.at, raised.wanted
+        force, strength = raised.forces[number], raised.strengths[number]
         if near is None:
             balance = self._rests(films, number, force, squared)
         else:

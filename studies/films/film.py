@@ -45,8 +45,8 @@ _LAST = 1e-4
 #: Largest deflection of the table of a film's law, over the gap between plate and frame. Beyond it
 #: the law itself is evaluated.
 _TABULATED = 0.25
-#: Margin of the table beyond the strains at these deflections, relative to their range: other
-#: shapes strain the film a little more.
+#: Margin of the table beyond the strains at the tabulated deflections, relative to their range:
+#: other shapes strain the film a little more.
 _MARGIN = 0.2
 
 #: Shortest part of a change of loads that is tried.

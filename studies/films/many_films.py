@@ -44,7 +44,7 @@ _SLOW = 0.2
 #: Least number of steps over the gap of a plate that mechanisms may make snap: a snap takes
 #: several.
 _MARCHED = 30
-#: Largest number of such steps; it limits the cost.
+#: Largest number of steps of a plate that may snap; it limits the cost.
 _MOST_MARCHED = 400
 #: Length of a step relative to an interval of negative stiffness.
 _PART = 0.125
@@ -518,24 +518,24 @@ class Films:
         balance = Balance(q=guess.copy(), sound=np.zeros(count, dtype=bool),
                           stiffness=np.full(count, np.nan), least=np.full(count, np.nan))
         active = np.flatnonzero(np.isfinite(self.few.volumes[films]).all(-1))
-        gap = np.broadcast_to(self.gap, len(self))[films]
+        task = _Task(films, force, squared, held, share)
         for _ in range(ITERATIONS):
-            going = [self._approached(balance, active[part], films, force, squared, gap, held,
-                                      share)
+            going = [self._approached(balance, active[part], task)
                      for part in self.parts(active, len(self.points.sites.cells))]
             active = np.concatenate(going) if going else active[:0]
             if not len(active):
                 break
         return balance
 
-    def _approached(self, balance: Balance, some: AnyArray, films: AnyArray, force: AnyArray,
-                    squared: AnyArray, gap: AnyArray, held: bool, share: float) -> AnyArray:
+    def _approached(self, balance: Balance, some: AnyArray, task: _Task) -> AnyArray:
         """Correct some states by their tangents; return those that need new ones."""
+        films, squared, share = task.films, task.squared, task.share
+        gap = np.broadcast_to(self.gap, len(self))[films]
         with np.errstate(all="ignore"):
             pull, stiffness = self.pull(films[some], balance.q[some], squared[some], share)
-            pull -= (pull[:, :1] * self.leverage if held else force[some, None] * self.lift)
+            pull -= self._carried(pull, some, task)
             turned = stiffness
-            if held:
+            if task.held:
                 turned = stiffness - self.leverage[:, None] * stiffness[:, :1]
                 for part in (stiffness, turned):
                     part[:, 0, :], part[:, :, 0], part[:, 0, 0] = 0.0, 0.0, 1.0
@@ -562,8 +562,15 @@ class Films:
                 if not len(some) or correction == _CHORDS:
                     break
                 pull = self.forces(films[some], balance.q[some], squared[some], share)
-                pull -= (pull[:, :1] * self.leverage if held else force[some, None] * self.lift)
+                pull -= self._carried(pull, some, task)
         return np.concatenate([*going, some])
+
+    def _carried(self, pull: AnyArray, some: AnyArray, task: _Task) -> AnyArray:
+        """Compute what acts on the shapes of some states, from the pull of their films.
+
+        A held plate is carried by the force that holds it, others by the given force.
+        """
+        return pull[:, :1] * self.leverage if task.held else task.force[some, None] * self.lift
 
     def charged(self, films: AnyArray, force: AnyArray, q: AnyArray, squared: AnyArray,
                 chords: int = 0
@@ -783,13 +790,13 @@ class Extremes:
     tension: AnyArray
     #: Largest field [V/m].
     electric: AnyArray
-    #: Largest share of the film's strength.
+    #: Largest share of the film's strength, at its weakest point.
     share: AnyArray
-    #: Field at that point [V/m].
+    #: Field at the weakest point [V/m].
     weakest_field: AnyArray
-    #: Strength at that point [V/m].
+    #: Strength at the weakest point [V/m].
     weakest_strength: AnyArray
-    #: Number of that point.
+    #: Number of the weakest point.
     weakest: AnyArray
     #: Mask of states that are stable in the film's plane and within the law's range at all points.
     sound: Mask
@@ -837,6 +844,21 @@ class Balance:
         """Replace the values of some states by others."""
         for item in fields(self):
             getattr(self, item.name)[some] = getattr(other, item.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """Equilibria to be solved: of ``films``, by their numbers, under loads of each, (states,).
+
+    ``force`` [N] and ``squared`` voltage [V²]. ``held``: plates keep their deflections. ``share``:
+    share of the gas pressure that acts.
+    """
+
+    films: AnyArray
+    force: AnyArray
+    squared: AnyArray
+    held: bool
+    share: float
 
 
 @dataclass(frozen=True, eq=False)

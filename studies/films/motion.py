@@ -35,7 +35,7 @@ _TWICE = 2
 
 #: Positions in a piece of the signal, as shares, that show whether the signal is linear.
 _PLACES = np.array([0.1, 0.3, 0.5])
-#: Largest deviation of these voltages from a line, over the largest: rounding.
+#: Largest deviation of a linear piece's voltages from a line, over the largest: rounding.
 _LINE = 1e-9
 #: First step in a piece that is not linear, as a share of the piece. Set by trial.
 _BENT = 0.25

@@ -55,8 +55,8 @@ _BETWEEN = (0.0, 0.7)
 
 #: Lowest voltage of the test runs, as a share of the highest.
 _LOW = 0.05
-#: Highest voltage of their steps and sines, as a share: different from the one the film was made
-#: with.
+#: Highest voltage of steps and sines of the test runs, as a share: different from the one the film
+#: was made with.
 _HIGH = 0.85
 #: Number of levels of the run with random steps.
 _LEVELS = 5

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from tympan.base.arrays import AnyArray
-from tympan.studies.films.family import FilmFamily
+from tympan.studies.films.family import FilmFamily, RaisedFilms
 from tympan.studies.films.first_limits import ENDS, WITHIN, FilmMargins, first_limits
 from tympan.studies.films.many_films import Charged, Films, FilmsAt, LocalState
 
@@ -26,7 +26,7 @@ _POINTS = 25
 #: States in addition to those of the search. U² is then accurate to 3e-4 of its value at the end,
 #: in eight random films; a family's own error is as large.
 _MORE = 8
-#: Exponent of the spacing of their deflections: the plate moves ever more per volt.
+#: Exponent of the spacing of additional states' deflections: the plate moves ever more per volt.
 _MORE_AND_MORE = 1.5
 #: Largest correction of a state's U², over the largest U²: its square remains as error.
 _FAR = 0.03
@@ -109,11 +109,12 @@ def rise(family: FilmFamily, row: AnyArray, force: float, last: FamilyRise | Non
 def _searched(film: _Film) -> tuple[_Way, str | None, float] | None:
     """Search for a film's limits; return its path, the limit that ends it, and its deflection."""
     family, seen = film.family, list[tuple[AnyArray, FilmMargins]]()
+    # The search for breakdown is later: films continue beyond it.
+    raised = RaisedFilms(film.films, film.places, np.array([film.force]), np.ones(1),
+                         (*ENDS, *WITHIN))
 
     def found(some: AnyArray, squared: AnyArray, near: AnyArray | None) -> FilmMargins:
-        # The search for breakdown is later: films continue beyond it.
-        margins = family.margins(film.films, film.places, np.array([film.force]), np.ones(1),
-                                 (*ENDS, *WITHIN), some, squared, near)
+        margins = family.margins(raised, some, squared, near)
         seen.append((squared, margins))
         return margins
 

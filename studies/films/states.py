@@ -57,11 +57,11 @@ class FilmStates:
     electric: AnyArray
     #: Largest share of the electric strength that the field reaches.
     breakdown: AnyArray
-    #: Place of that share in the mounted film [m], (films, states, 2).
+    #: Weakest place, where the share is largest, in the mounted film [m], (films, states, 2).
     weakest: AnyArray
-    #: Electric field at that place [V/m].
+    #: Electric field at the weakest place [V/m].
     weakest_field: AnyArray
-    #: Electric strength at that place [V/m].
+    #: Electric strength at the weakest place [V/m].
     weakest_strength: AnyArray
     #: Tilt of the plate [rad].
     tilt: AnyArray

@@ -211,7 +211,7 @@ class StaticProblem:
         actuator, (circles, *parts) = self.actuators[number], self._units[number]
         squared = actuator.permittivity * np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
         parted = (circles.pull(part, y[:, None])[1:] for part in parts)
-        # Both are linear in the constants: shape (constants, points, circles).
+        # Force and stiffness are linear in the constants: shape (constants, points, circles).
         pulls, stiffs = (np.stack([*(actuator.stiffness * film for film in films), squared * drawn])
                          for *films, drawn in zip(*parted, strict=True))
         weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]

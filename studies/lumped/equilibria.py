@@ -99,7 +99,7 @@ def rest_curve(actuator: Actuator, voltages: Any) -> Array:
     holding = np.maximum.accumulate(np.append(0.0, squared_at(actuator, y[1:])))
     below = np.searchsorted(holding, squared, "right") - 1
     inside = squared <= (holding[-1] if limit is None else limit[0] ** 2)
-    # This point is below the rest and near it; from it Newton's method climbs to the rest.
+    # Newton's method starts at the grid's point next below the rest, and climbs to the rest.
     settled = settle(lambda at: actuator.balance(at, voltages), y[np.clip(below, 0, len(y) - 2)])
     return np.where(inside, settled, np.nan)
 

@@ -257,7 +257,7 @@ def _ends(candidate: _Candidate, visited: _Visited) -> tuple[AnyArray, AnyArray]
     start = np.append(candidate.best, 1.0)
     line = profile(problem, start, len(candidate.best), _reach(candidate, row), _QUANTILE_MET,
                    _EVALUATIONS)
-    # Without a limit the profile ended at a bound, or with its evaluations.
+    # A profile without a limit ended at a bound, or with its last evaluation.
     ends = [float(line.values.min()) if line.low is None else line.low,
             float(line.values.max()) if line.high is None else line.high]
     soft, stiff = (_last_law(candidate, problem, start, end) for end in ends)

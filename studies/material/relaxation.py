@@ -25,7 +25,7 @@ March = tuple[AnyArray, AnyArray, AnyArray]
 
 #: Number of times per factor e of the grid on which branches are tabulated. Set by trial.
 _DENSITY = 5.0
-#: Degree of the spline between them: it follows smooth functions with few times.
+#: Degree of the spline between times of the grid: it follows smooth functions with few times.
 _DEGREE = 5
 
 #: Shortest time of a branch, over the shortest interval between readings that strain the film. A

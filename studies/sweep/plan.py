@@ -37,7 +37,8 @@ Choice = dict[str, Any]
 MOST = 1_000_000
 #: Most keys that specimens differ in; a larger number is a typing error.
 _MOST_KEYS = 1000
-#: Most values of these keys, of all specimens together; a larger number is a typing error.
+#: Most values of the keys that differ, of all specimens together; a larger number is a typing
+#: error.
 _MOST_VALUES = 2_000_000
 #: Most cases, which are specimens under loads; a larger number is a typing error.
 _MOST_CASES = 10_000_000

@@ -32,9 +32,9 @@ _LEAST = 0.5
 #: Largest value on the sliders of sizes and factors, over the initial one: inverse of the least.
 _MOST = 2.0
 
-#: Largest mass on its slider by default [kg]: about twice the source paper's larger load.
+#: Largest mass on the slider by default [kg]: about twice the source paper's larger load.
 _MASS = 50e-3
-#: Largest voltage on its slider by default [V]: the range of common high-voltage amplifiers.
+#: Largest voltage on the slider by default [V]: the range of common high-voltage amplifiers.
 _VOLTAGE = 10e3
 
 #: Keys of a view that do not belong to its specimen.

@@ -32,7 +32,7 @@ INTERVAL = 1e-3
 
 #: End of the time axes of figures 9 to 12 [s]; the original is lost. Long enough for film creep.
 _STEP_END = 30.0
-#: End of the time axes of their zooms [s]; the original is lost, too.
+#: End of the time axes of the zooms of figures 9 to 12 [s]; the original is lost, too.
 ZOOM = 3.0
 
 #: Smallest change that the paper's sensor resolves [m].
@@ -41,7 +41,7 @@ _SEEN = 1e-6
 _PRECISION = 1e-10
 #: Number of time spans in each of which a drawn response keeps the extremes.
 _BUCKETS = 3000
-#: Number of seeds that are tried for levels near both voltages.
+#: Number of seeds that are tried for random levels near the lowest and highest voltage.
 _SEEDS = 10_000
 #: Usual thresholds of settling, as shares.
 _USUAL = (0.05, 0.02, 0.01)

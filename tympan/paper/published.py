@@ -17,7 +17,7 @@ NAMES = ("circular", "elliptical-small", "elliptical-large")
 
 #: Lowest voltage of Table 2 and of figures 7, 8 and 14 [V].
 LOWEST = 0.0
-#: Their highest voltage [V].
+#: Highest voltage of Table 2 and of figures 7, 8 and 14 [V].
 HIGHEST = 7e3
 
 #: Figures 9–12 step from the first voltage to the second [V].

@@ -28,7 +28,8 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 #: Size of an effect at which a further search starts, as a share of the sampled range: near its
 #: end, not on it.
 _SHARE = 0.9
-#: Largest such size over the prior scale. A start further out does not help. Set by trial.
+#: Largest size over the prior scale at which a further search starts. A start further out does not
+#: help. Set by trial.
 _USUAL = 8.0
 
 #: Starting sizes over the prior scale of effects whose parameters do not act additively.
@@ -58,7 +59,7 @@ _HELP = 1.5
 #: Number of single effects that are tried far beyond their best fit where none explains the
 #: readings. It limits the cost.
 _VENTURES = 3
-#: Times that each of them is grown for that. It limits the cost.
+#: Times that an effect is grown beyond its best fit. It limits the cost.
 _STEPS = 4
 #: χ² by which an effect may be behind the best one and still rival it once it is exact. Set by
 #: trial.

@@ -48,7 +48,7 @@ _SINGLE = 200
 #: Ratio of a channel's scatter about smooth curves to its stated noise from which the stated noise
 #: is wrong: people understate it by a factor of two, hardly by more.
 UNLIKE = 3.0
-#: Fewest degrees of freedom of such a scatter.
+#: Fewest degrees of freedom of a scatter about smooth curves.
 _KNOWN = 5.0
 
 #: Message where no noise can be estimated.

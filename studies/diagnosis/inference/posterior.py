@@ -21,9 +21,9 @@ NOTHING = 0.5
 #: Prior probability of one effect of the library. Effects share it equally; an effect on each
 #: specimen shares that of its effect.
 SINGLE = 0.3
-#: Prior probability of two of them, shared equally by pairs.
+#: Prior probability of two effects of the library, shared equally by pairs.
 PAIR = 0.1
-#: Prior probability of none of them.
+#: Prior probability of a cause that is not in the library.
 DISCREPANCY = 0.1
 
 #: Sizes of a discrepancy over the noise, all with the same prior probability.

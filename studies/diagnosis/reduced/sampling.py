@@ -34,7 +34,7 @@ from tympan.studies.kept.store import Store, digest
 
 #: Mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
 COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
-#: Mesh on which they are checked.
+#: Mesh on which force laws are checked.
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
 #: Newton steps from node to node, with forces to 1e-6; where they fail there is rarely a state.

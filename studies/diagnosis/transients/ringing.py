@@ -17,7 +17,7 @@ _LONG = 40
 _SHORT = 4
 #: Least share of the scatter that an oscillation must explain.
 _CLEAR = 0.6
-#: Largest relative uncertainty of its frequency.
+#: Largest relative uncertainty of an oscillation's frequency.
 _TOLD = 0.03
 #: Most evaluations of a fit. It limits the cost.
 _EVALUATIONS = 60

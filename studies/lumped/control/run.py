@@ -54,11 +54,11 @@ _STEP = 1e-3
 _DISTURBED = 0.05
 #: Number of random films on which the loop is tried.
 _FILMS = 1000
-#: Standard deviation of their stiffness and permittivity: the usual spread in a workshop.
+#: Standard deviation of stiffness and permittivity of random films: the usual spread in a workshop.
 _FILM_SCATTER = 0.1
-#: Standard deviation of their mass: weights of one set and glue.
+#: Standard deviation of the mass on random films: weights of one set and glue.
 _MASS_SCATTER = 0.05
-#: Standard deviation of their viscous constants, which are the least known.
+#: Standard deviation of the viscous constants of random films, which are the least known.
 _VISCOUS_SCATTER = 0.2
 #: Duration of a disturbance's run, over the time in which a swing falls by a factor e: to 1e-4.
 _DECAYS = 10.0
