@@ -29,6 +29,7 @@ from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.biases import JoinedFilm
+from tympan.fem.membrane.formula import FORMULAS, Formula, FormulaFilm
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -36,7 +37,7 @@ from tympan.fem.plausible_loads import implausible_loads
 from tympan.fem.results.fields import (
     Fields,
     LostTension,
-    film_integrals,
+    largest,
     lost_tension,
     node_fields,
 )
@@ -54,7 +55,7 @@ from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
-from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.film_surface import NO_SURFACE, FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
 
@@ -83,11 +84,27 @@ Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences"
 @checks_types
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a computation: mesh, path, and use of mirror symmetry."""
+    """Settings of a computation: mesh, path, use of mirror symmetry, and what computes the film.
+
+    ``film``: name of a film in closed form of :data:`~tympan.fem.membrane.formula.FORMULAS`; by
+    default finite elements compute the film.
+    """
 
     mesh: MeshSettings = field(default_factory=MeshSettings)
     path: PathSettings = field(default_factory=PathSettings)
     symmetry: bool = True
+    film: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.film is not None and self.film not in FORMULAS.whole(self.film):
+            raise InputError(f"must be a registered film in closed form: "
+                             f"{', '.join(FORMULAS) or 'there is none'}", key="film",
+                             given=self.film)
+
+    @property
+    def formula(self) -> Formula | None:
+        """Film in closed form; None where finite elements compute the film."""
+        return None if self.film is None else FORMULAS[self.film]
 
     def bounded(self, model: Model, loads: int = 1) -> Settings:
         """Share one budget of work between all searches over many loads of a model."""
@@ -444,8 +461,11 @@ class CaseResult(CaseRecord):
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
-    """Build CAD, mesh and discretisation; kept, since a study uses a specimen many times."""
-    return replace(meshed(specimen, settings, mirror_planes(specimen, loading)),
+    """Build the film of a specimen as the settings say, with the actions on it.
+
+    CAD, mesh and discretisation are kept, since a study uses a specimen many times.
+    """
+    return replace(bare_film(specimen, settings, mirror_planes(specimen, loading)),
                    loading=solved_loading(loading, settings))
 
 
@@ -465,7 +485,7 @@ def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading) -> Solv
 
 def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> object:
     """Collect all values that the mesh of :func:`build_model` depends on, as a key to share it."""
-    return (specimen.frame, specimen.plate, specimen.electrode,
+    return (settings.film, specimen.frame, specimen.plate, specimen.electrode,
             settings.mesh.suited(specimen.membrane.prestretch), settings.symmetry,
             mirror_planes(specimen, loading))
 
@@ -474,6 +494,16 @@ def mirror_planes(specimen: Specimen, loading: Loading) -> frozenset[str]:
     """Find the mirror planes that film and loads have in common."""
     return specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
                                      if arm}
+
+
+def bare_film(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+    """Make the film of a specimen as the settings say, without any actions on it.
+
+    ``planes``: mirror planes, of finite elements.
+    """
+    formula = settings.formula
+    return (meshed(specimen, settings, planes) if formula is None
+            else FormulaFilm.of(formula, specimen))
 
 
 @lru_cache(maxsize=32)
@@ -550,7 +580,13 @@ def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
     result = replace(result, equilibria=_several(model, outcome, settings))
     if not film or outcome.status != "equilibrium":
         return result
-    return replace(result, film=film_surface(model, outcome.state))
+    return with_surface(result, film_surface(model, outcome.state))
+
+
+def with_surface(result: CaseResult, surface: FilmSurface | None) -> CaseResult:
+    """Add the film's surface to a result, or a warning that it has none."""
+    more = () if surface is not None else (NO_SURFACE,)
+    return replace(result, film=surface, warnings=(*result.warnings, *more))
 
 
 def _several(model: Model, outcome: Outcome, settings: Settings) -> tuple[StableEquilibrium, ...]:
@@ -582,7 +618,8 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
     pairs = iter(cases)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
-    while batch := list(islice(pairs, max(1, _TOGETHER // model.discretisation.mesh.nelements))):
+    together = _TOGETHER // max(1, model.discretisation.mesh.nelements)
+    while batch := list(islice(pairs, max(1, together))):
         numbers = iter(_state_numbers(model, [outcome.state for _, outcome in batch
                                               if outcome.status == "equilibrium"]))
         for case, outcome in batch:
@@ -614,7 +651,7 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
     film = None if _sound(model, at_nodes) else model.specimen.membrane
     for state, fields, slack, *integrals in zip(
             states, at_nodes, lost_tension(model, states, at_nodes=at_nodes),
-            *film_integrals(model, states), strict=True):
+            *model.integrals(states), strict=True):
         reaction, capacitance, energy = map(float, integrals)
         breakdown = {}
         if fields.breakdown_share.any():  # with a voltage and a strength law
@@ -626,12 +663,12 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             "deflection_m": model.deflection(state),
             "reaction_N": reaction if model.specimen.plate else None,
             "capacitance_F": capacitance,
-            "max_stretch": float(fields.stretch_1.max()),
-            "max_true_stress_Pa": float(fields.stress_1.max()),
-            "max_field_V_per_m": float(fields.electric_field.max()),
+            "max_stretch": largest(fields.stretch_1),
+            "max_true_stress_Pa": largest(fields.stress_1),
+            "max_field_V_per_m": largest(fields.electric_field),
             **breakdown,
-            "slack_area_m2": slack.wrinkled + slack.slack,
-            "slack_share": slack.share,
+            "slack_area_m2": slack.wrinkled + slack.slack if model.meshed else None,
+            "slack_share": slack.share if model.meshed else None,
             "tilt_rad": state.plate.tilt if model.specimen.plate else None,
             "energy_J": energy,
             "warnings": tuple(field_warnings(fields, slack, film, _firm(model, state)))}
@@ -669,7 +706,7 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
     ``firm`` is the film's :func:`~tympan.fem.results.firmness.firmness` at the same nodes.
     """
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
-    if firm is not None and firm.min() <= 0:
+    if firm is not None and firm.min(initial=np.inf) <= 0:
         place = place_text(*fields.position[np.argmin(firm), :2].tolist())
         warnings.append(f"{INSTABILITY.at(place)}: this equilibrium is unstable, since short "
                         "waves of the film grow there at this voltage")
@@ -681,6 +718,8 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
         over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
         warnings.append(f"{TENSION.label}: the film wrinkles{over}, most at "
                         f"{place_text(float(x), float(y))}")
+    if not len(fields.position):
+        return warnings
     weakest = int(np.argmax(fields.breakdown_share))
     x, y, _ = fields.position[weakest]
     warnings += breakdown_warning(

@@ -14,7 +14,7 @@ from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.model import Model
-from tympan.fem.results.fields import Fields, node_fields
+from tympan.fem.results.fields import Fields, largest, node_fields
 from tympan.fem.results.limit_states import BREAKDOWN
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -120,13 +120,13 @@ class ExactFilm:
     @property
     def stress(self) -> Array:
         """Largest stress; beyond a limit that of the last equilibrium before it."""
-        stress = np.array([[each.stress_1.max() for each in self._fields]])
+        stress = np.array([[_most(each.stress_1) for each in self._fields]])
         return stress if self.sound else np.full_like(stress, np.nan)
 
     @property
     def tension(self) -> Array:
         """Least tension; beyond a limit it is that of a film that bears compression."""
-        found = self._row([each.stress_2.min() for each in self._fields])
+        found = self._row([each.stress_2.min(initial=np.inf) for each in self._fields])
         if self.sound and not self._there.all():  # the tension falls with U², to 0 at the limit
             end = min(float(self.limit[0]), _SHORT * self.margin)
             found[0, -1] = found[0, 0] * (1 - (self.margin / end) ** 2)
@@ -134,11 +134,12 @@ class ExactFilm:
 
     @property
     def electric(self) -> Array:
-        return self._row([each.electric_field.max() for each in self._fields])
+        return self._row([_most(each.electric_field) for each in self._fields])
 
     @property
     def breakdown(self) -> Array:
-        return self._row([each.breakdown_share.max() / self.strength for each in self._fields])
+        return self._row([each.breakdown_share.max(initial=0.0) / self.strength
+                          for each in self._fields])
 
     @cached_property
     def blocked_force(self) -> Array:
@@ -170,3 +171,9 @@ class ExactFilm:
     @property
     def first_limit(self) -> Array:
         return np.array([min((each.voltage_V for each in self._limits), default=np.inf)])
+
+
+def _most(values: Array) -> float:
+    """Find the largest value of a field; nan for a film that has no fields."""
+    most = largest(values)
+    return np.nan if most is None else most
