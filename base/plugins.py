@@ -1,4 +1,4 @@
-"""Extensions by users' own packages, as entry points: effects, laws, outlines, formats of tables.
+"""Extensions by users' own packages, as entry points: effects, laws, outlines, films, formats.
 
 A package registers a module, or anything in one, under a group of :data:`GROUPS`; loading it
 registers what is in it, as tympan's own modules do. In its pyproject.toml::
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 #: Groups of entry points, and what their values are called.
 GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",
-          "tympan.formats": "a format"}
+          "tympan.formats": "a format", "tympan.films": "a film"}
 
 #: Most characters of a package's error that a message repeats.
 _TOLD = 200

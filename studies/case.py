@@ -29,6 +29,7 @@ from tympan.fem.equilibrium.voltage_path import voltage_path
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.biases import JoinedFilm
+from tympan.fem.membrane.formula import FORMULAS, Formula, FormulaFilm
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -49,7 +50,7 @@ from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
-from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.film_surface import NO_SURFACE, FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
 from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
@@ -76,11 +77,27 @@ Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences"
 @checks_types
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a computation: mesh, path, and use of mirror symmetry."""
+    """Settings of a computation: mesh, path, use of mirror symmetry, and what computes the film.
+
+    ``film``: name of a film in closed form of :data:`~tympan.fem.membrane.formula.FORMULAS`; by
+    default finite elements compute the film.
+    """
 
     mesh: MeshSettings = field(default_factory=MeshSettings)
     path: PathSettings = field(default_factory=PathSettings)
     symmetry: bool = True
+    film: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.film is not None and self.film not in FORMULAS.whole(self.film):
+            raise InputError(f"must be a registered film in closed form: "
+                             f"{', '.join(FORMULAS) or 'there is none'}", key="film",
+                             given=self.film)
+
+    @property
+    def formula(self) -> Formula | None:
+        """Film in closed form; None where finite elements compute the film."""
+        return None if self.film is None else FORMULAS[self.film]
 
     def bounded(self, model: Model, loads: int = 1) -> Settings:
         """Share one budget of work between all searches over many loads of a model."""
@@ -416,8 +433,11 @@ class CaseResult(ShowsState, CaseRecord):
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
-    """Build CAD, mesh and discretisation; kept, since a study uses a specimen many times."""
-    return replace(meshed(specimen, settings, mirror_planes(specimen, loading)),
+    """Build the film of a specimen as the settings say, with the actions on it.
+
+    CAD, mesh and discretisation are kept, since a study uses a specimen many times.
+    """
+    return replace(bare_film(specimen, settings, mirror_planes(specimen, loading)),
                    loading=solved_loading(loading, settings))
 
 
@@ -437,7 +457,7 @@ def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading) -> Solv
 
 def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> object:
     """Collect all values that the mesh of :func:`build_model` depends on, as a key to share it."""
-    return (specimen.frame, specimen.plate, specimen.electrode,
+    return (settings.film, specimen.frame, specimen.plate, specimen.electrode,
             settings.mesh.suited(specimen.membrane.prestretch), settings.symmetry,
             mirror_planes(specimen, loading))
 
@@ -446,6 +466,16 @@ def mirror_planes(specimen: Specimen, loading: Loading) -> frozenset[str]:
     """Find the mirror planes that film and loads have in common."""
     return specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
                                      if arm}
+
+
+def bare_film(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+    """Make the film of a specimen as the settings say, without any actions on it.
+
+    ``planes``: mirror planes, of finite elements.
+    """
+    formula = settings.formula
+    return (meshed(specimen, settings, planes) if formula is None
+            else FormulaFilm.of(formula, specimen))
 
 
 @lru_cache(maxsize=32)
@@ -522,7 +552,13 @@ def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
     result = replace(result, equilibria=_several(model, outcome, settings))
     if not film or outcome.status != "equilibrium":
         return result
-    return replace(result, film=film_surface(model, outcome.state))
+    return with_surface(result, film_surface(model, outcome.state))
+
+
+def with_surface(result: CaseResult, surface: FilmSurface | None) -> CaseResult:
+    """Add the film's surface to a result, or a warning that it has none."""
+    more = () if surface is not None else (NO_SURFACE,)
+    return replace(result, film=surface, warnings=(*result.warnings, *more))
 
 
 def _several(model: Model, outcome: Outcome, settings: Settings) -> tuple[StableEquilibrium, ...]:
@@ -554,7 +590,8 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
     pairs = iter(cases)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
-    while batch := list(islice(pairs, max(1, _TOGETHER // model.discretisation.mesh.nelements))):
+    together = _TOGETHER // max(1, model.discretisation.mesh.nelements)
+    while batch := list(islice(pairs, max(1, together))):
         found = SolvedStates(model, [outcome.state for _, outcome in batch
                                      if outcome.status == "equilibrium"])
         shown = zip(rows_of_variables(found, plate=model.specimen.plate is not None),
@@ -612,7 +649,7 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
     ``firm`` is the film's :func:`~tympan.fem.results.firmness.firmness` at the same nodes.
     """
     warnings, loose = [], fields[fields.tension != Tension.TAUT]
-    if firm is not None and firm.min() <= 0:
+    if firm is not None and firm.min(initial=np.inf) <= 0:
         place = place_text(*fields.position[np.argmin(firm), :2].tolist())
         warnings.append(f"{INSTABILITY.at(place)}: this equilibrium is unstable, since short "
                         "waves of the film grow there at this voltage")
@@ -624,6 +661,8 @@ def field_warnings(fields: Fields, loss: LostTension, film: Film | None,
         over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
         warnings.append(f"{TENSION.label}: the film wrinkles{over}, most at "
                         f"{place_text(float(x), float(y))}")
+    if not len(fields.position):
+        return warnings
     weakest = int(np.argmax(fields.breakdown_share))
     x, y, _ = fields.position[weakest]
     warnings += breakdown_warning(

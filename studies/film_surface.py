@@ -39,6 +39,9 @@ _TURNED_OVER = np.array([1.0, 1.0, -1.0])
 #: version, which wrote z along the load.
 _DEFLECTION = "deflection"
 
+#: Warning of a result whose surface was asked for.
+NO_SURFACE = "the film is a formula: it has no surface, and no fields on it to show"
+
 #: Number of triangles tried for a place: those with the nearest middles.
 _NEAREST = 12
 #: Distance outside a triangle, relative to it, of a place that is at the film's curved edge.
@@ -157,12 +160,14 @@ def series_files(folder: Path, name: str) -> list[Path]:
 
 
 def film_surface(model: Model, state: State, parts: int = 6, unfolding: Unfolding | None = None,
-                 **nodal: Array) -> FilmSurface:
+                 **nodal: Array) -> FilmSurface | None:
     """Cut the whole film into triangles, ``parts``² an element, with all fields of :data:`STORED`.
 
-    ``unfolding`` is that of the model's mesh, if it is known. Further ``nodal`` vectors of the
-    whole film, shape (nodes, 3), are interpolated.
+    None for a film in closed form, which has no surface. ``unfolding`` is that of the model's mesh,
+    if it is known. Further ``nodal`` vectors of the whole film, shape (nodes, 3), are interpolated.
     """
+    if not model.meshed:
+        return None
     model, state = whole(model, state, unfolding)
     points, triangles = cut_triangles(model, parts)
     [fields] = cell_fields(model, [state], points)

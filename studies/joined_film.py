@@ -24,7 +24,7 @@ from tympan.fem.membrane.biases import Interval, JoinedFilm
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.quintics import CUBIC, HALVINGS, Known, cubic_miss, powers_of, values
-from tympan.fem.results.firmness import firmness
+from tympan.fem.results.firmness import least_firmness
 
 #: First distance between solved places, over the frame's half extent: within it a film's force is
 #: nearly a polynomial.
@@ -199,7 +199,7 @@ class HeldForce:
         stiffness = float(solution.tangent.along()[1]["force"])
         # With the plate held there is one motion less, the deflection.
         firm = solution.tangent.negative == (stiffness < 0)
-        if not firm or not firmness(model, solution.state).min() > 0:
+        if not firm or not least_firmness(model, solution.state) > 0:
             return None
         return _Rung(place, float(solution.state.force), stiffness, solution)
 

@@ -80,7 +80,8 @@ class ModesResult(CaseRecord):
 
     status: Existence
     deflection_m: Deflection = None
-    film_mass_kg: Annotated[float | None, Key("mass of the film")] = None
+    film_mass_kg: Annotated[float | None, Key("mass of the film; none of a film in closed "
+                                              "form")] = None
     plate_mass_kg: Annotated[float | None, Key("mass of the plate with its weight")] = None
     plate_inertia_kg_m2: Annotated[
         tuple[float, ...] | None, Key("inertia of the plate about x, y and z")] = None
@@ -102,7 +103,7 @@ class ModesResult(CaseRecord):
     @classmethod
     def load(cls, folder: Path, name: str | None = None) -> Self:
         result = super().load(folder, name)
-        if result.modes and result.film is None:
+        if result.modes and result.film is None and result.film_mass_kg is not None:
             raise InputError("is missing: run the command that wrote the folder again",
                              file=folder / f"{result.specimen}-modes.vtu")
         if result.modes and not result.semi_axes_m:
@@ -133,17 +134,12 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     full, whole_state = whole(model, state)
     alone = case.specimen.plate is None
     computed = swinging(model, state, plate, case.rig.air, count)
-    points, triangles = cut_triangles(full, _PARTS)
-    shapes = [interpolated(full, nodal, points) for nodal in computed.shapes]
-    longest = [float(np.linalg.norm(shape, axis=1).max()) for shape in shapes]
-    deformed = interpolated(full, whole_state.positions, points)
-    displacement = deformed - interpolated(full, full.discretisation.reference, points)
-    film = FilmSurface(deformed, triangles, {"displacement": displacement} | {
-        f"mode_{number}": shape / length
-        for number, (shape, length) in enumerate(zip(shapes, longest, strict=True), start=1)})
+    film, longest = (_surface(full, whole_state, computed) if model.meshed
+                     else (None, [1.0] * len(computed.shapes)))
     return replace(
         result, deflection_m=model.deflection(state),
-        film_mass_kg=float(film_mass(model).sum()) * model.discretisation.mirrored,
+        film_mass_kg=(float(film_mass(model).sum()) * model.discretisation.mirrored
+                      if model.meshed else None),
         plate_mass_kg=None if alone else plate.mass,
         plate_inertia_kg_m2=None if alone else tuple(map(float, plate.inertia.diagonal())),
         unstable=computed.unstable,
@@ -153,6 +149,19 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         warnings=(*_warnings(case, computed), *state_warnings(model, state),
                   *case.rig.in_motion, *case.remarks),
         film=film)
+
+
+def _surface(full: Model, state: State, computed: Modes) -> tuple[FilmSurface, list[float]]:
+    """Make the surface of a whole film with its modes; also each mode's largest displacement."""
+    points, triangles = cut_triangles(full, _PARTS)
+    shapes = [interpolated(full, nodal, points) for nodal in computed.shapes]
+    longest = [float(np.linalg.norm(shape, axis=1).max()) for shape in shapes]
+    deformed = interpolated(full, state.positions, points)
+    displacement = deformed - interpolated(full, full.discretisation.reference, points)
+    return FilmSurface(deformed, triangles, {"displacement": displacement} | {
+        f"mode_{number}": shape / length
+        for number, (shape, length) in enumerate(zip(shapes, longest, strict=True), start=1)
+    }), longest
 
 
 def heave_frequency(case: Case, settings: Settings) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +23,7 @@ from tympan.fem.equilibrium.snap import snapped
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, Load, State
-from tympan.fem.results.fields import whole
+from tympan.fem.results.fields import largest, least, whole
 from tympan.fem.results.limit_states import (
     INSTABILITY,
     LIMIT_STATES,
@@ -48,7 +48,13 @@ from tympan.studies.case import (
     failure_reason,
 )
 from tympan.studies.files import remove, write_csv
-from tympan.studies.film_surface import FilmSurface, film_surface, save_series, series_files
+from tympan.studies.film_surface import (
+    NO_SURFACE,
+    FilmSurface,
+    film_surface,
+    save_series,
+    series_files,
+)
 from tympan.studies.rows import cells_of, rows_of
 from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
@@ -220,11 +226,17 @@ def path(case: Case, settings: Settings, along: Along,
         events=tuple(replace(event, station=_with_stroke(event.station, rest))
                      for _, event in happenings),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(way[-1].ended if way else UNFOLLOWED, *asked.remarks),
-        limits=tuple(_critical_film(stop.film) for stop, event in happenings
-                     if event.what in _LIMIT_POINTS),
-        films=tuple(film_surface(stop.film.model, stop.film.point.state)
-                    for stop in apart(way) if films))
+        warnings=(way[-1].ended if way else UNFOLLOWED, *asked.remarks,
+                  *((NO_SURFACE,) if films and not model.meshed else ())),
+        limits=_surfaces(_critical_film(stop.film) for stop, event in happenings
+                         if event.what in _LIMIT_POINTS),
+        films=_surfaces(film_surface(stop.film.model, stop.film.point.state)
+                        for stop in apart(way) if films))
+
+
+def _surfaces(found: Iterable[FilmSurface | None]) -> tuple[FilmSurface, ...]:
+    """Collect the surfaces of films that have one."""
+    return tuple(surface for surface in found if surface is not None)
 
 
 def _with_stroke(station: Station, rest: float | None) -> Station:
@@ -362,8 +374,9 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
     begun = abs(first.station.deflection_m)
     if abs(station.deflection_m) > max(stop.film.model.high, _FURTHER * begun):
         return f"followed to a deflection of {deflection}"
-    if station.max_stretch > max(_STRETCH, _FURTHER * first.station.max_stretch):
-        return f"followed to a stretch of {station.max_stretch:.3g}"
+    stretch, begun_stretch = station.max_stretch, first.station.max_stretch
+    if stretch and begun_stretch and stretch > max(_STRETCH, _FURTHER * begun_stretch):
+        return f"followed to a stretch of {stretch:.3g}"
     sense = -1 if first.film.point.rate < 0 else 1
     if point.rate * sense < 0 and point.state.load(stop.film.load) * sense < 0:
         return f"followed until the {along} fell back to zero"
@@ -426,7 +439,7 @@ def _happening(case: Case, along: Along, passage: Passage) -> Stop:
         unit=_GROWING[along][1], x_m=x, y_m=y, spread=off, station=stop.station))
 
 
-def _critical_film(film: FilmPoint) -> FilmSurface:
+def _critical_film(film: FilmPoint) -> FilmSurface | None:
     """Create the surface of the film at a limit point with its critical mode.
 
     The mode is the path's direction there.

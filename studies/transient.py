@@ -42,8 +42,9 @@ from tympan.studies.case import (
     deflection_without_voltage,
     failure_reason,
     summaries,
+    with_surface,
 )
-from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.film_surface import NO_SURFACE, FilmSurface, film_surface
 from tympan.studies.limits.loads import usual_masses
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.modes import carried
@@ -183,7 +184,9 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
             slack = moment.time
         while wanted and wanted[0] <= moment.time:
             at = transient.moment_at(past, wanted[0])
-            pictures[wanted.pop(0)] = film_surface(transient.remembering(at), at.state)
+            surface, time = film_surface(transient.remembering(at), at.state), wanted.pop(0)
+            if surface is not None:
+                pictures[time] = surface
     stopped = followed.stopped
     if farthest is None:
         reason = ((stopped and stopped.why)
@@ -202,6 +205,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
     """Word breakdown and failed criteria of the film's law at a moment, as for a film at rest."""
     fields, = node_fields(transient.remembering(moment), [moment.state])
+    if not len(fields.position):
+        return []
     weakest = int(np.argmax(fields.breakdown_share))
     x, y, _ = fields.position[weakest].tolist()
     return [*breakdown_warning(fields.breakdown_share[weakest], fields.electric_field[weakest],
@@ -236,7 +241,7 @@ def solve_after(case: Case, after: float, settings: Settings, film: bool = False
         rest = transient.model.deflection(state)
         result = result.showing(stroke_m=result.deflection_m - rest)
     if film and status == "equilibrium":
-        result = replace(result, film=film_surface(model, moment.state))
+        result = with_surface(result, film_surface(model, moment.state))
     return replace(result, wall_s=time.perf_counter() - began)
 
 
@@ -329,6 +334,8 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
                  for words in done.failures]
     if done.stopped is not None:
         warnings.append(str(done.stopped))
+    if films and not done.films:
+        warnings.append(NO_SURFACE)
     if done.slack is not None:
         warnings.append(SLACK.format(time=done.slack))
     loop = area = None

@@ -29,6 +29,8 @@ _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 
 #: Margin to the loss of tension. Without a requested margin the film only bears its voltage.
 TENSION = "tension_margin"
+#: Missed share of a film whose least stress equals the largest one.
+_EVEN = -1.0
 #: Margin to breakdown.
 BREAKDOWN = "breakdown_margin"
 #: Voltage of the first limit.
@@ -359,8 +361,12 @@ def _under_voltage(variable: Variable, words: str = "") -> Quantity:
 
 
 def _tension_missed(films: Loaded) -> Array:
-    """Compute the missed share: least over largest stress up to the margin, sign reversed."""
-    return np.asarray(-films.tension.min(1) / films.stress.max(1))
+    """Compute the missed share: least over largest stress up to the margin, sign reversed.
+
+    It is that of an even tension for a film without fields, whose least tension is infinite.
+    """
+    least = films.tension.min(1)
+    return np.where(np.isposinf(least), _EVEN, -least / films.stress.max(1))
 
 
 #: All quantities of loaded films: for bounds of tolerances and of designs, and for sweeps. A

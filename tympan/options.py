@@ -126,6 +126,15 @@ def either(*arguments: Argument) -> Argument:
     return add
 
 
+def together(*arguments: Argument) -> Argument:
+    """Combine arguments that commands have together."""
+    def add(parser: argparse._ActionsContainer) -> None:
+        for each in arguments:
+            each(parser)
+
+    return add
+
+
 def output(help_text: str | None = None, **settings: Any) -> Argument:
     """Declare the folder for results, ``options.output``."""
     return argument("-o", "--output", type=Path, metavar="DIR", help=help_text, **settings)
@@ -138,8 +147,12 @@ RIG = argument("--rig", type=Path, metavar="RIG.toml",
 PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 Pa"; positive '
                                        "lifts film and plate against the weight (default: the "
                                        "rig's)")
-MESH = argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
-                help="divide every element size by X")
+#: Options of what computes the film, :func:`read_settings`.
+MESH = together(
+    argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
+             help="divide every element size by X"),
+    argument("--film", metavar="NAME",
+             help="film in closed form that a package registers, in place of finite elements"))
 #: Limits of the number of processes. More than any machine has would overload it.
 PROCESSES = (1, 1024)
 WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes",
@@ -158,11 +171,12 @@ def case_arguments(*, mass: str = "of plate, hook and weight",
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
-    """Read the settings of the option that :data:`MESH` adds."""
+    """Read the settings of the options that :data:`MESH` adds."""
     from tympan.geometry.mesher import MeshSettings
     from tympan.studies.case import Settings
 
-    return Settings(mesh=MeshSettings().refined(options.refine))
+    with naming_options(options):
+        return Settings(mesh=MeshSettings().refined(options.refine), film=options.film)
 
 
 def read_case(options: argparse.Namespace) -> Case:

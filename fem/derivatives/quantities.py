@@ -112,6 +112,9 @@ def largest(field: PositiveField, unit: str) -> Functional:
 
     def slope(model: Model, state: State) -> Parts:
         mesh = model.discretisation
+        if not model.meshed:
+            raise InputError("has no derivatives: a film in closed form has no fields",
+                             key="quantity", given="a largest value")
         f = mesh.deformation(state.positions)
         c = cauchy_green(f)
         h = field(model, state.voltage_squared, c)
@@ -180,8 +183,9 @@ def firmness_at(spot: Spot | EdgeSpot) -> Functional:
 FUNCTIONALS: dict[str, Functional] = {
     "heave": Functional(Model.deflection, lambda model, state: model.lift, "m"),
     "tilt": Functional(lambda model, state: state.plate.tilt, _tilt_slope, "rad"),
-    "reaction": Functional(Model.reaction, _reaction_slope, "N"),
-    "capacitance": Functional(Model.capacitance, _capacitance_slope, "F"),
+    "reaction": Functional(lambda model, state: model.reaction(state), _reaction_slope, "N"),
+    "capacitance": Functional(lambda model, state: model.capacitance(state), _capacitance_slope,
+                              "F"),
     "energy": Functional(
         lambda model, state: (model.energy(state.positions, state.voltage_squared)
                               * model.discretisation.mirrored),

@@ -36,6 +36,8 @@ class Stiffness:
     def product(self, motion: Parts) -> Parts:
         """Multiply the tangent by a motion of free components and plate freedoms."""
         model, state = self.model, self.state
+        if not model.meshed:
+            return np.zeros(0), model.linearised(state).corner @ motion[1]
         inner, plate = model.on_freedoms(self.nodal(self.spread(motion)), state.plate)
         return inner, plate + self._turning @ motion[1]
 
@@ -139,6 +141,9 @@ class ResidualDerivative:
 
         The unit is J per unit of motion. Terms that the step does not change are left out.
         """
+        if not model.meshed:
+            plate = model.residual(model.nodal_forces(state), state)[1]
+            return np.asarray(self._plate @ np.imag(plate))
         mine, other_film = self.at.model, not self._same_film(model)
         result = np.zeros(len(self._plate))
         if other_film or np.imag(state.voltage_squared):

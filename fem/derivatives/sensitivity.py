@@ -119,6 +119,8 @@ def _length(name: str) -> ModelParameter:
     path = tuple(name.split("."))
 
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        if not model.meshed:
+            return replace(model, specimen=lengthened(model.specimen, path, change)), state
         motion = velocity(model.discretisation, model.specimen, path)
         return moved_by(model, state, lengthened(model.specimen, path, change), change * motion)
 

@@ -102,6 +102,18 @@ class Discretisation(FieldsAlone):
                    tabulated(mesh.order, quadrature(mesh.order)[0])[0].T,
                    Unknowns(np.ascontiguousarray(dofs.element_dofs.T), flat, movable))
 
+    @classmethod
+    def of_plate(cls, centre: tuple[float, float]) -> Discretisation:
+        """Make the mesh of a film without elements: its one node is the centre [m] of the plate."""
+        places = np.array([centre], dtype=float)
+        mesh = CurvedTriangles(places.T, np.zeros((3, 0), dtype=int), elem=ELEMENTS[1],
+                               validate=False)
+        shapes = tabulated(1, quadrature(1)[0])[0].T
+        nodes = {"plate": np.arange(1), "frame": np.arange(0)}
+        return cls(mesh, frozenset(), frozenset(), nodes, np.array([[*centre, 0.0]]), shapes,
+                   Unknowns(np.zeros((0, shapes.shape[1]), dtype=int), places,
+                            np.zeros((1, 3), dtype=bool)))
+
     def moved(self, motion: AnyArray) -> Discretisation:
         """Move the nodes in the plane by (nodes, 2) [m], real or imaginary; keep the elements."""
         nodes, mesh = self.reference[:, :2] + motion, self.mesh

@@ -330,8 +330,7 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         if second is not None:
             motion = _mean(motion, second[0].correct(residual, misses)[0], second[1])
         after = length(model, motion)
-        share = after / before
-        if not share <= _SHORTER:
+        if not after <= _SHORTER * before:
             return None
         state = moved(model, state, motion, 1.0, loads)
         with np.errstate(all="ignore"):

@@ -99,9 +99,9 @@ class PathSettings:
         """Yield subspaces of smooth motions of a model.
 
         The motions of an axisymmetric model have no waves. A film without a plate has no subspaces,
-        since the waves are defined around the plate.
+        since the waves are defined around the plate; nor has one without elements.
         """
-        if model.specimen.plate is None:
+        if model.specimen.plate is None or not model.meshed:
             return iter(())
         kinds = [(0, degree) for degree in self.annular] if model.axisymmetric else self.smooth
         return (SmoothSubspace.of(model, *kind) for kind in kinds)

@@ -215,6 +215,8 @@ def beyond_range(film: Film, position: Array, l1: Array, l2: Array) -> list[str]
     well as the plane, unless no test could cover such a range of all three: a strip stretched to
     the upper end is already thinner than the lower one.
     """
+    if not np.size(l1):
+        return []
     low, high = film.law_range or (0.0, STRETCH_RANGE[1])
     visited = {"a stretch in its plane": np.concatenate([l1, l2])}
     if film.law_range is not None and low <= _ROUNDED * high**-0.5:

@@ -90,9 +90,20 @@ def _negative_eigenvalues(matrix: csc_matrix, last: AnyArray) -> int:
     return factors.negative + int(np.count_nonzero(values < 0))
 
 
+@dataclass(frozen=True)
+class NoFactors:
+    """Factors of a matrix without rows: the film of a plate alone has no unknowns."""
+
+    negative: int = 0
+
+    def solve(self, right: AnyArray) -> AnyArray:
+        """Solve for right-hand sides of shape (0,) or (0, k)."""
+        return right
+
+
 #: Common data of all symmetric matrices with one sparsity; and one of them, factorised.
 Analysis = SuperLU | Pardiso
-Factorisation = SuperLUFactors | PardisoFactors
+Factorisation = SuperLUFactors | PardisoFactors | NoFactors
 
 
 def analyse(indices: AnyArray, indptr: AnyArray, ordered: bool = False) -> Analysis:
@@ -118,6 +129,8 @@ def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisa
     >>> factors.solve(np.array([3.0, -2.0])), factors.negative
     (array([1., 1.]), 1)
     """
+    if not matrix.shape[0]:
+        return NoFactors()
     factors = (analysis or analyse(matrix.indices, matrix.indptr)).factorise(matrix)
     if isinstance(factors, PardisoFactors) and factors.perturbed:
         # SuperLU exchanges rows instead of perturbing pivots.

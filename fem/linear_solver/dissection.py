@@ -31,6 +31,8 @@ def elimination_order(connectivity: AnyArray, points: AnyArray) -> AnyArray:
     >>> elimination_order(np.array([[0, 1, 2], [0, 2, 3]]), square).tolist()
     [3, 1, 0, 2]
     """
+    if not len(connectivity):
+        return np.arange(len(points))
     codes = _bisected(connectivity, points)
     low, high = _Sharing.of(connectivity).ends(codes)
     # Elements 1011 and 1001 differ from their third-last digit on: their common nodes belong to

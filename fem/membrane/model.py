@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -10,10 +11,10 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from tympan.base.arrays import AnyArray
-from tympan.fem.complex_step import complex_step
+from tympan.fem.complex_step import STEP, complex_step
 from tympan.fem.discretisation.assembly import element_forces, element_tangents
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.discretisation.isoparametric import deformation
+from tympan.fem.discretisation.isoparametric import deformation, isoparametric, tabulated
 from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretches
 from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import total
@@ -31,6 +32,20 @@ _BALLOON = 4.0
 
 #: Plate freedoms that change sign in the mirror: mirroring x reverses x, ry and rz.
 _REVERSED = {"x": frozenset({"x", "ry", "rz"}), "y": frozenset({"y", "rx", "rz"})}
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Film at places of some states, one state after another, for its fields there.
+
+    ``places`` in the mounted film and deformed ``positions`` [m], (n, 3) each; ``deformation``, F
+    from the mounted film, (n, 3, 2); share ``covered`` by the electrode, (n,).
+    """
+
+    places: AnyArray
+    positions: AnyArray
+    deformation: AnyArray
+    covered: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +101,16 @@ class Model:
         mesh = self.discretisation
         x, y, _ = np.moveaxis(mesh.shapes @ mesh.reference[mesh.connectivity], -1, 0)
         return x, y
+
+    @property
+    def meshed(self) -> bool:
+        """Whether the film consists of elements, so that it has a surface and fields on it."""
+        return bool(self.discretisation.mesh.nelements)
+
+    @property
+    def bears_gas(self) -> bool:
+        """Whether the volume below the film is known, so that a gas may lift it."""
+        return True
 
     @property
     def centre(self) -> AnyArray:
@@ -173,6 +198,13 @@ class Model:
         return bare + film.layers * self.specimen.electrode.mass * self.covered
 
     @property
+    def mass_and_volume(self) -> tuple[float, float]:
+        """Mass of the whole film and its electrodes [kg], and virgin volume of the film [m³]."""
+        mesh = self.discretisation
+        mass = (self.mass_per_area * mesh.weights).sum() * mesh.mirrored
+        return float(mass), float(self.volumes.sum() * mesh.mirrored)
+
+    @property
     def pull(self) -> Any:
         """Weight of film and electrodes per mounted area [Pa], as :attr:`mass_per_area`."""
         return self.loading.gravity * self.mass_per_area
@@ -196,6 +228,20 @@ class Model:
     def cauchy_green(self, positions: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Compute C₁₁, C₂₂, C₁₂ from the mounted film, shape (elements, points) each."""
         return cauchy_green(self.discretisation.deformation(positions))
+
+    def sampled(self, states: Sequence[State], cells: AnyArray, points: AnyArray) -> Sampled:
+        """Deform the film at reference points, (2, k), of some elements; element-major."""
+        mesh = self.discretisation
+        nodes = mesh.connectivity[cells]
+        shapes = tabulated(mesh.mesh.order, points)[0]
+        gradients = isoparametric(mesh.mesh.order, points, mesh.reference[nodes, :2])[0]
+        here = np.matmul(shapes.T, mesh.reference[nodes]).reshape(-1, 3)
+        places = np.tile(here, (len(states), 1))
+        positions = np.stack([state.positions[nodes] for state in states])
+        covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
+        return Sampled(places, np.matmul(shapes.T, positions).reshape(-1, 3),
+                       deformation(gradients, positions).reshape(-1, 3, 2),
+                       covered * self.specimen.electrode.coverage(*places[:, :2].T))
 
     def density(self, voltage_squared: Any, *, nodal: bool = False) -> FilmDensity:
         """Make the film's energy density at U² [V²] at quadrature points, or elements' nodes."""
@@ -222,7 +268,7 @@ class Model:
     def _least_tension(self, c: tuple[AnyArray, AnyArray, AnyArray], voltage_squared: Any) -> float:
         materials = self.density(voltage_squared).material.materials
         stretches = principal_stretches(c, self.specimen.membrane.prestretch)
-        return float(total(materials, *stretches)[2].min())
+        return float(total(materials, *stretches)[2].min(initial=np.inf))
 
     def thinning_margin(self, state: State) -> float:
         """Find the least stiffness or tension of a wrinkling film [Pa]; see :class:`TensionField`.
@@ -296,6 +342,41 @@ class Model:
         first, second, _ = material.stretches(*self._stretches(state))
         slope = (self.density(1.0).maxwell.derivatives(first, second)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
+
+    def integrals(self, states: Sequence[State]) -> tuple[AnyArray, AnyArray, AnyArray]:
+        """Integrate reaction [N], capacitance [F] and energy [J] of the whole film, each (states,).
+
+        The results are those of :meth:`reaction`, :meth:`capacitance` and :meth:`energy`, of all
+        states together from one evaluation of the film's density, at U² with an imaginary step. The
+        reaction is the work of stresses, weight and gas when the plate's edge alone is lifted by
+        one.
+        """
+        mesh = self.discretisation
+        f = mesh.deformation(np.stack([state.positions for state in states]))
+        squared = np.array([state.voltage_squared for state in states])[:, None, None]
+        density = self.density(squared + 1j * STEP)(cauchy_green(f), tangent=False)
+        energy = (density.energy * self.volumes).sum(axis=(1, 2)) * mesh.mirrored
+        stress = density.stress.real * self.volumes[..., None]
+        edge = np.zeros(len(mesh.reference))
+        edge[mesh.plate_nodes] = 1.0
+        lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
+                         edge[mesh.connectivity][:, None, :, None])[..., 0]
+        matrices = stress[..., [[0, 2], [2, 1]]]
+        work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], matrices, lift)
+        loads = np.array([self._load_on_edge(state) for state in states])
+        return (work - loads) * mesh.mirrored, -2 * energy.imag / STEP, energy.real
+
+    def _load_on_edge(self, state: State) -> float:
+        """Sum weight and gas [N] of the film at the nodes of the plate's edge, along the load."""
+        edge = self.discretisation.plate_nodes
+        load = self.weight[edge, 2].sum()
+        if state.pressure:
+            load += state.pressure * self._volume_forces(state)[edge, 2].sum()
+        return float(load)
+
+    def gas_volume(self, state: State) -> Any:
+        """Compute the gas volume below this mesh's film [m³]; see :func:`film_volume`."""
+        return film_volume(self.discretisation, state.positions)[0]
 
     def nodal_forces(self, state: State) -> AnyArray:
         """Differentiate the potential by node positions, without the actions on the plate [N]."""

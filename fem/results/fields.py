@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from tympan.base.arrays import AnyArray
-from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.assembly import first_piola
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import (
@@ -25,7 +24,6 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.memory import Flow
 from tympan.fem.film.tension_field import Tension, tension_state
-from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
 from tympan.geometry.mesh import ELEMENTS, unfold
@@ -74,6 +72,16 @@ class Fields:
 
     def __getitem__(self, choice: Any) -> Fields:
         return Fields(*(getattr(self, item.name)[choice] for item in fields(self)))
+
+
+def largest(values: AnyArray) -> float | None:
+    """Find the largest value of a field; None for a film that has no fields."""
+    return float(values.max()) if values.size else None
+
+
+def least(values: AnyArray) -> float | None:
+    """Find the smallest value of a field; None for a film that has no fields."""
+    return float(values.min()) if values.size else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +156,8 @@ def cell_fields(model: Model, states: Sequence[State], points: AnyArray) -> list
 
     States are computed together.
     """
-    elements = len(model.discretisation.connectivity)
-    joined = _fields(model, states, np.arange(elements), points)
-    count = elements * points.shape[1]
+    joined = _fields(model, states, np.arange(len(model.discretisation.connectivity)), points)
+    count = len(joined.position) // len(states)
     return [joined[number * count : (number + 1) * count] for number in range(len(states))]
 
 
@@ -213,6 +220,8 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
     its fields ``at_nodes``, :func:`node_fields` unless given; states are computed together.
     """
     mesh, points = model.discretisation, middles(parts)
+    if not model.meshed:
+        return [LostTension(0.0, 0.0, 0.0)] * len(states)
     at_nodes = at_nodes or node_fields(model, states)
     shape = len(states), mesh.mesh.nelements, -1
     tension, stress = (np.stack(values).reshape(shape) for values in zip(
@@ -231,40 +240,6 @@ def lost_tension(model: Model, states: Sequence[State], parts: int = 8,
         result.append(LostTension(wrinkled * mesh.mirrored, slack * mesh.mirrored,
                                   (wrinkled + slack) / float(mesh.weights.sum())))
     return result
-
-
-def film_integrals(model: Model, states: Sequence[State]) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Integrate reaction [N], capacitance [F] and energy [J] of the whole film, each (states,).
-
-    The results are those of :meth:`Model.reaction`, :meth:`Model.capacitance` and
-    :meth:`Model.energy`, of all states together from one evaluation of the film's density, at U²
-    with an imaginary step. The reaction is the work of stresses, weight and gas when the plate's
-    edge alone is lifted by one.
-    """
-    mesh = model.discretisation
-    f = mesh.deformation(np.stack([state.positions for state in states]))
-    squared = np.array([state.voltage_squared for state in states])[:, None, None]
-    density = model.density(squared + 1j * STEP)(cauchy_green(f), tangent=False)
-    energy = (density.energy * model.volumes).sum(axis=(1, 2)) * mesh.mirrored
-    stress = density.stress.real * model.volumes[..., None]
-    edge = np.zeros(len(mesh.reference))
-    edge[mesh.plate_nodes] = 1.0
-    lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
-                     edge[mesh.connectivity][:, None, :, None])[..., 0]
-    matrices = stress[..., [[0, 2], [2, 1]]]
-    work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], matrices, lift)
-    loads = np.array([_load_on_edge(model, state) for state in states])
-    return (work - loads) * mesh.mirrored, -2 * energy.imag / STEP, energy.real
-
-
-def _load_on_edge(model: Model, state: State) -> float:
-    """Sum weight and gas [N] of the film at the nodes of the plate's edge, along the load."""
-    mesh = model.discretisation
-    load = model.weight[mesh.plate_nodes, 2].sum()
-    if state.pressure:
-        by = mesh.scatter(film_volume(mesh, state.positions)[1])
-        load += state.pressure * by[mesh.plate_nodes, 2].sum()
-    return float(load)
 
 
 def _tension(model: Model, states: Sequence[State], gradients: AnyArray, points: AnyArray,
@@ -305,19 +280,10 @@ def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyA
 
     ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
     """
-    film, mesh = model.specimen.membrane, model.discretisation
-    nodes = mesh.connectivity[cells]
-    shapes = tabulated(mesh.mesh.order, points)[0]
-    gradients = isoparametric(mesh.mesh.order, points, mesh.reference[nodes, :2])[0]
-    here = np.matmul(shapes.T, mesh.reference[nodes]).reshape(-1, 3)
-    reference = np.tile(here, (len(states), 1))
-    positions = np.stack([state.positions[nodes] for state in states])
-    current = np.matmul(shapes.T, positions).reshape(-1, 3)
-    f = deformation(gradients, positions).reshape(-1, 3, 2)
-    in_one_state = np.repeat(mesh.covered[cells, 0], points.shape[1])
-    covered = np.tile(in_one_state, len(states))
-    covered = covered * model.specimen.electrode.coverage(*reference[:, :2].T)
-    voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
+    film, sampled = model.specimen.membrane, model.sampled(states, cells, points)
+    reference, f, covered = sampled.places, sampled.deformation, sampled.covered
+    each = len(reference) // len(states)
+    voltage_squared = np.repeat([state.voltage_squared for state in states], each)
 
     c = cauchy_green(f)
     flow = _flow_at(model, cells, points)
@@ -337,7 +303,7 @@ def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyA
     thickness = film.thickness * relative / (l1 * l2)
     mounted = film.volume_per_area * np.broadcast_to(relative, len(reference))
     return Fields(
-        position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2,
+        position=reference, displacement=sampled.positions - reference, stretch_1=l1, stretch_2=l2,
         thickness=thickness,
         electric_field=covered * np.sqrt(np.maximum(voltage_squared, 0.0)) / thickness,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,

@@ -42,6 +42,11 @@ def firmness(model: Model, state: State) -> AnyArray:
     return np.minimum(np.minimum(elliptic, thinning), edge).ravel()
 
 
+def least_firmness(model: Model, state: State) -> float:
+    """Find the least firmness of a film [Pa]; infinite for a film without elements."""
+    return float(firmness(model, state).min(initial=np.inf))
+
+
 def rough_firmness(model: Model, state: State) -> AnyArray:
     """Compute the firmness by each element's own strain; jumps show the discretisation error."""
     least = np.minimum(*_by_element(model, state))

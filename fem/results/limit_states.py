@@ -70,7 +70,8 @@ class LimitState:
     only name for people: on the terminal, in pages, pictures and messages. It contains the words of
     the key. ``marker`` is matplotlib's.
 
-    ``field``: margin at the nodes of every element; the limit begins where it is least.
+    ``field``: margin at the nodes of every element; the limit begins where it is least. A film that
+    has no such field does not reach it.
     ``by_element``: the same margin from each element alone; the jumps between elements show its
     uncertainty. ``signs``: the limit is reached where the first of them changes. A snap has no
     sign: it is a limit point beyond which the plate comes to a new equilibrium.
@@ -123,7 +124,7 @@ P = TypeVar("P", bound=BranchPoint)
 def begun(point: BranchPoint) -> list[LimitState]:
     """List local limit states that a film has exceeded at a point."""
     return [state for state in LIMIT_STATES.values()
-            if state.local and not state.field(point).min() > 0]
+            if state.local and not state.field(point).min(initial=np.inf) > 0]
 
 
 def passed(before: P, after: P, where: Callable[[Sign], P | None]
@@ -145,7 +146,7 @@ def passed(before: P, after: P, where: Callable[[Sign], P | None]
 
 def least(field: Callable[[BranchPoint], AnyArray]) -> Sign:
     """Create the sign of a field's least value at the nodes of every element."""
-    return Sign(lambda point: float(field(point).min()))
+    return Sign(lambda point: float(field(point).min(initial=np.inf)))
 
 
 def _tension(point: BranchPoint) -> AnyArray:

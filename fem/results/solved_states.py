@@ -17,7 +17,8 @@ from tympan.fem.results.fields import (
     Fields,
     LostTension,
     cell_fields,
-    film_integrals,
+    largest,
+    least,
     lost_tension,
     node_fields,
 )
@@ -52,7 +53,7 @@ class SolvedStates:
         if not self.model.wrinkles:
             return self.at_nodes
         some = [number for number, fields in enumerate(self.at_nodes) if self.model.flow is not None
-                or not fields.stress_2.min() > _TAUT * fields.stress_1.max()]
+                or not (fields.stress_2 > _TAUT * fields.stress_1.max(initial=0.0)).all()]
         if not some:
             return self.at_nodes
         unwrinkled = node_fields(replace(self.model, wrinkles=False),
@@ -67,7 +68,7 @@ class SolvedStates:
 
     @cached_property
     def _integrals(self) -> tuple[AnyArray, AnyArray, AnyArray]:
-        return film_integrals(self.model, self.states)
+        return self.model.integrals(self.states)
 
     @property
     def deflection(self) -> AnyArray:
@@ -102,7 +103,7 @@ class SolvedStates:
     @property
     def tension(self) -> AnyArray:
         """Least principal true stress of a film that bears compression [Pa]."""
-        return np.array([fields.stress_2.min() for fields in self.pressed])
+        return self._each(least, lambda fields: fields.stress_2, self.pressed)
 
     @property
     def electric(self) -> AnyArray:
@@ -117,6 +118,8 @@ class SolvedStates:
     @property
     def weakest(self) -> AnyArray:
         """Place of that share in the mounted film [m], (states, 2)."""
+        if not self.model.meshed:
+            return np.full((len(self.states), 2), np.nan)
         return np.array([mounted_place(fields.position[int(np.argmax(fields.breakdown_share))])
                          for fields in self.at_nodes])
 
@@ -128,23 +131,34 @@ class SolvedStates:
     @property
     def slack_area(self) -> AnyArray:
         """Mounted area with tension in one direction or none [m²]."""
-        return np.array([lost.wrinkled + lost.slack for lost in self.lost])
+        return self._of_mesh([lost.wrinkled + lost.slack for lost in self.lost])
 
     @property
     def slack_share(self) -> AnyArray:
         """Share of that in the mounted area."""
-        return np.array([lost.share for lost in self.lost])
+        return self._of_mesh([lost.share for lost in self.lost])
+
+    def _of_mesh(self, values: Sequence[float]) -> AnyArray:
+        """Return values of a meshed film; nan for a film that has no fields."""
+        return np.array(values) if self.model.meshed else np.full(len(values), np.nan)
+
+    def _each(self, extreme: Callable[[AnyArray], float | None], field: Callable[[Any], AnyArray],
+              films: Sequence[Fields]) -> AnyArray:
+        """Find an extreme of a field in each state; nan for a film that has no fields."""
+        return np.array([extreme(field(fields)) for fields in films], dtype=float)
 
     def largest(self, field: Callable[[Any], AnyArray]) -> AnyArray:
         """Find the largest value of a field at the nodes of every element."""
-        return np.array([field(fields).max() for fields in self.at_nodes])
+        return self._each(largest, field, self.at_nodes)
 
     def least(self, field: Callable[[Any], AnyArray]) -> AnyArray:
         """Find the least value of a field at the nodes of every element."""
-        return np.array([field(fields).min() for fields in self.at_nodes])
+        return self._each(least, field, self.at_nodes)
 
     def mean(self, field: Callable[[Any], AnyArray], *, covered: bool = False) -> AnyArray:
         """Average a field over the mounted film, or over its part under the electrode."""
+        if not self.model.meshed:
+            return np.full(len(self.states), np.nan)
         mesh = self.model.discretisation
         weights = mesh.weights * (self.model.covered if covered else 1.0)
         share = (weights / weights.sum()).ravel()

@@ -10,7 +10,6 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
-from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.transient.dense_output import spline
@@ -109,11 +108,11 @@ def load_work(model: Model, state: State) -> float:
 
     The energy that biases store is subtracted.
     """
-    mesh = model.discretisation
-    on_film = (model.weight[:, 2] @ state.positions[:, 2]
-               + state.pressure * film_volume(mesh, state.positions)[0])
+    on_film = model.weight[:, 2] @ state.positions[:, 2]
+    if state.pressure:
+        on_film = on_film + state.pressure * model.gas_volume(state)
     on_plate = -model.loading.on_plate(state, model.centre, model.plate_area)[0]
-    return float(on_film * mesh.mirrored + on_plate)
+    return float(on_film * model.discretisation.mirrored + on_plate)
 
 
 def _integrals(piece: Array) -> tuple[float, float]:

@@ -99,8 +99,9 @@ class Harmonic:
                      for branch in self.model.specimen.membrane.branches), 0j)
         dynamic = (stiffness + share * viscous + s * s * mass).tocsc()
         if self.damper:
-            heave = int(self._lift.argmax())
-            dynamic[heave, heave] += s * self.damper / self.model.discretisation.mirrored
+            damping = s * self.damper / self.model.discretisation.mirrored
+            heave = [int(self._lift.argmax())]
+            dynamic = dynamic + csc_matrix(([damping], (heave, heave)), dynamic.shape)
         with silent():
             factors = splu(dynamic)
         return np.asarray(factors.solve(right.astype(complex)))

@@ -92,11 +92,15 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
     return Samples(force, deflection, voltage, np.array(shares).reshape(-1, parts), lift)
 
 
-def gas_area(model: Model, samples: Samples, rig: Rig, settings: Settings) -> float:
+def gas_area(model: Model, samples: Samples, rig: Rig, settings: Settings
+             ) -> float | None:
     """Compute the area [m²] on which a gas below film and plate lifts the plate.
 
     On a rig without gas it is that of the first sample, with so little gas that it deforms nothing.
+    None for a film whose volume is not known.
     """
+    if not model.bears_gas:
+        return None
     if rig.gas_pressure:
         return float(samples.lift.mean() / rig.gas_pressure)
     pull, deflection, voltage = (float(each[0]) for each in (

@@ -138,7 +138,7 @@ class ExactFilm:
     @property
     def tension(self) -> Array:
         """Least tension; beyond a limit it is that of a film that bears compression."""
-        found = self._row(np.array([each.stress_2.min() for each in self._found.at_nodes]))
+        found = self._row(self._found.tension)
         if self.sound and not self._there.all():  # the tension falls with U², to 0 at the limit
             end = min(float(self.limit[0]), _SHORT * self.margin)
             found[0, -1] = found[0, 0] * (1 - (self.margin / end) ** 2)
@@ -178,3 +178,9 @@ class ExactFilm:
     @property
     def first_limit(self) -> Array:
         return np.array([min((each.voltage_V for each in self._limits), default=np.inf)])
+
+
+def _most(values: Array) -> float:
+    """Find the largest value of a field; nan for a film that has no fields."""
+    most = largest(values)
+    return np.nan if most is None else most

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.biases import Spring
+from tympan.fem.membrane.formula import Formula
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, PlateMotion, State
@@ -36,7 +37,7 @@ from tympan.fem.results.fields import node_fields
 from tympan.fem.results.limit_states import BREAKDOWN, PULL_IN, TENSION
 from tympan.fem.rig import Loads, Rig
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, meshed, mirror_planes, solved_loading
+from tympan.studies.case import Settings, bare_film, meshed, mirror_planes, solved_loading
 from tympan.studies.films.box import PRESSURE, Box, between
 from tympan.studies.films.check import ResidualCheck
 from tympan.studies.films.first_limits import (
@@ -48,6 +49,7 @@ from tympan.studies.films.first_limits import (
     kinds,
     strained,
 )
+from tympan.studies.films.formula_films import FormulaFilms
 from tympan.studies.films.many_films import (
     Balance,
     Films,
@@ -156,7 +158,7 @@ class Ground:
         planes = (mirror_planes(box.specimen, loads.loading)
                   & mirror_planes(middle, loads.loading))
         require_reducible(box.specimen, loads)
-        model = meshed(box.specimen, settings, planes)
+        model = bare_film(box.specimen, settings, planes)
         return cls(box, replace(model, loading=solved_loading(loads.loading, settings)),
                    settings, loads.gas_pressure)
 
@@ -279,27 +281,14 @@ class RaisedFilms:
 class FilmFamily:
     """Films of a box of parameters, under forces and voltages of a range.
 
-    ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. ``factor``: scales
-    the error estimate so that it covers the errors of random films on the family's mesh. The
-    estimate is the ``check``'s plus ``usual``, a share of the deflection, since the check's
-    estimate has a sign and may be zero by chance. ``remeshed``: largest relative difference of
-    deflections on meshes of their own. ``restressed``: the same for their largest stresses.
-    ``places``: nodes at which some film has nearly its largest strain or field. ``snapshots``:
-    number of finite-element states that the family was made from.
+    ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. How the films are
+    computed, a subclass says: from finite elements (:class:`ReducedFamily`), or by a formula
+    (:class:`FormulaFamily`).
     """
 
     ground: Ground
     force: tuple[float, float]
     voltage: tuple[float, float]
-    reduction: Reduction
-    guess: Guess
-    check: ResidualCheck
-    places: Sites
-    factor: float = 1.0
-    usual: float = 1e-7
-    remeshed: float = 0.0
-    restressed: float = 0.0
-    snapshots: int = 0
 
     @classmethod
     def around(cls, specimen: Specimen, box: Mapping[str, Sequence[float | str]],
@@ -328,8 +317,9 @@ class FilmFamily:
              family: FamilySettings = FamilySettings()) -> FilmFamily:
         """Make the family of a box under loads of a range."""
         ground = Ground.of(box, rig, settings)
-        making = _Making(ground, force, voltage, family)
-        return making.made()
+        if settings.formula is not None:
+            return FormulaFamily(ground, force, voltage, settings.formula)
+        return _Making(ground, force, voltage, family).made()
 
     @property
     def box(self) -> Box:
@@ -343,9 +333,7 @@ class FilmFamily:
 
     def films(self, rows: AnyArray) -> Films:
         """Build the films with given parameters, rows of (films, names)."""
-        return replace(self._one, rows=rows, columns=self.box.columns(rows),
-                       nodes=self.ground.nodes(rows), spring=self.box.springs(rows),
-                       pressure=self.box.pressures(rows, self.ground.pressure))
+        raise NotImplementedError
 
     def blocks(self, parameters: Any) -> Iterator[tuple[slice, Films]]:
         """Yield films that are computed together, and their slice of all films.
@@ -361,15 +349,23 @@ class FilmFamily:
             part = slice(start, start + BLOCK)
             yield part, self.films(rows[part])
 
-    @cached_property
-    def _one(self) -> Films:
-        """One of its films; the shapes at points are equal in all films."""
-        return films_of(self.ground, self.reduction, self.box.low[None])
+    if TYPE_CHECKING:  # a subclass may have fields of these names
+        @property
+        def places(self) -> Sites:
+            """Points at which some film has nearly its largest strain or field."""
 
-    @cached_property
-    def looked_at(self) -> ShapesAt:
-        """Shapes at the family's places."""
-        return ShapesAt(self.places, self.reduction.every)
+        @property
+        def looked_at(self) -> ShapesAt:
+            """Shapes at these places."""
+
+        @property
+        def restressed(self) -> float:
+            """Relative error of the largest stresses."""
+
+    @property
+    def measured(self) -> frozenset[str]:
+        """Kinds of limits of whose margins the films have a number."""
+        return frozenset(kinds())
 
     def states(self, parameters: Any, forces: Any, voltages: Any, check: bool = True,
                masses: Any = None, loose: bool = False) -> FilmStates:
@@ -584,25 +580,20 @@ class FilmFamily:
         least = np.where(holds, balance.least, np.nan)
         by_kind = {TENSION.kind: extremes.tension, PULL_IN.kind: least**2,
                    BREAKDOWN.kind: 1 - (extremes.share / strength) ** 2}
-        by_kind = {kind: margin for kind, margin in by_kind.items() if kind in wanted}
+        asked = self.measured & set(wanted)
+        by_kind = {kind: margin for kind, margin in by_kind.items() if kind in asked}
         by_kind |= {state.kind: films.least(state.field, at, number, q, squared)
-                    for state in strained() if state.kind in wanted}
+                    for state in strained() if state.kind in asked}
         unasked = not set(WITHIN) & set(wanted)
         return FilmMargins(by_kind, extremes.sound | unasked, extremes.lawful, q)
 
     def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """Solve for equilibria of films, by their numbers, under loads of each."""
-        if films.loading.softening:
-            return films.first_rests(number, force, squared)
-        near: Balance = self.guess.balanced(films, self.box.scaled(films.rows), number, force,
-                                            squared)
-        return near
+        return films.first_rests(number, force, squared)
 
     def _tilt(self, q: AnyArray) -> AnyArray:
         """Compute the tilts of the plates [rad]."""
-        if self.ground.model.discretisation.planes == {"x", "y"}:
-            return np.zeros(len(q))
-        return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ self._one.turns.T).T), 1.0)))
+        return np.zeros(len(q))
 
     def _loads_within(self, force: AnyArray, voltage: AnyArray) -> Mask:
         return np.asarray((force >= self.force[0] - 1e-9) & (force <= self.force[1] + 1e-9)
@@ -612,9 +603,7 @@ class FilmFamily:
     def error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray,
               stiffness: AnyArray) -> AnyArray:
         """Estimate the errors of the deflections of states q of films [m], (states,)."""
-        deflection = np.abs(q[:, 0])
-        off = self.check.estimate(films, number, q, force, squared, stiffness)
-        return self.factor * (off + self.usual * deflection) + self.remeshed * deflection
+        return np.zeros(len(q))
 
     def _error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray,
                squared: AnyArray,
@@ -635,6 +624,91 @@ class FilmFamily:
         large = np.flatnonzero(result > _LARGE * there)
         result[large] = of(large)
         return result
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedFamily(FilmFamily):
+    """Films made from a few finite-element films.
+
+    ``factor``: scales the error estimate so that it covers the errors of random films on the
+    family's mesh. The estimate is the ``check``'s plus ``usual``, a share of the deflection, since
+    the check's estimate has a sign and may be zero by chance. ``remeshed``: largest relative
+    difference of deflections on meshes of their own. ``restressed``: the same for their largest
+    stresses. ``places``: nodes at which some film has nearly its largest strain or field.
+    ``snapshots``: number of finite-element states that the family was made from.
+    """
+
+    reduction: Reduction
+    guess: Guess
+    check: ResidualCheck
+    places: Sites
+    factor: float = 1.0
+    usual: float = 1e-7
+    remeshed: float = 0.0
+    restressed: float = 0.0
+    snapshots: int = 0
+
+    def films(self, rows: AnyArray) -> Films:
+        """Build the films with given parameters, rows of (films, names)."""
+        return replace(self._one, rows=rows, columns=self.box.columns(rows),
+                       nodes=self.ground.nodes(rows), spring=self.box.springs(rows),
+                       pressure=self.box.pressures(rows, self.ground.pressure))
+
+    @cached_property
+    def _one(self) -> Films:
+        """One of its films; the shapes at points are equal in all films."""
+        return films_of(self.ground, self.reduction, self.box.low[None])
+
+    @cached_property
+    def looked_at(self) -> ShapesAt:
+        """Shapes at the family's places."""
+        return ShapesAt(self.places, self.reduction.every)
+
+    def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
+        """Solve for equilibria of films, by their numbers, under loads of each."""
+        if films.loading.softening:
+            return films.first_rests(number, force, squared)
+        near: Balance = self.guess.balanced(films, self.box.scaled(films.rows), number, force,
+                                            squared)
+        return near
+
+    def _tilt(self, q: AnyArray) -> AnyArray:
+        """Compute the tilts of the plates [rad]."""
+        if self.ground.model.discretisation.planes == {"x", "y"}:
+            return np.zeros(len(q))
+        return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ self._one.turns.T).T), 1.0)))
+
+    def error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray,
+              stiffness: AnyArray) -> AnyArray:
+        """Estimate the errors of the deflections of states q of films [m], (states,)."""
+        deflection = np.abs(q[:, 0])
+        off = self.check.estimate(films, number, q, force, squared, stiffness)
+        return self.factor * (off + self.usual * deflection) + self.remeshed * deflection
+
+
+@dataclass(frozen=True, eq=False)
+class FormulaFamily(FilmFamily):
+    """Films in closed form: their ``formula`` on arrays, without error."""
+
+    restressed: ClassVar[float] = 0.0
+    formula: Formula
+
+    def films(self, rows: AnyArray) -> Films:
+        return FormulaFilms.of(self.formula, self.box, rows, self.ground.model.loading,
+                               self.ground.pressure)
+
+    @cached_property
+    def looked_at(self) -> ShapesAt:
+        return self.films(self.box.low[None]).whole
+
+    @property
+    def places(self) -> Sites:
+        return self.looked_at.sites
+
+    @property
+    def measured(self) -> frozenset[str]:
+        every = super().measured
+        return every if self.formula.stretches is not None else every & {PULL_IN.kind}
 
 
 def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, mass: AnyArray
@@ -748,7 +822,7 @@ class _Making:
         points = low + shares * (high - low)
         return points[:, :-2], points[:, -2], points[:, -1]
 
-    def made(self) -> FilmFamily:
+    def made(self) -> ReducedFamily:
         """Make the family."""
         settings = self.settings
         count = settings.first + settings.more * len(self.ground.box.names)
@@ -792,7 +866,7 @@ class _Making:
                 rates.append(moved(model, state, rate, _RATE * wide).positions - state.positions)
         return Snapshot(model, state, rates=tuple(rates))
 
-    def _refined(self, family: FilmFamily, row: AnyArray, force: float, squared: float
+    def _refined(self, family: ReducedFamily, row: AnyArray, force: float, squared: float
                  ) -> Snapshot | None:
         states = family.states(row, force, squared**0.5, check=False)
         found = None
@@ -801,7 +875,7 @@ class _Making:
         return None if found is None else self._shot(*found)
 
     def _family(self, shots: Sequence[Snapshot], rows: AnyArray, forces: AnyArray, squares: AnyArray
-                ) -> FilmFamily:
+                ) -> ReducedFamily:
         motion = _MOTION * (self.settings.error / FamilySettings.error) ** 0.5
         reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING, turning=True)
         films = films_of(self.ground, reduction, rows)
@@ -815,7 +889,7 @@ class _Making:
         guess = Guess.of(self.force, self.squared, self.ground.box.scaled(rows[some]),
                          forces[some], squares[some], balance.q[some])
         check = ResidualCheck.of(shots[0], reduction)
-        return FilmFamily(self.ground, self.force, self.voltage, reduction, guess, check,
+        return ReducedFamily(self.ground, self.force, self.voltage, reduction, guess, check,
                           self._places(films, some, balance.q[some], squares[some]),
                           snapshots=len(shots))
 
@@ -832,7 +906,7 @@ class _Making:
                 near |= (values >= most - _NEARLY * (most - values.min(1, keepdims=True))).any(0)
         return sites.some(np.flatnonzero(near), np.zeros(int(near.sum())))
 
-    def _worst(self, family: FilmFamily, rows: AnyArray, forces: AnyArray, squares: AnyArray
+    def _worst(self, family: ReducedFamily, rows: AnyArray, forces: AnyArray, squares: AnyArray
                ) -> tuple[AnyArray, AnyArray]:
         """Find the films with the largest estimates, and these over the deflection."""
         states = family.states(rows, forces[:, None], squares[:, None] ** 0.5)
@@ -840,7 +914,7 @@ class _Making:
         order = np.argsort(share)[::-1][: self.settings.batch]
         return order, share[order]
 
-    def _scaled(self, family: FilmFamily) -> FilmFamily:
+    def _scaled(self, family: ReducedFamily) -> ReducedFamily:
         """Scale the family's estimate so that it covers the errors of random films."""
         rows, forces, squares = self.drawn(self.settings.checks, self.settings.seed + 2)
         voltages = squares[:, None] ** 0.5
@@ -865,7 +939,7 @@ class _Making:
         return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(remeshed),
                        restressed=_STRESS_MARGIN * max(stresses))
 
-    def _found(self, family: FilmFamily, q: AnyArray, row: AnyArray, force: float, squared: float
+    def _found(self, family: ReducedFamily, q: AnyArray, row: AnyArray, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
         """Solve the finite-element film near a state of the family."""
         motion = np.tensordot(family.films(row[None]).along(q[None])[0], family.reduction.every, 1)

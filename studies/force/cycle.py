@@ -22,8 +22,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import film_integrals
-from tympan.fem.results.firmness import firmness
+from tympan.fem.results.firmness import least_firmness
 from tympan.fem.rig import Loads
 from tympan.fem.transient.energy import load_work
 from tympan.studies.force.follow import FollowedForce, at_displacement, near
@@ -118,8 +117,7 @@ def _intervals(load: PlateLoad, curve: FollowedForce) -> Iterator[HeldInterval]:
 def _stable(model: Model, solution: Solution) -> bool:
     """Check whether plate and film are stable under a load."""
     assert solution.tangent is not None
-    firm = bool(firmness(model, solution.state).min() > 0)
-    return solution.tangent.negative == 0 and firm
+    return solution.tangent.negative == 0 and least_firmness(model, solution.state) > 0
 
 
 def _reached(load: PlateLoad, curves: Sequence[FollowedForce], found: Sequence[list[_Equilibrium]]
@@ -158,7 +156,7 @@ def _with_cycle(line: LoadLine, load: PlateLoad, first: _Equilibrium, last: _Equ
                 snaps: bool, settings: PathSettings) -> LoadLine:
     """Add stroke, work and electrical energy between two equilibria to a load line."""
     start, end = first.displacement, last.displacement
-    mass, volume = _film_mass_and_volume(first.curve.model)
+    mass, volume = first.curve.model.mass_and_volume
     work = load.work(start, end)
     line = replace(line, stroke_m=end - start, work_J=abs(work),
                    work_J_per_kg=abs(work) / mass if mass else None,
@@ -212,13 +210,6 @@ def exchanged(corners: Sequence[Corner]) -> tuple[Any, Any]:
 def _corner(model: Model, state: State) -> Corner:
     """Compute the corner of a cycle at a state, with weight and gas of the film included."""
     alone = state.under(force=0.0)
-    _, capacitance, energy = (float(value[0]) for value in film_integrals(model, [alone]))
+    _, capacitance, energy = (float(value[0]) for value in model.integrals([alone]))
     voltage = max(state.voltage_squared, 0.0) ** 0.5
     return Corner.of(energy - load_work(model, alone), capacitance, voltage)
-
-
-def _film_mass_and_volume(model: Model) -> tuple[float, float]:
-    """Compute the mass of film and electrodes [kg] and the volume of the film [m³]."""
-    mesh = model.discretisation
-    mass = (model.mass_per_area * mesh.weights).sum() * mesh.mirrored
-    return float(mass), float(model.volumes.sum() * mesh.mirrored)

@@ -18,7 +18,7 @@ from tympan.fem.equilibrium.span import Span
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import film_integrals, node_fields
+from tympan.fem.results.fields import largest, node_fields
 from tympan.fem.results.limit_states import (
     INSTABILITY,
     TENSION,
@@ -83,10 +83,10 @@ class FollowedForce:
             states = self.states[start : start + _TOGETHER]
             for fields in node_fields(self.model, states):
                 numbers["tense"].append(bool((fields.tension == Tension.TAUT).all()))
-                numbers["max_stretch"].append(float(fields.stretch_1.max()))
-                numbers["max_true_stress_Pa"].append(float(fields.stress_1.max()))
-                numbers["breakdown_share"].append(float(fields.breakdown_share.max()))
-            numbers["capacitance_F"] += film_integrals(self.model, states)[1].tolist()
+                numbers["max_stretch"].append(largest(fields.stretch_1))
+                numbers["max_true_stress_Pa"].append(largest(fields.stress_1))
+                numbers["breakdown_share"].append(largest(fields.breakdown_share))
+            numbers["capacitance_F"] += self.model.integrals(states)[1].tolist()
         return {name: tuple(values) for name, values in numbers.items()}
 
 

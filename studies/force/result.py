@@ -83,11 +83,13 @@ class ForceCurve:
     capacitance_F: Annotated[tuple[float, ...], Key("capacitance of the film as it is")]
     stable: Annotated[tuple[bool, ...], Key("whether it is stable under a constant force, too")]
     tense: Annotated[tuple[bool, ...], Key("whether no part of the film has lost tension")]
-    max_stretch: Annotated[tuple[float, ...], Key(
-        "largest principal stretch, from the virgin film")]
-    max_true_stress_Pa: Annotated[tuple[float, ...], Key("largest principal true stress")]
-    breakdown_share: Annotated[tuple[float, ...], Key(
-        "largest field over strength; 0 where the strength is unknown")]
+    max_stretch: Annotated[tuple[float | None, ...], Key(
+        "largest principal stretch, from the virgin film; none of a film without fields")]
+    max_true_stress_Pa: Annotated[tuple[float | None, ...], Key(
+        "largest principal true stress; none of a film without fields")]
+    breakdown_share: Annotated[tuple[float | None, ...], Key(
+        "largest field over strength; 0 where the strength is unknown, none of a film without "
+        "fields")]
     limits: Annotated[tuple[ForceLimit, ...], Key("limits that the curve passes, in order")]
     ended: Annotated[ForceLimit | None, Key(
         "where the curve ends before the last displacement; none where it reaches that")]

@@ -17,7 +17,7 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.firmness import firmness
+from tympan.fem.results.firmness import firmness, least_firmness
 from tympan.fem.results.limit_states import (
     BREAKDOWN,
     INSTABILITY,
@@ -317,7 +317,7 @@ def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None
         return flat.point.state.under(voltage=voltage**2)
 
     def margin(voltage: float) -> float:
-        return float(firmness(flat.model, state(voltage)).min())
+        return least_firmness(flat.model, state(voltage))
 
     taut = slack * (1 - _TAUT)
     if not margin(taut) < 0:

@@ -18,7 +18,6 @@ from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.results.fields import film_integrals
 from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Supply
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solve_grid
@@ -194,7 +193,7 @@ def _firsts(curve: FollowedForce, place: float, voltages: Sequence[float],
         if outcome.status != "equilibrium":
             return
         solution = outcome.solution
-        yield voltage, float(film_integrals(curve.model, [solution.state])[1][0])
+        yield voltage, float(curve.model.integrals([solution.state])[1][0])
 
 
 def _rising(deflection: Array, capacitance: Array) -> slice:

@@ -186,7 +186,7 @@ def _sure(states: FilmStates) -> Mask:
     """Find the states with a guaranteed accuracy of the family: a mask."""
     # Comparisons with missing states are false.
     exact = states.error <= EXACT * np.abs(states.deflection)
-    tense = states.tension > TENSE * states.stress
+    tense = ~(states.tension <= TENSE * states.stress)  # a film without fields has no stress
     return states.holds & exact & tense & states.sound
 
 

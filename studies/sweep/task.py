@@ -25,7 +25,7 @@ from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
-from tympan.studies.film_surface import film_surface
+from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.sweep.asked import QUESTIONS, Ask, AskedCase, Record, SolvedCase
 from tympan.studies.variables import VARIABLES
 
@@ -179,17 +179,16 @@ class SweepTask:
         solved = solve_grid(model, self.masses, self.voltages, self.rig, self.settings.path)
         for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
-            solution.rows.append({"id": case_id} | EXACT_ROW
-                                 | {name: record[name] for name in of_case()})
+            solution.rows.append(
+                {"id": case_id} | EXACT_ROW | {"by": self.settings.film or BY_ELEMENTS}
+                | {name: record[name] for name in of_case()})
             self._answer(solution.answers, number, SolvedCase(
                 self._case(number), self.settings, self.ask, self.masses, self.voltages, model,
                 outcome))
             if outcome.status == "equilibrium" and (self.fields or (self.figures and not number)):
-                with temporary_folder() as folder:
-                    file = folder / "fields.vtu"
-                    parts = _FINE if self.fields else _COARSE
-                    film_surface(model, outcome.state, parts).save(file)
-                    solution.fields[case_id] = file.read_bytes()
+                surface = film_surface(model, outcome.state, _FINE if self.fields else _COARSE)
+                if surface is not None:
+                    solution.fields[case_id] = _stored(surface)
         return solution
 
     def answers(self) -> dict[str, list[Record]]:
@@ -289,3 +288,11 @@ def numbers() -> tuple[str, ...]:
 
 #: Separator of several warnings of a row in a table.
 WARNINGS_JOINED = " | "
+
+
+def _stored(surface: FilmSurface) -> bytes:
+    """Write a film's surface as the content of a VTU file."""
+    with temporary_folder() as folder:
+        file = folder / "fields.vtu"
+        surface.save(file)
+        return file.read_bytes()

@@ -14,7 +14,7 @@ from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
 from tympan.fem.results.fields import Fields
-from tympan.fem.results.firmness import edge_firmness, firmness, rough_firmness
+from tympan.fem.results.firmness import edge_firmness, firmness, least_firmness, rough_firmness
 from tympan.fem.results.limit_states import LimitState
 from tympan.fem.results.solved_states import SolvedStates, mounted_place
 
@@ -65,12 +65,12 @@ class FilmPoint:
     @cached_property
     def firm(self) -> bool:
         """Whether the film is stable in its plane, if it could not wrinkle."""
-        return bool(firmness(replace(self.model, wrinkles=False), self.point.state).min() > 0)
+        return least_firmness(replace(self.model, wrinkles=False), self.point.state) > 0
 
     @property
     def edge_firmness(self) -> float:
         """Least stiffness of an electrode's edge [Pa]."""
-        return float(edge_firmness(self.model, self.point.state).min())
+        return float(edge_firmness(self.model, self.point.state).min(initial=np.inf))
 
     @property
     def rough_firmness(self) -> Array:
@@ -80,7 +80,8 @@ class FilmPoint:
     @property
     def thins(self) -> bool:
         """Whether the first instability of the film is thinning while wrinkled."""
-        return self.model.wrinkles and bool(self._thinning_margin <= self.firmness.min())
+        return self.model.wrinkles and bool(
+            self._thinning_margin <= self.firmness.min(initial=np.inf))
 
     @property
     def wrinkled(self) -> bool:
@@ -128,7 +129,8 @@ class FilmPoint:
         unstable in one place.
         """
         tangent = self.point.solution.tangent
-        taut = self.pressed.stress_2.min() > 0 and self.firmness.min() > 0
+        taut = all(margin.min(initial=np.inf) > 0
+                   for margin in (self.pressed.stress_2, self.firmness))
         if self.point.rate < 0 or not taut:
             return 0.0
         assert tangent is not None
@@ -151,10 +153,14 @@ class FilmPoint:
 
     def place(self, state: LimitState) -> tuple[float, float]:
         """Find the place in the mounted film where a limit state begins [m]."""
-        return mounted_place(self.fields.position[np.argmin(state.field(self))])
+        margin = state.field(self)
+        return mounted_place(self.fields.position[np.argmin(margin)] if margin.size
+                             else self.model.centre)
 
     def on_electrode_edge(self, state: LimitState) -> bool:
         """Check whether a limit state begins at an electrode's edge, within the film."""
+        if not self.model.meshed:
+            return False
         mesh = self.model.discretisation
         node = mesh.connectivity.ravel()[np.argmin(state.field(self))]
         return bool((mesh.electrode_edge.every == node).any())
@@ -164,7 +170,7 @@ class FilmPoint:
 
         A limit state of the whole film does not: such a corner changes it little.
         """
-        if not state.local:
+        if not (state.local and self.model.meshed):
             return False
         mesh, specimen = self.model.discretisation, self.model.specimen
         element = int(np.argmin(state.field(self))) // mesh.connectivity.shape[1]

@@ -148,6 +148,8 @@ def missed(passage: Passage) -> float:
     energy it is the mean square of the jumps of its stress, over the variance of the stress.
     """
     state, sign, film = passage.state, passage.sign, passage.here
+    if not film.model.meshed:
+        return 0.0
     mesh, fields = film.model.discretisation, film.fields
     # At an electrode's edge the stress itself has a jump.
     sides = 2 * mesh.connectivity + (mesh.covered > 0)

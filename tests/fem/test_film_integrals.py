@@ -17,7 +17,6 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import (
     Fields,
     cell_fields,
-    film_integrals,
     lost_tension,
 )
 from tympan.geometry.mesh import ELEMENTS
@@ -43,7 +42,7 @@ def several(request) -> tuple[Model, list[State]]:
 
 def test_totals_are_those_of_the_forces_and_the_energy(several) -> None:
     made, states = several
-    sums = zip(*film_integrals(made, states), strict=True)
+    sums = zip(*made.integrals(states), strict=True)
     for state, (reaction, capacitance, energy) in zip(states, sums, strict=True):
         assert reaction == pytest.approx(made.reaction(state), rel=1e-11)
         assert capacitance == pytest.approx(made.capacitance(state), rel=1e-12)

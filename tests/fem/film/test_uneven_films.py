@@ -15,7 +15,6 @@ from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading
-from tympan.fem.results.fields import film_integrals
 from tympan.geometry.specimen import Electrode, Patch, Specimen
 
 UNEVEN = (0.3, -0.1)
@@ -65,7 +64,7 @@ def test_the_same_film_seen_from_the_other_side() -> None:
         film = model(circular(thickness_gradient=(share, 0.0)))
         state = equilibrium(film, 0.2, 3e3).state
         outcomes.append([state.plate.deflection, state.plate.rotation[0, 2],
-                         *(float(part[0]) for part in film_integrals(film, [state])[1:])])
+                         *(float(part[0]) for part in film.integrals([state])[1:])])
     first, second = np.array(outcomes)
     assert first[[0, 2, 3]] == pytest.approx(second[[0, 2, 3]], rel=1e-6)
     assert first[1] == pytest.approx(-second[1], rel=1e-4)
