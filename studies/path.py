@@ -23,7 +23,7 @@ from tympan.fem.equilibrium.snap import snapped
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, Load, State
-from tympan.fem.results.fields import largest, least, whole
+from tympan.fem.results.fields import whole
 from tympan.fem.results.limit_states import (
     INSTABILITY,
     LIMIT_STATES,

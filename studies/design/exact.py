@@ -178,9 +178,3 @@ class ExactFilm:
     @property
     def first_limit(self) -> Array:
         return np.array([min((each.voltage_V for each in self._limits), default=np.inf)])
-
-
-def _most(values: Array) -> float:
-    """Find the largest value of a field; nan for a film that has no fields."""
-    most = largest(values)
-    return np.nan if most is None else most

@@ -120,8 +120,10 @@ class FormulaFilms(Films):
         if self.formula.stretches is None:
             unknown, endless = np.full(shape, np.nan), np.full(shape, np.inf)
             sure = np.ones(shape, dtype=bool)
-            return LocalState(unknown, unknown, unknown, endless, np.zeros(shape), endless, sure,
-                              sure)
+            return LocalState(
+                stretch_1=unknown, stretch_2=unknown, thickness=unknown, stress_1=unknown,
+                stress_2=endless, electric_field=np.zeros(shape), breakdown_strength=endless,
+                sound=sure, lawful=sure)
         specimen = self.some(films)
         both = [np.broadcast_to(stretch, shape)
                 for stretch in self.formula.stretches(specimen, q[:, :1])]
@@ -134,8 +136,10 @@ class FormulaFilms(Films):
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)
         within = lawful(film, first, second, film.material.derivatives(first, second))
-        return LocalState(first, second, first * w1, second * w2,
-                          np.sqrt(squared)[:, None] / thickness, strength, within, within)
+        return LocalState(
+            stretch_1=first, stretch_2=second, thickness=thickness, stress_1=first * w1,
+            stress_2=second * w2, electric_field=np.sqrt(squared)[:, None] / thickness,
+            breakdown_strength=strength, sound=within, lawful=within)
 
 
 @dataclass(frozen=True, eq=False)

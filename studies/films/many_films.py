@@ -502,8 +502,10 @@ class Films:
         strength = np.full_like(electric, np.inf)
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)
-        return LocalState(first, second, thickness, stress_1, stress_2, electric, strength, sound,
-                          within)
+        return LocalState(
+            stretch_1=first, stretch_2=second, thickness=thickness, stress_1=stress_1,
+            stress_2=stress_2, electric_field=electric, breakdown_strength=strength, sound=sound,
+            lawful=within)
 
     def balanced(self, films: AnyArray, force: AnyArray, squared: AnyArray, guess: AnyArray,
                  held: bool = False, share: float = 1.0) -> Balance:
