@@ -60,7 +60,8 @@ HEAVY = {
     "scipy.optimize", "scipy.spatial", "scipy.interpolate", "scipy.special", "scipy.stats",
     "scipy.constants", "scipy.integrate", "pandas", "xarray", "matplotlib", "pyvista", "vtkmodules",
     "cadquery", "OCP", "ezdxf", "gmsh", "meshio", "rich", "jinja2", "pint", "tqdm",
-    "numpy.f2py.rules", "numpy.testing._private.utils", "unittest", "email", "importlib.metadata", "charset_normalizer",
+    "numpy.f2py.rules", "numpy.testing._private.utils", "unittest", "email",
+    "importlib.metadata", "charset_normalizer",
     "tympan.tables.formats", "tympan.tables.layouts", "tympan.studies.films.family",
     "tympan.studies.limits.curve", "tympan.reports.template"}
 #: Most modules that a solve may load: 692 with SciPy 1.17, 767 before the list above was met.
