@@ -30,7 +30,7 @@ from scipy.io import loadmat
 import tympan
 from tests.support import parts_stub
 from tests.support.diagnosed import diagnosed
-from tests.support.specimens import circular, elliptical
+from tests.support.specimens import circular, elliptical, specimen_toml
 from tests.support.sweeps import written
 from tympan import door
 from tympan.base.errors import InputError
@@ -51,17 +51,50 @@ EIGHT_LINES = README.split("```python\n")[1].split("```")[0]
 COARSE = Settings(MeshSettings(order=2).refined(0.6))
 
 
-def test_an_equilibrium_and_its_limits_need_no_optimiser_and_no_search_tree() -> None:
-    """Such packages take as long to import as the film takes to solve."""
-    code = ("import sys; from tympan import solving;"
-            "from tympan.studies.limits import solve_within;"
-            "from tympan.fem.film.library import load_specimen;"
-            "print(*sorted(name for name in sys.modules if name.count('.') < 2))")
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
-                            check=True).stdout.split()
-    heavy = {"scipy.optimize", "scipy.spatial", "scipy.interpolate", "scipy.special", "scipy.stats",
-             "pandas", "xarray", "matplotlib", "pyvista", "gmsh", "jinja2"}
-    assert not heavy & set(loaded)
+#: What solves a film, by the command and in Python.
+DOORS = {
+    "command": "import tympan.cli; tympan.cli.main(['solve', {film!r}, '--mass', '20 g'])",
+    "python": "import tympan; print(tympan.solve(tympan.load({film!r}), mass='20 g').status)"}
+#: Packages and modules that take longer to import than such a film takes to solve.
+HEAVY = {
+    "scipy.optimize", "scipy.spatial", "scipy.interpolate", "scipy.special", "scipy.stats",
+    "scipy.constants", "scipy.integrate", "pandas", "xarray", "matplotlib", "pyvista", "vtkmodules",
+    "cadquery", "OCP", "ezdxf", "gmsh", "meshio", "rich", "jinja2", "pint", "tqdm",
+    "numpy.f2py.rules", "numpy.testing._private.utils", "unittest", "email",
+    "importlib.metadata", "charset_normalizer",
+    "tympan.tables.formats", "tympan.tables.layouts", "tympan.studies.films.family",
+    "tympan.studies.limits.curve", "tympan.reports.template"}
+#: Most modules that a solve may load: 692 with SciPy 1.17, 767 before the list above was met.
+MOST_MODULES = 720
+#: Most of tympan's own; each takes some 2 ms.
+MOST_OWN = 136
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_a_solve_loads_what_it_needs_only(door: str, tmp_path: Path) -> None:
+    """The mesh is kept from a first run, as after the first solve of any film."""
+    film = tmp_path / "oval.toml"
+    film.write_text(specimen_toml())
+    code = (f"import sys; {DOORS[door].format(film=str(film))}\n"
+            "print('loaded', *sorted(sys.modules))")
+    environment = os.environ | {"TYMPAN_CACHE": str(tmp_path / "kept")}
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                              check=True, cwd=ROOT, env=environment)
+    loaded = set(done.stdout.split("loaded ")[1].split())
+    assert "equilibrium" in done.stdout
+    assert not HEAVY & loaded
+    assert len(loaded) < MOST_MODULES
+    assert len([name for name in loaded if name.startswith("tympan")]) < MOST_OWN
+
+
+def test_every_name_loads_its_own_module_only() -> None:
+    code = ("import sys, tympan; tympan.Circle; tympan.load;"
+            "print(*[name for name in sys.modules if name.startswith('tympan.studies.')])")
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True,
+                          check=True)
+    loaded = {name.split(".")[2] for name in done.stdout.split()}
+    assert not loaded & {"design", "films", "tolerance", "data", "lumped", "diagnosis"}
 
 
 def test_opening_the_door_imports_nothing_heavy() -> None:

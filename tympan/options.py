@@ -301,10 +301,11 @@ def save_and_draw(options: argparse.Namespace, result: Any, moving: Sequence[Mov
     """
     if options.output is None:
         return []
+    from tympan.progress import waiting
     from tympan.reports.rebuild import draw_result
     from tympan.studies.files import replaced
 
-    with replaced(options.output, getattr(result, "pictures", ())):
+    with waiting("files and pictures"), replaced(options.output, getattr(result, "pictures", ())):
         result.save(options.output)
         drawn = draw_result(result, options.output)
         for file, draw in moving:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +12,10 @@ from typing import Any
 from tympan.base.progress import PartsDone
 
 _EVERY = 30.0  #: seconds between lines in a log
+#: Time between two counts of seconds, and before the first one [s].
+_SECOND = 1.0
+#: What moves a terminal to the start of its line and erases it.
+_ERASED = "\r\x1b[K"
 #: Digits of the share of a step that is shown.
 _DIGITS = 2
 _FORMAT = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]"
@@ -45,6 +50,37 @@ def bar(total: int) -> Iterator[Callable[..., None]]:
 
         yield step
         progress.update(begun - progress.n)
+
+
+@contextmanager
+def waiting(words: str) -> Iterator[None]:
+    """Show words and the seconds passed, from the second second on, for work without steps.
+
+    They are on a terminal only, and erased at the end.
+    """
+    if not sys.stderr.isatty():
+        yield
+        return
+    over = threading.Event()
+    clock = threading.Thread(target=_count, args=(words, over), daemon=True)
+    clock.start()
+    try:
+        yield
+    finally:
+        over.set()
+        clock.join()
+
+
+def _count(words: str, over: threading.Event) -> None:
+    """Show the seconds until ``over`` is set."""
+    began, shown = time.monotonic(), False
+    while not over.wait(_SECOND):
+        shown = True
+        sys.stderr.write(f"\r{words} [{time.monotonic() - began:.0f} s]")
+        sys.stderr.flush()
+    if shown:
+        sys.stderr.write(_ERASED)
+        sys.stderr.flush()
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from tests.support.specimens import circular
 from tympan.geometry.mesh import from_bytes, to_bytes
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.kept import meshes
-from tympan.studies.kept.store import Store, cache_file
+from tympan.studies.kept.store import Store, _meshers, cache_file
 
 COARSE = MeshSettings(order=2, around_plate=6)
 FILM = circular()
@@ -305,3 +306,8 @@ def test_a_content_that_nothing_is_made_of_is_removed(file: Path) -> None:
     assert stored.read(b"key", bytes) == b"content"
     assert stored.read(b"key", lambda _: None) is None
     assert stored.read(b"key", bytes) is None
+
+
+def test_keys_have_the_versions_of_the_installed_meshers() -> None:
+    assert {name.removesuffix(".dist-info").replace("_", "-") for name in _meshers()} == {
+        f"{name}-{version(name)}" for name in ("cadquery-ocp", "gmsh")}

@@ -31,6 +31,7 @@ from tympan.options import (
     read_pressed_rig,
     read_settings,
 )
+from tympan.progress import waiting
 
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
@@ -96,7 +97,7 @@ def solve(options: argparse.Namespace) -> None:
     if options.after is not None and options.tolerances is not None:
         raise InputError("is for films at rest: --after must be left out", key="--tolerances",
                          given=options.tolerances or "defaults")
-    with naming_options(options):
+    with naming_options(options), waiting("equilibrium and limits"):
         result = solving.solve(case, read_settings(options), options.after,
                                film=options.output is not None)
     finish(options, _banded(options, result, case.specimen, case.rig), text=solved_text,
@@ -124,7 +125,8 @@ def limits(options: argparse.Namespace) -> None:
     from tympan.studies.limits import LimitsResult
 
     specimen, rig, settings, (mass, *_) = _loaded(options)
-    result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings, options.beyond)
+    with waiting("limits"):
+        result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings, options.beyond)
     print_record(options, result.json(), text=limits_text, limits=result.limits,
                  plate=specimen.plate, pressure=rig.gas_pressure)
 
@@ -347,7 +349,9 @@ def modes(options: argparse.Namespace) -> None:
     point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
     if options.animate and options.output is None:
         raise InputError("must be given to say where the pictures go", key="-o")
-    result = modes(read_case(options), read_settings(options), options.count, point_mass)
+    case, settings = read_case(options), read_settings(options)
+    with waiting("equilibrium and modes"):
+        result = modes(case, settings, options.count, point_mass)
     moving: list[Moving] = []
     if options.animate and result.modes:
         from tympan.reports.figures.modes import animate_modes
@@ -367,7 +371,9 @@ def sensitivity(options: argparse.Namespace) -> None:
     from tympan.studies.sensitivity import sensitivity
 
     names = tuple(name.strip() for name in options.of.split(","))
-    result = sensitivity(read_case(options), read_settings(options), names)
+    case, settings = read_case(options), read_settings(options)
+    with waiting("equilibrium and derivatives"):
+        result = sensitivity(case, settings, names)
     # A quantity that is zero has no percentage, and comes last.
     strongest_first = {quantity: sorted(answers.by.items(),
                                         key=lambda item: -abs(item[1].elasticity or 0.0))

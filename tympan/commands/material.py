@@ -17,6 +17,7 @@ from tympan.options import (
     parse_quantity,
     print_record,
 )
+from tympan.progress import waiting
 
 if TYPE_CHECKING:
     from tympan.studies.case import Case
@@ -105,8 +106,11 @@ def material_fit(options: argparse.Namespace) -> None:
     with naming_options(options):
         layout = coupon_layout(options.mode, options.unit, options.area, options.length,
                                options.decimal)
-    finish(options, fit_coupons(options.coupons, options.law, noise, options.branches,
-                                _film(options), layout=layout))
+    film = _film(options)
+    with waiting("fits of laws"):
+        result = fit_coupons(options.coupons, options.law, noise, options.branches, film,
+                             layout=layout)
+    finish(options, result)
 
 
 def _fit_actuators(options: argparse.Namespace) -> None:
@@ -126,7 +130,9 @@ def _fit_actuators(options: argparse.Namespace) -> None:
     if others:
         raise InputError("must be one folder, or files of coupons", key="DATASET",
                          given=" ".join(map(str, options.coupons)))
-    result = fit_film(read_dataset(folder), options.branches, constants=options.constants or ())
+    with waiting("fit to the film's actuators"):
+        result = fit_film(read_dataset(folder), options.branches,
+                          constants=options.constants or ())
     if options.output is not None:
         result.save(options.output)
     print_record(options, result.json(), result=result)

@@ -155,9 +155,11 @@ def design(options: argparse.Namespace) -> None:
          example="out")
 def report(options: argparse.Namespace) -> None:
     """Rebuild a run's figures and report from what it stored."""
+    from tympan.progress import waiting
     from tympan.reports.rebuild import rebuild
 
-    with alone(options.folder if options.folder.is_dir() else None):
+    folder = options.folder if options.folder.is_dir() else None
+    with alone(folder), waiting("figures and report"):
         files = rebuild(options.folder)
     for file in files:
         print(file)
