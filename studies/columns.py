@@ -37,8 +37,11 @@ def write_rows(file: Path, rows: Mapping[str, Array]) -> None:
 
 def _column_of(name: str, values: Array) -> Column:
     """Make the column of a record's field, in the unit of tables."""
-    if values.dtype.kind == "O":
-        return Column.labels(name)
+    return Column.labels(name) if values.dtype.kind == "O" else column_of(name)
+
+
+def column_of(name: str) -> Column:
+    """Make the column of numbers of a name that ends in its SI unit, in the unit of tables."""
     si = unit_of(name)
     if si is None:
         return Column(name)

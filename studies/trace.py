@@ -19,10 +19,18 @@ from tympan.fem.toml_writer import specimen_content, toml
 from tympan.fem.transient.ends import MotionStatus
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Warnings
-from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
+from tympan.studies.columns import (
+    Column,
+    as_written,
+    column_of,
+    read_own_sheet,
+    write_rows,
+    write_sheet,
+)
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.film_surface import FilmSurface, save_series
 from tympan.studies.signals import Signal
+from tympan.studies.variables import VARIABLES
 
 #: Largest drift of a closed loop, over its range: less cannot be seen in a figure.
 _CLOSED = 0.01
@@ -38,6 +46,19 @@ _COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run")
             Column("rest", "s", required=False), Column("film_voltage", "kV", required=False),
             Column("current", "uA", required=False))
 _LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
+
+
+#: File of the variables of states, beside transient.csv.
+_STATES = "states.csv"
+
+
+def _read_states(file: Path) -> pd.DataFrame:
+    """Read a file of states as :func:`write_rows` wrote it; columns of no variable are dropped."""
+    columns = {key: column_of(key) for key in ("t_s", *VARIABLES)}
+    there = pd.read_csv(file)
+    found = {key: column.factor(column.title) * there[column.title]
+             for key, column in columns.items() if column.title in there}
+    return pd.DataFrame({"specimen": there["specimen"].astype(str)} | found)
 
 
 def unclosed(loop: pd.DataFrame) -> list[str]:
@@ -100,7 +121,9 @@ class Response:
 
     ``samples`` has the columns of transient.csv in SI units, as the rig's sensor shows them.
     ``loop`` is the last period of a periodic signal, with the columns of hysteresis.csv. ``films``
-    holds surfaces by time.
+    holds surfaces by time. ``states`` has the columns ``specimen``, ``t_s`` and the keys of the
+    :data:`~tympan.studies.variables.VARIABLES` of states at the samples, in SI, where they were
+    asked for.
     """
 
     file: ClassVar[str]
@@ -125,6 +148,7 @@ class Response:
     samples: pd.DataFrame = field(default_factory=pd.DataFrame, repr=False, compare=False)
     loop: pd.DataFrame | None = field(default=None, repr=False, compare=False)
     films: Mapping[float, FilmSurface] = field(default_factory=dict, repr=False, compare=False)
+    states: pd.DataFrame | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, signal: Signal, when: Array, deflection: Array, low: float, high: float,
@@ -151,12 +175,16 @@ class Response:
         if (folder / "hysteresis.csv").exists():
             periods = pd.DataFrame(read_own_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS))
             loops = dict(iter(periods.groupby("specimen")))
+        states: dict[Any, pd.DataFrame] = {}
+        if (folder / _STATES).exists():
+            states = dict(iter(_read_states(folder / _STATES).groupby("specimen")))
         listed = from_json(tuple[Any, ...], content["responses"], file, "responses")
         numbers = (from_json(cls, item, file, f"responses[{place}]")
                    for place, item in enumerate(listed))
         return Responses(tuple(
             replace(response, samples=samples[samples["specimen"] == response.specimen],
-                    loop=loops.get(response.specimen)) for response in numbers))
+                    loop=loops.get(response.specimen), states=states.get(response.specimen))
+            for response in numbers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +230,7 @@ class Responses:
         for response in self.responses:
             if response.drawn:
                 save_series(folder, response.specimen, list(response.films.items()))
-        remove(folder, first.file, "hysteresis.csv")
+        remove(folder, first.file, "hysteresis.csv", _STATES)
         samples = pd.concat([response.samples for response in self.responses])
         write_sheet(folder / "transient.csv",
                     [column for column in _COLUMNS if column.name in samples], samples)
@@ -210,6 +238,9 @@ class Responses:
                  if response.loop is not None]
         if loops:
             write_sheet(folder / "hysteresis.csv", _LOOP_COLUMNS, pd.concat(loops))
+        states = [response.states for response in self.responses if response.states is not None]
+        if states:
+            write_rows(folder / _STATES, pd.concat(states).to_dict("series"))
         if self.specimens:
             with suppress(InputError):  # an existing dataset stays as it is
                 write_text(folder / "dataset.toml", toml({

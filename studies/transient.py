@@ -26,6 +26,7 @@ from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import node_fields
+from tympan.fem.results.solved_states import SolvedStates
 from tympan.fem.rig import Rig
 from tympan.fem.transient.ends import SLACK, Followed, Stopped, status_of
 from tympan.fem.transient.energy import Energy, EnergyBalance
@@ -51,6 +52,7 @@ from tympan.studies.modes import carried
 from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Signal, Supplied, Wave, nominal, ramp
 from tympan.studies.trace import Response, Responses, unclosed, with_rest
+from tympan.studies.variables import rows_of_variables
 
 #: Voltage at which a loop turns, over that of the first limit, so that the film stays below it.
 _NEAR_LIMIT = 0.95
@@ -133,7 +135,8 @@ class History(Trace):
     the signal began [m], 0 where the film had no load until then. ``stopped`` says where the motion
     ended early. ``slack`` is when the film first lost tension [s], None where it did not.
     ``balance`` is its energy balance. ``farthest`` is the time of the largest deflection [s];
-    ``failures`` names breakdown there, and the criteria that the film's law fails there.
+    ``failures`` names breakdown there, and the criteria that the film's law fails there. ``states``
+    has a row with time and variables for each of the times at which these were asked for.
     """
 
     deflection: Array
@@ -148,13 +151,15 @@ class History(Trace):
     farthest: float
     failures: list[str]
     films: dict[float, FilmSurface] = field(default_factory=dict)
+    states: list[dict[str, float | None]] = field(default_factory=list)
 
 
 def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = (),
-            progress: ShareDone = lambda share: None) -> History:
+            progress: ShareDone = lambda share: None, states: Sequence[float] = ()) -> History:
     """Simulate the motion of a film, with its fields at some times [s].
 
-    ``progress`` is called with the finished share of the signal.
+    ``states``: times [s], ascending, at which its variables are computed. ``progress`` is called
+    with the finished share of the signal.
 
     Raises
     ------
@@ -170,6 +175,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     most = 0.0
     before = Energy.of(transient, Moment(0.0, state, memory))
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
+    shown, plate = list[dict[str, float | None]](), case.specimen.plate is not None
     followed = Followed(transient.moments(state, memory))
     for moment in followed:
         jumped = bool(past) and moment.time == past[-1].time
@@ -187,6 +193,10 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
             surface, time = film_surface(transient.remembering(at), at.state), wanted.pop(0)
             if surface is not None:
                 pictures[time] = surface
+        while len(shown) < len(states) and states[len(shown)] <= moment.time:
+            at = transient.moment_at(past, states[len(shown)])
+            found = SolvedStates(transient.remembering(at), [at.state])
+            shown.append({"t_s": at.time} | next(rows_of_variables(found, plate=plate)))
     stopped = followed.stopped
     if farthest is None:
         reason = ((stopped and stopped.why)
@@ -199,7 +209,7 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
         current = Trace(times).rates(capacitance * voltage)
     return History(times, deflection, voltage, capacitance, tilt, current, model.deflection(state),
                    stopped, slack, balance, farthest.time,
-                   _failures(transient, farthest), pictures)
+                   _failures(transient, farthest), pictures, shown)
 
 
 def _failures(transient: Transient, moment: Moment) -> list[str]:
@@ -317,16 +327,18 @@ class FieldResponse(Response):
 
 def respond(case: TransientCase, settings: Settings, interval: float, period: float | None = None,
             step: bool = False, films: tuple[float, ...] = (),
-            progress: ShareDone = lambda share: None
+            progress: ShareDone = lambda share: None, states: bool = False
             ) -> tuple[FieldResponse, History]:
     """Simulate the response of a film, sampled at an interval [s].
 
     ``period`` is the signal's period [s], if it has one. ``step`` says that the signal is a step.
-    ``progress`` is called with the finished share of the signal.
+    ``progress`` is called with the finished share of the signal. ``states``: compute the state's
+    variables at each sample.
     """
     began = time.perf_counter()
-    done = history(case, settings, films, progress)
-    when = np.linspace(0.0, done.end, max(2, round(done.end / interval) + 1))
+    done = history(case, settings, films, progress,
+                   _sampled(case.signal.end, interval).tolist() if states else ())
+    when = _sampled(done.end, interval)
     deflection = done.at(done.deflection, when)
     (low_s, low), (high_s, high) = done.extremes(done.deflection)
     warnings = _remarks(case)
@@ -353,7 +365,14 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         highest_current_A=float(np.abs(done.current).max()), energy=done.balance,
         stopped_s=None if done.stopped is None else done.stopped.time, slack_s=done.slack,
         steps=len(done.time), wall_s=time.perf_counter() - began, warnings=tuple(warnings),
-        samples=_samples(case, done, when), loop=loop, films=done.films), done
+        samples=_samples(case, done, when), loop=loop, films=done.films,
+        states=pd.DataFrame(done.states, dtype=float).assign(specimen=case.specimen.name)
+        if states else None), done
+
+
+def _sampled(end: float, interval: float) -> Array:
+    """Choose the times of samples up to an end [s]."""
+    return np.linspace(0.0, end, max(2, round(end / interval) + 1))
 
 
 def _without_voltage(case: TransientCase, done: History, settings: Settings) -> float | None:
@@ -367,12 +386,14 @@ def _without_voltage(case: TransientCase, done: History, settings: Settings) -> 
 def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, settings: Settings, *,
               mass: float | str | None = None, rest: float | str | None = None,
               swing: bool = False, films: tuple[float, ...] = (), rig: Rig = Rig(),
-              progress: Callable[..., None] = lambda *words, share=0.0: None) -> Responses:
+              progress: Callable[..., None] = lambda *words, share=0.0: None,
+              states: bool = False) -> Responses:
     """Simulate films' responses to the signal of a wave, sampled at the wave's interval.
 
     Each film bears the ``mass``, by default a mass that suits all films with a plate. ``films``
-    holds the times [s] at which each film is kept. ``progress`` is called with a specimen's name,
-    then with the finished ``share`` of the signal.
+    holds the times [s] at which each film is kept; with ``states`` the state's variables are
+    computed at each sample. ``progress`` is called with a specimen's name, then with the finished
+    ``share`` of the signal.
     """
     def over(share: float) -> None:
         progress(share=share)
@@ -387,7 +408,7 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
         load = 0.0 if mass is None and specimen.plate is None else carried
         case = TransientCase(specimen, signal, mass=load, rig=rig, rest=rest, inertia=swing)
         done.append(respond(case, settings, wave.interval, wave.period, wave.kind == "step", films,
-                            over)[0])
+                            over, states)[0])
     return Responses(tuple(done), tuple(specimens), rig)
 
 

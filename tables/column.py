@@ -239,9 +239,9 @@ class Column:
         if not self.unit:
             return 1.0
         unit = title[len(self.name) + 1 :]
-        quotient = unit.replace("_per_", "/")
-        if "/" in quotient:
-            return quantity(f"1 {quotient}", self.dimension)
+        written = _written(unit)
+        if written != unit:
+            return quantity(f"1 {written}", self.dimension)
         return unit_factor(unit, self.dimension)
 
     def texts(self, values: Sequence[Any]) -> list[str]:
@@ -271,10 +271,15 @@ class Column:
         return value
 
 
+def _written(unit: str) -> str:
+    """Write the unit that ends a name as a quantity has it: "kg/m^3" for "kg_per_m3"."""
+    return re.sub(r"(?<=[a-z])(?=[23]\b)", "^", unit.replace("_per_", "/"))
+
+
 @cache
 def dimension_of(unit: str) -> str:
     """Find the dimension of a unit, with ``_per_`` for a quotient."""
-    number = any_quantity(f"1 {unit.replace('_per_', '/')}")
+    number = any_quantity(f"1 {_written(unit)}")
     if number is None:
         raise ValueError(f"no unit: {unit}")
     return number[1]

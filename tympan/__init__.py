@@ -33,8 +33,8 @@ __all__ = [
     "Tolerances", "ViscousBranch", "Yeoh",
     "__version__",
     "alpha", "curve", "data", "design", "diagnose", "draft", "draw", "effects", "export",
-    "fit_material", "force", "limits", "load", "lumped", "material", "materials", "modes",
-    "optimise", "path", "plan", "report", "response", "sense", "sensitivity",
+    "films_within", "fit_material", "force", "limits", "load", "lumped", "material", "materials",
+    "modes", "optimise", "path", "plan", "report", "response", "sense", "sensitivity",
     "show_material", "solve", "study", "sweep", "tolerance", "transient",
 ]
 

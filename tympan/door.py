@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tympan.studies.diagnosis.film_fit import FilmFit
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.diagnosis.self_check import Bench
+    from tympan.studies.films.population import Population
     from tympan.studies.force import ForceResult
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.curve import CurveResult
@@ -47,6 +48,10 @@ if TYPE_CHECKING:
     from tympan.studies.trace import Responses
 
 File = str | os.PathLike[str]
+#: One load, or the lowest and the highest.
+Masses = float | str | Sequence[float | str]
+#: Most films that are drawn.
+_MOST_FILMS = 1_000_000
 Solved = TypeVar("Solved")
 
 
@@ -305,6 +310,39 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
     return Result(tolerance(case, settings))
 
 
+@names_arguments()
+@one_thread()
+def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
+                 mass: Masses = 0.0, voltage: float | str, films: int = 1000, seed: int = 1,
+                 rig: Rig = Rig(), settings: Settings = Settings()) -> Population:
+    """Draw random films within tolerances, for questions of one's own; they are reduced films.
+
+    ``tolerances`` as for :func:`tolerance`, whose films these are. They bear the nominal ``mass``,
+    or masses between a lowest and a highest one, and voltages up to ``voltage``.
+
+    ``films.under(mass, voltage)`` loads them: there ``shown("max_stretch")`` and so on are arrays
+    (films, 2) of any variable of a state, without and under the voltage; ``deflection``,
+    ``blocked_force``, ``frequency`` and ``first_limit`` are there, too. ``films.ends(mass)`` has
+    the voltages of their limits. Each load is one for all films, or an array with one for each.
+    Numbers are in SI, and nan where a film has no state.
+    """
+    from tympan.base.points import drawn_points
+    from tympan.studies.tolerance.drawn import Scattered
+    from tympan.studies.tolerance.given import Tolerances
+
+    given = Tolerances() if tolerances is None else _tolerances(tolerances)
+    scattered = Scattered.of(specimen, given)
+    masses, highest = numbers(mass, "mass", "mass"), number(voltage, "voltage", "voltage")
+    Case.greatest(specimen, masses, [highest], rig)  # refuses loads that no film bears
+    if not 1 <= films <= _MOST_FILMS:
+        raise InputError(f"must be a whole number from 1 to {_MOST_FILMS}", key="films",
+                         given=films)
+    if seed < 0:
+        raise InputError("must be a whole number, 0 or more", key="seed", given=seed)
+    return scattered.population((min(masses), max(masses)), highest,
+                                drawn_points(scattered.inputs, films, seed), rig, settings)
+
+
 @names_arguments(Loads)
 @one_thread()
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
@@ -327,16 +365,19 @@ def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressu
 @one_thread()
 def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
               mass: float | str | None = None, rest: float | str | None = None,
-              swing: bool = False, films: Sequence[float | str] = (), rig: Rig = Rig(),
-              settings: Settings = Settings(), **wave: Unpack[Waves]) -> Result[Responses]:
+              swing: bool = False, films: Sequence[float | str] = (), states: bool = False,
+              rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
+              ) -> Result[Responses]:
     """Simulate one film or several under a step, ramp, sine, random voltages, or a CSV file's.
 
     Before the signal the film rests under mass and first voltage for ``rest``, by default for ever,
     unless the film states when it was mounted. ``swing``: the plate has inertia; else it follows
     the film at once. The mass suits the film where none is given. ``result.responses[0]`` has the
     numbers, ``to_pandas()`` the samples at ``interval``; ``result.films[0]`` the film at each of
-    the times ``films``. Arguments of the signal: ``low`` and ``high`` voltage, ``duration`` of
-    step, ramp, a random level or a period, ``count`` of levels or periods, and a ``seed``.
+    the times ``films``. With ``states``, ``result.responses[0].states`` has the variables of the
+    film's state at each sample, such as ``max_stretch``. Arguments of the signal: ``low`` and
+    ``high`` voltage, ``duration`` of step, ramp, a random level or a period, ``count`` of levels or
+    periods, and a ``seed``.
     """
     from tympan.studies.signals import Wave
     from tympan.studies.trace import sample_count
@@ -347,7 +388,7 @@ def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
     voltages = form.signal()
     sample_count(voltages.end, form.interval, len(specimens))
     return Result(responses(specimens, form, voltages, settings, mass=mass, rest=rest, swing=swing,
-                            films=numbers(films, "time", "films"), rig=rig))
+                            films=numbers(films, "time", "films"), rig=rig, states=states))
 
 
 @names_arguments(Loads)
@@ -462,7 +503,6 @@ def data(dataset: File) -> dict[str, Any]:
     """Summarise a dataset with warnings, as ``tympan data --json`` prints it."""
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.evidence import registry  # noqa: F401  its kinds name the files
 
     return summary(read_dataset(Path(dataset)))
 
@@ -475,7 +515,6 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
     "frequency" or "range", where the guess is wrong.
     """
     from tympan.studies.data.draft import write_draft
-    from tympan.studies.diagnosis.evidence import registry  # noqa: F401  its kinds name the files
 
     return write_draft(Path(file), None if target is None else Path(target), kind)
 

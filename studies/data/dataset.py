@@ -159,7 +159,7 @@ FORCE: tuple[Column, ...] = (
 #: Mark of a line in a draft that is to be corrected.
 GUESS = "CORRECT THIS:"
 
-#: Files of readings that a dataset may contain, and their columns. Kinds of evidence may add more.
+#: Files of readings that a dataset may contain, and their columns: those of all kinds of evidence.
 FILES: dict[str, tuple[Column, ...]] = {
     "static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
     "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,

@@ -476,8 +476,7 @@ class FilmFamily:
         place = np.einsum("slc,sl->sc", corners, self.places.values[extremes.weakest])
         values = {"voltage": np.abs(voltage), "deflection": q[:, 0], "force": carried,
                   "capacitance": capacitance, "energy": energy, "stiffness": balance.stiffness,
-                  "error": error,
-                  "stretch": extremes.stretch, "stress": extremes.stress,
+                  "error": error, "stretch": extremes.stretch, "stress": extremes.stress,
                   "tension": extremes.tension, "electric": extremes.electric,
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
                   "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q),
@@ -520,15 +519,18 @@ class FilmFamily:
         ends = self.ends(parameters, forces)
         return ends.breakdown, ends.taut
 
-    def ends(self, parameters: Any, forces: Any) -> FilmEnds:
+    def ends(self, parameters: Any, forces: Any, strengths: Any = 1.0) -> FilmEnds:
         """Find the voltages at which films break down, lose tension or pull in.
 
-        Forces are as for :meth:`limits`.
+        Forces are as for :meth:`limits`. ``strengths``: factors on the films' electric strength,
+        (films,) or one.
         """
         rows = np.atleast_2d(np.asarray(parameters, dtype=float))
         force = np.broadcast_to(np.asarray(forces, float), (len(rows), np.shape(forces)[-1]
                                                             if np.ndim(forces) else 1))
-        each = np.repeat(rows, force.shape[1], axis=0), force.ravel()
+        strength = np.broadcast_to(np.asarray(strengths, float), len(rows))
+        each = (np.repeat(rows, force.shape[1], axis=0), force.ravel(),
+                np.repeat(strength, force.shape[1]))
         whole, first = (self.first_limits(*each, wanted=wanted)
                         for wanted in (ENDS, (*ENDS, BREAKDOWN.kind)))
         taut, none = whole.voltage, np.where(np.isnan(whole.voltage), np.nan, np.inf)

@@ -10,20 +10,21 @@ Searches for designs, tolerances, sweeps and the live explorer use this module.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from tympan.base.arrays import AnyArray, Array, Mask
+from tympan.base.fields import number
 from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.family import BLOCK, FilmFamily
 from tympan.studies.films.first_limits import ENDS, kinds
 from tympan.studies.films.many_films import Films
-from tympan.studies.films.states import FilmStates
+from tympan.studies.films.states import FilmEnds, FilmStates
 from tympan.studies.variables import VARIABLES, Variable, variables_of
 
 #: Relative distance of a limit from a voltage below which it counts as reached: limits are accurate
@@ -172,15 +173,33 @@ class Population:
         nominal = self.rig.nominal_voltage(found.voltage / self.amplifier)
         return np.asarray(nominal), found.kind
 
+    def ends(self, mass: Any) -> FilmEnds:
+        """Find the nominal voltages [V] at which films under a mass break down, go slack, pull in.
+
+        The mass is a number [kg], (films,) of them, or a text with its unit. Each voltage has the
+        shape (films,); it is infinite or nan as :class:`FilmEnds` says.
+        """
+        forces = np.broadcast_to(self.forces(_in_si(mass, "mass")), len(self))
+        found = self.family.ends(self.rows, forces[:, None], self.strength)
+        return FilmEnds(**{item.name: np.asarray(self.rig.nominal_voltage(
+            getattr(found, item.name)[:, 0] / self.amplifier)) for item in fields(FilmEnds)})
+
     def under(self, mass: Any, voltage: Any, margin: float = 1.0, *, swings: bool = True
               ) -> LoadedFilms:
-        """Load the films with nominal masses [kg] and voltages [V].
+        """Load the films with nominal masses [kg] and voltages [V], or texts with their unit.
 
-        Each is one value for all films, or one per film.
+        Each is one value for all films, or one per film. ``margin``: a third state is that at the
+        voltage times a margin above 1. ``swings``: frequencies may be asked for.
         """
         every = len(self)
+        mass, voltage = _in_si(mass, "mass"), _in_si(voltage, "voltage")
         return LoadedFilms(self, np.broadcast_to(mass, every), np.broadcast_to(voltage, every),
                            margin, swings)
+
+
+def _in_si(value: Any, dimension: str) -> Any:
+    """Convert a text with its unit; numbers stay as they are."""
+    return number(value, dimension, dimension) if isinstance(value, str) else value
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,6 +90,9 @@ Answer = Callable[[Any], Any]
 #: elements must solve the row.
 FamilyAnswer = Callable[[FilmGrid], list[list[Record | None]]]
 
+#: Columns with their meanings, or a function that lists them.
+Columns = Mapping[str, str] | Callable[[], Mapping[str, str]]
+
 #: Name of the question that uses tolerances.
 BANDS = "bands"
 
@@ -98,6 +101,7 @@ BANDS = "bands"
 class SweepQuestion:
     """A question: its ``columns`` with their meanings; a unit ends a column's name.
 
+    They are ``declared`` as such, or by a function where a registry that may grow has them.
     ``{n}`` in a name is the number of a circle. ``shown`` lists the most important columns.
     ``loads`` are the loads it depends on, from mass and voltage in this order. ``answer`` is called
     once for each of their values, or once ``together`` for a list of records, masses first.
@@ -109,7 +113,7 @@ class SweepQuestion:
 
     name: str
     meaning: str
-    columns: Mapping[str, str]
+    declared: Columns
     shown: tuple[str, ...]
     loads: tuple[str, ...]
     answer: Answer
@@ -117,6 +121,11 @@ class SweepQuestion:
     by_family: FamilyAnswer | None = None
     equilibria: int = 0
     change: bool = False
+
+    @property
+    def columns(self) -> Mapping[str, str]:
+        """Its columns with their meanings."""
+        return self.declared() if callable(self.declared) else self.declared
 
     def names(self, circles: int) -> list[str]:
         """List its columns for at most ``circles`` circles."""
@@ -185,7 +194,7 @@ def _of_quantity(quantity: Quantity) -> SweepQuestion:
                          answer)
 
 
-def question(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
+def question(meaning: str, columns: Columns, shown: tuple[str, ...],
                 loads: tuple[str, ...] = (), together: bool = False,
                 by_family: FamilyAnswer | None = None, equilibria: int = 0,
                 change: bool = False) -> Callable[[Answer], SweepQuestion]:
@@ -214,13 +223,18 @@ def _alpha(asked: AskedCase) -> Record:
             "warnings": list(result.warnings)}
 
 
-@question("how far the voltage can be raised, as `tympan limits` finds it", {
-    f"{kind}_{column}": words.format(state.label)
-    for kind, state in LIMIT_STATES.items()
-    for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
-                          ("y_m", "the same along y"),
-                          ("spread", "how certain the voltage is, relative"))
-} | {"last_equilibrium_V": "beyond this nominal voltage there is none, by pull-in or instability"},
+def _of_limits() -> dict[str, str]:
+    """List the columns of all limit states."""
+    return {f"{kind}_{column}": words.format(state.label)
+            for kind, state in LIMIT_STATES.items()
+            for column, words in (
+                ("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
+                ("y_m", "the same along y"), ("spread", "how certain the voltage is, relative"))
+            } | {"last_equilibrium_V":
+                 "beyond this nominal voltage there is none, by pull-in or instability"}
+
+
+@question("how far the voltage can be raised, as `tympan limits` finds it", _of_limits,
              shown=("tension_V", "breakdown_V", "instability_V", "last_equilibrium_V"),
              loads=("mass",))
 def _limits(asked: AskedCase) -> Record:

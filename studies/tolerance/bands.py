@@ -170,9 +170,8 @@ def _under(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float], 
         raise InputError("must be above 0: without a load the plate of no film moves, so there is "
                          "no band", key="mass", given="0 g")
     scattered = Scattered.of(specimen, tolerances)
-    box, loads = scattered.box(), (min(masses), max(masses))
-    family = scattered.family(box, loads, max(voltage, 1.0), rig, settings)
-    return scattered.films(family, box.row(specimen), points(scattered), rig)
+    loads = min(masses), max(masses)
+    return scattered.population(loads, max(voltage, 1.0), points(scattered), rig, settings)
 
 
 def points(scattered: Scattered) -> Array:

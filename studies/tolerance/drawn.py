@@ -141,6 +141,16 @@ class Scattered:
         median = median_strength(family, row, self.causes)
         return Population(family, rig, rows, load, amplifier, median * strength)
 
+    def population(self, masses: tuple[float, float], voltage: float, points: Array, rig: Rig,
+                   settings: Settings) -> Population:
+        """Make films about the specimen at points (films, inputs), with their family.
+
+        ``masses``: lowest and highest nominal mass [kg]. ``voltage``: highest nominal voltage [V].
+        """
+        box = self.box()
+        family = self.family(box, masses, voltage, rig, settings)
+        return self.films(family, box.row(self.specimen), points, rig)
+
     def with_nominal(self, points: Array) -> Array:
         """Put the point of the film without scatter in front of points."""
         return np.concatenate([np.full((1, self.inputs), 0.5), points])

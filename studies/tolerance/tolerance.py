@@ -214,10 +214,8 @@ class DrawnFilms:
         asked = [bound.value for bound in case.wanted if bound.name == LIMIT]
         highest = max(case.margin * voltage, *asked,
                       0.0 if first is None else _ABOVE * first.voltage_V)
-        box = scattered.box()
-        family = scattered.family(box, (mass, mass), highest, rig, settings)
-        films = scattered.films(family, box.row(case.specimen),
-                                scattered.with_nominal(design.points), rig)
+        films = scattered.population((mass, mass), highest,
+                                     scattered.with_nominal(design.points), rig, settings)
         return cls(films, found, design, mass, voltage, case, first)
 
     @property

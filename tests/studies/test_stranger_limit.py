@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.optimize import brentq
 
@@ -25,7 +26,11 @@ from tympan.studies.force.result import ForceResult
 from tympan.studies.limits import LimitsResult, limits, solve_within
 from tympan.studies.limits.curve import CurveResult, curve
 from tympan.studies.limits.voltages import first_limit
+from tympan.studies.parallel import serial
 from tympan.studies.path import PathResult, path
+from tympan.studies.sweep.asked import QUESTIONS
+from tympan.studies.sweep.plan import read_sweep
+from tympan.studies.sweep.run import run_sweep
 from tympan.studies.tolerance.given import (
     Scatter,
     causes,
@@ -136,3 +141,19 @@ def test_it_is_printed_by_its_label(command: str, tmp_path: Path,
     assert "stranger" in capsys.readouterr().out
     assert main([*words, "--json"]) == 0
     assert '"stranger"' in json.dumps(json.loads(capsys.readouterr().out))
+
+
+def test_a_sweep_that_asks_for_limits_has_its_columns(tmp_path: Path) -> None:
+    """The columns are those of all limit states, also of one that is registered later."""
+    coarsest = Settings(MeshSettings().refined(0.4))
+    met = limits(Case(SOFT, mass=MASS), coarsest).stranger
+    assert met is not None
+    (tmp_path / "soft.toml").write_text(SOFT_TOML, encoding="utf-8")
+    (tmp_path / "SWEEP.toml").write_text(
+        'specimen = "soft.toml"\nmass = "17.9 g"\nvoltage = "2 kV"\nask = ["limits"]\n',
+        encoding="utf-8")
+    run_sweep(read_sweep(tmp_path / "SWEEP.toml", coarsest), tmp_path / "out", serial)
+    row = pd.read_csv(tmp_path / "out" / "sweep.csv").iloc[0]
+    assert row["stranger_V"] == pytest.approx(met.voltage_V, rel=1e-9)
+    assert row["stranger_spread"] == pytest.approx(met.spread, rel=1e-6)
+    assert QUESTIONS["limits"].meaning_of("stranger_V") == "nominal voltage of stranger"

@@ -45,7 +45,6 @@ def data(options: argparse.Namespace) -> None:
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.data.draft import write_draft
-    from tympan.studies.diagnosis.evidence import registry  # noqa: F401  its kinds name the files
 
     if (options.draft is None) == (options.dataset is None):
         raise InputError("must be given, or --draft with a table of yours, one of both",

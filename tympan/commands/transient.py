@@ -39,6 +39,9 @@ _FRAMES = 48
          argument("--swing", action="store_true",
                   help="the plate has inertia; else it follows the film at once"),
          argument("--at", metavar="TIMES", help="also store the film at these times (VTU)"),
+         argument("--states", action="store_true",
+                  help="also compute all that `solve` says of a state at each sample, such as the "
+                       "largest stretch; with -o as states.csv"),
          argument("--animate", action="store_true",
                   help="also draw the film as it moves, with -o (GIF; MP4 where FFmpeg is)"), RIG,
          output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
@@ -60,7 +63,8 @@ def transient(options: argparse.Namespace) -> None:
     specimens = read_specimens(options.specimens)
     with bar(len(specimens)) as progress:
         result = responses(specimens, wave, signal, settings, mass=mass, rest=rest,
-                           swing=options.swing, films=(*films, *shown), rig=rig, progress=progress)
+                           swing=options.swing, films=(*films, *shown), rig=rig, progress=progress,
+                           states=options.states)
     moving: list[Moving] = []
     if options.animate:
         from tympan.reports.figures.animation import animate

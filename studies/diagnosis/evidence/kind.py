@@ -15,7 +15,6 @@ from tympan.base.arrays import Array, Mask, Numbers
 from tympan.base.errors import InputError
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
-from tympan.studies.columns import Column
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.hypothesis import (
     FACTORS,
@@ -225,12 +224,11 @@ class PlateEvidence(Evidence, Protocol):
     """Readings of plates under loads.
 
     ``alone``: without other readings they separate a mass from a stiffness. ``noisy``: their rows
-    come with their noise, and are neither averaged nor rounded. ``columns``: those of files that
-    :mod:`~tympan.studies.data.dataset` does not know, by name; ``units``: those of kinds of rows
-    that :mod:`~tympan.studies.diagnosis.reading_table` does not know.
+    come with their noise, and are neither averaged nor rounded. ``units``: those of kinds of rows
+    that :mod:`~tympan.studies.diagnosis.reading_table` does not know. The columns of its ``files``
+    are declared in :data:`tympan.studies.data.dataset.FILES`.
     """
 
-    columns: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
     units: ClassVar[Mapping[str, Unit]] = {}
     loaded: ClassVar[bool] = True
     alone: ClassVar[bool] = False

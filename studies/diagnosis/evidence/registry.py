@@ -23,8 +23,16 @@ Kind = TypeVar("Kind", bound=PlateEvidence)
 
 
 def register(kind: Kind) -> Kind:
-    """Add a kind of evidence: its files, and the units and predictions of its rows."""
-    FILES.update(kind.columns)
+    """Add a kind of evidence, and the units and predictions of its rows.
+
+    Raises
+    ------
+    ValueError
+        When the columns of one of its files are not declared: datasets are read without kinds.
+    """
+    for name in kind.files:
+        if name not in FILES:
+            raise ValueError(f"declare the columns of {name} in FILES of studies/data/dataset.py")
     UNITS.update(kind.units)
     PLATES.append(kind)
     BY_ROWS.update(dict.fromkeys(kind.kinds, kind))

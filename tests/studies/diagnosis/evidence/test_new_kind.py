@@ -29,6 +29,9 @@ from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.effects import Setup
 
+#: Columns of its file, which a line of FILES declares.
+COLUMNS = (SPECIMEN, Column("mass", "g"), Column("voltage", "kV"),
+           Column("stiffness", rule=POSITIVE))
 #: Share of each stiffness that it is known to.
 NOISE = 0.01
 HEAD = "specimen,mass_g,voltage_kV,stiffness\n"
@@ -39,9 +42,6 @@ class Stiffnesses(PlateEvidence):
 
     files = ("strange.csv",)
     kinds = ("stiffness",)
-    columns: ClassVar = {"strange.csv": (SPECIMEN, Column("mass", "g"),
-                                           Column("voltage", "kV"),
-                                           Column("stiffness", rule=POSITIVE))}
     units: ClassVar = {"stiffness": Unit("N/m", 1.0)}
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
@@ -62,6 +62,7 @@ def stiffnesses() -> Iterator[None]:
     """The kind, registered while a test runs."""
     tables = FILES, registry.BY_ROWS, UNITS
     before = [dict(table) for table in tables]
+    FILES["strange.csv"] = COLUMNS
     registry.register(Stiffnesses())
     yield
     registry.PLATES.pop()
@@ -125,13 +126,29 @@ def test_a_file_of_no_kind_is_remarked_on(tmp_path: Path) -> None:
     assert any(remark.startswith("strange.csv is not read") for remark in dataset.remarks)
 
 
-@pytest.mark.parametrize("call", ["tympan.data(sys.argv[1])",
-                                  "tympan.cli.main(['data', sys.argv[1]])"])
-def test_whoever_reads_a_dataset_first_knows_all_kinds(call: str, tmp_path: Path) -> None:
-    """In a fresh process, by both doors: kinds bring their files when they are registered."""
+def test_a_kind_without_declared_columns_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"columns of strange\.csv in FILES"):
+        registry.register(Stiffnesses())
+
+
+def test_the_columns_of_all_kinds_are_declared_below_them() -> None:
+    assert {name for kind in registry.PLATES for name in kind.files} <= FILES.keys()
+
+
+@pytest.mark.parametrize("call", ["print(tympan.data(sys.argv[1]))",
+                                  "tympan.cli.main(['data', sys.argv[1], '--json'])"])
+def test_whoever_reads_a_dataset_needs_no_kinds(call: str, tmp_path: Path) -> None:
+    """In a fresh process, by both doors: a file is known by the line that declares its columns."""
     data = write_dataset(tmp_path / "data", specimens=("A",),
                          static="specimen,mass_g,voltage_kV,displacement_mm\nA,10,0,1.4\n")
-    known = "assert 'tympan.studies.diagnosis.evidence.registry' in sys.modules"
-    done = subprocess.run([sys.executable, "-c", f"import sys, tympan, tympan.cli; {call}; {known}",
+    (data / "strange.csv").write_text(HEAD + "A,10,0,5\n")
+    declared = ("from tympan.studies.data.dataset import FILES, SPECIMEN; "
+                "from tympan.studies.columns import Column; FILES['strange.csv'] = (SPECIMEN, "
+                "Column('mass', 'g'), Column('voltage', 'kV'), Column('stiffness'))")
+    none = "assert 'tympan.studies.diagnosis.evidence.registry' not in sys.modules"
+    done = subprocess.run([sys.executable, "-c",
+                           f"import sys, tympan, tympan.cli; {declared}; {call}; {none}",
                            str(data)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert "strange.csv is not read" not in done.stdout
+    assert "strange" in done.stdout
