@@ -20,7 +20,7 @@ StateKey = tuple[int, float, VoltageHistory, float, float]
 LENGTHS = ("displacement", "range")
 
 
-def evenly(items: Numbers, count: int) -> Numbers:
+def evenly_chosen(items: Numbers, count: int) -> Numbers:
     """Select at most ``count`` evenly spaced items, the first and the last among them."""
     most = min(count, len(items))
     places = np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))

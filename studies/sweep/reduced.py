@@ -33,7 +33,7 @@ from tympan.studies.sweep.task import (
     Row,
     SweepTask,
     TaskResult,
-    digest_of,
+    json_digest,
 )
 
 #: Cost of the specimens, in equilibria, from which a family is worth making. The mesh of each
@@ -127,7 +127,7 @@ def _cost(task: SweepTask) -> int:
 
 def kin_id(kin: Kin) -> str:
     """Hash a family: rows of different families differ by the errors of both."""
-    return digest_of(repr(kin))
+    return json_digest(repr(kin))
 
 
 def _reducible(task: SweepTask) -> bool:

@@ -104,7 +104,7 @@ class Control:
 
     def value(self, view: FilmView) -> float:
         """Read the value in a view, in its unit."""
-        return self.factor * value_of(view, self.key)
+        return self.factor * control_value(view, self.key)
 
     def position(self, view: FilmView) -> float:
         """Compute the position of its slider."""
@@ -133,7 +133,7 @@ class Control:
             raise error.located(key=self.key) from None
 
 
-def value_of(view: FilmView, key: str) -> float:
+def control_value(view: FilmView, key: str) -> float:
     """Read the value of a control with this key in a view, in SI."""
     if key in _LOADS:
         return float(getattr(view, key))
@@ -216,7 +216,7 @@ def _paths(specimen: Specimen) -> Iterator[str]:
 
 def _of_number(view: FilmView, path: str) -> Control:
     keys = tuple(path.split("."))
-    field, value = field_at(view.specimen, keys), value_of(view, path)
+    field, value = field_at(view.specimen, keys), control_value(view, path)
     dimension = field.says.dimension if field is not None else ""
     low, high = _LEAST * value, _MOST * value
     if keys[-2] == "offset":

@@ -257,7 +257,7 @@ def numbers_of(setup: Setup, names: NDArray[np.str_]) -> list[int]:
     return [numbers[name] for name in names.tolist()]
 
 
-def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
+def rows_of_kinds(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
     """Mark the rows of a table that belong to some kinds of evidence."""
     return np.isin(table.kind, [name for kind in evidence for name in kind.kinds])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.explanations.kind import Explanation, Written
-from tympan.studies.diagnosis.inference.pattern_shares import alone, pattern_columns, shares_of
+from tympan.studies.diagnosis.inference.pattern_shares import pattern_columns, shares_of, stands_out
 from tympan.studies.diagnosis.inference.projection import taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -43,7 +43,7 @@ def _odd_columns(judged: Judgement, taken: Array) -> dict[str, Array]:
     for columns in (run_columns(table, names), load_columns(table)):
         shares = shares_of(judged, taken, columns)
         best = max(shares, key=lambda name: shares[name], default=None)
-        if best is not None and alone(best, shares, shares):
+        if best is not None and stands_out(best, shares, shares):
             odd[best] = columns[best]
     return odd
 

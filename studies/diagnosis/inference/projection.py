@@ -41,7 +41,7 @@ def orthonormal(columns: Array, least: float = RANK) -> Array:
     return np.asarray(basis[:, sizes > least])
 
 
-def beside(taken: Array, columns: Array) -> Array:
+def basis_outside(taken: Array, columns: Array) -> Array:
     """Build a basis of columns, over the noise, outside the basis ``taken``."""
     return orthonormal(without(taken, columns[:, told_apart(taken, columns)]))
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from tympan.base.arrays import Mask
-from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of_kinds
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -214,7 +214,7 @@ class Judgement:
         first = self.simulation.of_first()
         if first.evidence == self.simulation.evidence:
             return self
-        films = rows_of(first.evidence, self.table)
+        films = rows_of_kinds(first.evidence, self.table)
         posterior = self.posterior and replace(
             self.posterior, fits=tuple(fit.part(films) for fit in self.posterior.fits))
         weighed = replace(self.weighed, simulation=first, posterior=posterior,
