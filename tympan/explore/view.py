@@ -11,7 +11,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Field, field_at
 from tympan.base.paths import at, numbers, with_number
 from tympan.base.toml_reader import Table
-from tympan.base.units import quantity
+from tympan.base.units import quantity, table_unit
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
@@ -21,8 +21,8 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case
 
 #: Units of the controls, by dimension, and their number in one SI unit.
-_UNITS = {"": ("", 1.0), "length": ("mm", 1e3), "mass": ("g", 1e3), "voltage": ("kV", 1e-3),
-          "angle": ("deg", 180 / 3.141592653589793)}
+_UNITS = {"": ("", 1.0), "angle": ("deg", 180 / 3.141592653589793)} | {
+    dimension: table_unit(dimension) for dimension in ("length", "mass", "voltage")}
 
 #: Most numbers of an outline with controls; an outline with more is changed in its file.
 _MOST_NUMBERS = 8
