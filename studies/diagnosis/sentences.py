@@ -11,6 +11,7 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.families import found_sizes, undecided
 from tympan.studies.diagnosis.inference.pattern_shares import largest_patterns, stands_out
 from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.patterns.reading_patterns import PATTERNS, check_of_pattern
 from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.effects.effect import Observable
@@ -159,8 +160,6 @@ def pattern_checks(judged: Judgement) -> list[str]:
     names, shares = largest_patterns(judged)
     checks = []
     for name in names:
-        kind, _, rest = name.partition(" ")
-        if kind == "specimen" and not stands_out(name, shares):
-            kind = "specimens"
-        checks.append(WORDS.get(f"look_{kind}", "").format(name=rest))
+        alone = not name.startswith("specimen ") or stands_out(name, shares)
+        checks.append(check_of_pattern(name) if alone else PATTERNS["specimen"].check_all)
     return [check for check in checks if check]
