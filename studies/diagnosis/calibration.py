@@ -41,8 +41,8 @@ from tympan.studies.modes import heave_frequency
 #: Reach of a force law beyond what the readings need, as factors on deflection and U²: effects and
 #: larger factors move films further out.
 _ROOM = (1.3, 1.15)
-#: The same factors for a film that hardly reaches its range: with less deflection it bears more
-#: voltage. They are less than one because laws are valid a little beyond their range.
+#: Factors on deflection and U² for a film that hardly reaches its range: with less deflection it
+#: bears more voltage. They are less than one because laws are valid a little beyond their range.
 _TIGHT = (0.95, 0.95)
 #: Share of the needed range that is enough, for the same reason.
 _ENOUGH = 0.94
