@@ -151,7 +151,7 @@ class States:
 
     @property
     def at_rest(self) -> States:
-        """The same states, each held for ever."""
+        """These states, each with its voltage held until the film has come to rest."""
         return replace(self, passage=Passages.of(None, np.full(len(self), np.nan)))
 
     def __getitem__(self, rows: Mask | Numbers) -> States:

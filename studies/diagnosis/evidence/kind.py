@@ -77,7 +77,7 @@ class Predicts(Protocol):
         """Give the smallest and largest unknowns, (2, unknowns), for which films are sampled."""
 
     def limits(self, hypothesis: Hypothesis) -> Array:
-        """Give the same limits for which films could be sampled, as far as known."""
+        """Give the limits of unknowns for which films could be sampled, as far as known."""
 
 
 class ReadingModel(ABC):

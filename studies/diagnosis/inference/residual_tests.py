@@ -209,7 +209,7 @@ class ResidualTests:
 
     def _ratios_to(self, found: Noise, residuals: Array, variances: Array
                    ) -> dict[str, tuple[Array, int, float]]:
-        """Compute the same ratios to noise whose parts have these ``variances``, (parts, n).
+        """Compute these ratios to noise whose parts have these ``variances``, (parts, n).
 
         A pattern's noise is the mean over the parts it is in, weighted by its share in each.
         """
