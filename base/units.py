@@ -289,6 +289,16 @@ def unit_factor(unit: str, dimension: str) -> float:
     return _si_value(unit, dimension, f"must be a unit of {dimension}, such as {example}", unit)
 
 
+def table_unit(dimension: str) -> tuple[str, float]:
+    """Find the unit of a dimension's numbers in tables, and their number in one SI unit.
+
+    >>> table_unit("length"), table_unit("frequency")
+    (('mm', 1000.0), ('Hz', 1.0))
+    """
+    unit = DIMENSIONS[dimension].table_unit
+    return unit, 1 / unit_factor(unit, dimension)
+
+
 def quantity_text(value: float, dimension: str) -> str:
     """Write a quantity as number and unit that :func:`quantity` reads back as the same number.
 

@@ -72,7 +72,7 @@ def round_scale(low: float, high: float, intervals: int = 5) -> AxisScale:
     return AxisScale(round(first * half, 12), round(last * half, 12), ticks)
 
 
-def rows_of(count: int, most: int = 3) -> list[range]:
+def rows_of_panels(count: int, most: int = 3) -> list[range]:
     """Arrange the indices of ``count`` items in rows of at most ``most``, as even as possible.
 
     Examples

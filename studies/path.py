@@ -15,6 +15,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.base.progress import Progress
+from tympan.base.units import BENCH
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
@@ -86,8 +87,8 @@ _LIMIT_POINTS = {PULL_IN.kind, SNAP_THROUGH.kind, SNAP_BACK.kind}
 _GROWING: dict[Along, tuple[Load, str]] = {
     "voltage": ("voltage", "V"), "charge": ("voltage", "C"), "mass": ("force", "kg"),
     "pressure": ("pressure", "Pa")}
-#: Factor and unit for people, by the unit in results.
-_READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa")}
+#: Unit for people and its number in one SI unit. Gas pressures are in pascals, stresses are not.
+_READ = BENCH | {"C": ("µC", 1e6), "Pa": ("Pa", 1.0)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +133,7 @@ class Event:
     @property
     def value_text(self) -> str:
         """Value in the unit for people."""
-        factor, unit = _READ[self.unit]
+        unit, factor = _READ[self.unit]
         return f"{factor * self.value:.5g} {unit}"
 
 

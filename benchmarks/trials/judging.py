@@ -23,7 +23,7 @@ from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.patterns.reading_patterns import WORDS
+from tympan.studies.diagnosis.patterns.reading_patterns import PATTERNS
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.self_check import grown_to
@@ -212,7 +212,8 @@ def blamed(judgement: Judgement) -> set[str]:
     sentence = "" if explanation is None else explanation.what
     if judgement.verdict == "unexplained":
         sentence = sentence or where(judgement)
-        found = {column for pattern, column in _PATTERNS.items() if WORDS[pattern] in sentence}
+        found = {column for pattern, column in _PATTERNS.items()
+                 if PATTERNS[pattern].what in sentence}
     else:
         causes = judgement.named or judgement.weighed.suspects
         found = {name for cause in causes

@@ -19,7 +19,7 @@ from tympan.fem.roots import NoValueHere, root_between
 #: discretisation error of a mesh.
 _SHARP = 1e-7
 
-#: The same accuracy, relative to the distance from the previous point. Loads are printed with a
+#: Accuracy of that point, relative to its distance from the previous one. Loads are printed with a
 #: relative accuracy of 1e-3.
 _SHARP_SHARE = 1e-6
 

@@ -31,7 +31,7 @@ _QUINTIC = np.linalg.inv(np.array([
 
 #: A place [m], the force [N] and the stiffness [N/m] there.
 Known = tuple[float, float, float]
-#: Both ends of a piece, with its middle between them.
+#: A piece of a curve: its first end, its middle and its last end.
 QuinticPiece = tuple[Known, Known, Known]
 
 

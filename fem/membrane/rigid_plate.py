@@ -12,7 +12,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.fem.membrane.damped_rule import end_weights
 from tympan.fem.membrane.state import HEAVE, PlateMotion, turned
-from tympan.geometry.outlines import Outline, moments
+from tympan.geometry.outlines import Outline, area_moments
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class RigidPlate:
             raise InputError("the plate's mass must not be negative, and its point-like part not "
                              "larger than it",
                              key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
-        area, _, second = moments(outline)
+        area, _, second = area_moments(outline)
         (xx, xy), (_, yy) = (mass - point_mass) / area * second
         inertia = np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]])
         return cls(mass, inertia, arm)

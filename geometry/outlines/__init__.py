@@ -20,7 +20,7 @@ from tympan.geometry.outlines.polygons import Polygon, RegularPolygon, RoundedRe
 __all__ = [
     "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline",
     "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "StepFile",
-    "Superellipse", "area", "check_outline", "examples", "moments", "perimeter",
+    "Superellipse", "area", "area_moments", "check_outline", "examples", "perimeter",
     "reshaped",
 ]
 
@@ -77,7 +77,7 @@ def perimeter(outline: Outline) -> Any:
     return outline.curve.length
 
 
-def moments(outline: Outline) -> tuple[float, AnyArray, AnyArray]:
+def area_moments(outline: Outline) -> tuple[float, AnyArray, AnyArray]:
     """Area [m²], centroid [m], shape (2,), and second moments about it [m⁴], shape (2, 2).
 
     All three are computed from a polygon through points on the curve.

@@ -22,7 +22,7 @@ JOINT = 1e-6
 #: Widest gap that is closed unless the file states a tolerance, over the size of the drawing. CAD
 #: programs leave gaps of 1e-8 to 1e-5 of it.
 _GAP = 1e-4
-#: The same as a length [m]: less than a laser cutter's error.
+#: Widest gap that is closed in any drawing [m]: less than a laser cutter's error.
 _WIDEST = 0.05e-3
 #: Widest gap that counts as a mistake in the drawing, over its size. An open curve that only such
 #: gaps keep from being closed is refused, and not left out as a stray curve.

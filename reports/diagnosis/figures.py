@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tympan.base.arrays import Array, Columns
+from tympan.base.units import table_unit
 from tympan.reports import look as style
 from tympan.studies.diagnosis.reading_table import UNITS
 
@@ -47,15 +48,16 @@ _BESIDE = 0.05
 #: Place of crosses for readings beyond the axis, as a share of it.
 _EDGE = 0.95
 
-_SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)", "force": "force (mN)",
-          "capacitance": "capacitance (pF)", "tilt": "tilt (mrad)",
-          "film_voltage": "voltage on the film (kV)"}
-_AXES = {"voltage": "voltage (kV)", "displacement": "displacement (mm)"}
+#: Words for readings, by kind, where they are not the name of the kind.
+_WORDS = {"displacement": "deflection", "film_voltage": "voltage on the film"}
+#: Units of axes.
+_ALONG = {"voltage": table_unit("voltage"), "displacement": table_unit("length")}
+_AXES = {name: f"{name} ({unit})" for name, (unit, _) in _ALONG.items()}
 #: Labels of masses [kg] and voltages [V].
 _EACH: dict[str, Callable[[float], str]] = {"mass": lambda value: f"{1e3 * value:.4g} g",
                                             "voltage": lambda value: f"{1e-3 * value:.4g} kV"}
 #: Scales of axes over SI.
-_PER_SI = {"voltage": 1e-3, "displacement": 1e3}
+_PER_SI = {name: per_si for name, (_, per_si) in _ALONG.items()}
 
 
 def compose_readings(readings: Columns, curves: Columns) -> Figure:
@@ -85,7 +87,8 @@ def _compose(readings: Columns, curves: Columns, along: str, each: str) -> Figur
                                          & (table[each] == value)]
                              for key, values in table.items()} for table in (readings, curves))
             _ramp(axes, style.colour_of(colour), style.marker_of(colour), some, models, along)
-        style.describe(axes, _AXES[along], _SHOWN[kind], name, bold=True)
+        words = f"{_WORDS.get(kind, kind)} ({UNITS[kind].name})"
+        style.describe(axes, _AXES[along], words, name, bold=True)
     _models_legend(figure, [_EACH[each](value) for value in colours], curves,
                    slips=bool(np.any(readings["counts"] == 0)))
     return figure

@@ -212,9 +212,9 @@ def _worst_ratios(misfit: Misfit) -> list[Ratio]:
 
 
 def _template(name: str) -> Template:
-    return template(name, number=number, digits=digits, like=like, error=error, chance=chance,
-                    probability=probability_text, plain=plain, capitalised=capitalised,
-                    times=times, label=cause_label, shifted=shifted,
+    return template(name, number=three_digits, digits=five_digits, like=like, error=error,
+                    chance=chance, probability=probability_text, plain=plain,
+                    capitalised=capitalised, times=times, label=cause_label, shifted=shifted,
                     lines=lambda numbers: lines_of(np.array(numbers)),
                     explanation=lambda cause: EFFECTS[cause.effect].explanation)
 
@@ -225,7 +225,7 @@ def cause_label(cause: FoundCause | Attempt) -> str:
     return str(Cause(cause.effect, cause.which, again))
 
 
-def number(value: float | None) -> str:
+def three_digits(value: float | None) -> str:
     """Write three digits, without a power of ten up to a million; infinity where there is none.
 
     >>> number(7912.0), number(0.0312)
@@ -234,7 +234,7 @@ def number(value: float | None) -> str:
     return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
 
 
-def digits(value: float) -> str:
+def five_digits(value: float) -> str:
     """Write five digits, as readings are written."""
     return f"{value:.5g}"
 
@@ -245,14 +245,14 @@ def like(value: float, written: float) -> str:
     >>> like(3.25512, 2.844), like(0.31412, 0.3)
     ('3.255', '0.314')
     """
-    decimals = len(digits(written).partition(".")[2])
+    decimals = len(five_digits(written).partition(".")[2])
     least = 2 - int(np.floor(np.log10(abs(value)))) if value else 0
     return f"{value:.{max(decimals, least, 0)}f}"
 
 
 def error(value: float | None) -> str:
     """Write an error; a dash where there is none."""
-    return "–" if value is None else number(value)
+    return "–" if value is None else three_digits(value)
 
 
 def times(factor: float) -> str:

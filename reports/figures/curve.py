@@ -54,7 +54,7 @@ _FAINT = 0.65
 
 #: Most entries of a legend with more than names: beyond, the rest is at the curves and in tables.
 _TOLD = 8
-#: The same number within axes, where the legend takes room from the curves.
+#: Most entries of such a legend within axes, where the legend takes room from the curves.
 _WITHIN = 3
 #: Width of a letter over the size of the font, on average.
 _LETTER = 0.52

@@ -16,7 +16,7 @@ from tympan.reports.figures.animation import (
     figure_pixels,
     write_frames,
 )
-from tympan.reports.scales import AxisScale, bar_length, rows_of
+from tympan.reports.scales import AxisScale, bar_length, rows_of_panels
 from tympan.reports.scene import View, film_picture
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.modes import ModesResult
@@ -118,7 +118,7 @@ def swung_films(result: ModesResult, share: float = 1.0) -> list[FilmSurface]:
 def _compose(pictures: Sequence[style.Picture], result: ModesResult,
              extent: tuple[float, float, float, float]) -> Figure:
     west, east, bottom, top = extent
-    modes, rows, width = result.modes, rows_of(len(pictures)), _width()
+    modes, rows, width = result.modes, rows_of_panels(len(pictures)), _width()
     height = width * (top - bottom) / (east - west)
     figure = style.new_figure(len(rows) * (_TITLE + height) + _BAR)
     for number, row in enumerate(rows):

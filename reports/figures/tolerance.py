@@ -42,7 +42,7 @@ def _compose(result: ToleranceResult) -> Figure:
     above, width = style.TITLE + films + style.AXIS, 2 * _WIDTH + _GAP
     figure = style.new_figure(above + row * len(result.quantities),
                               style.LEFT + width + style.RIGHT)
-    draw_films(style.place_axes(figure, style.LEFT + _NAMES, style.TITLE, width - _NAMES, films),
+    draw_shares(style.place_axes(figure, style.LEFT + _NAMES, style.TITLE, width - _NAMES, films),
                result)
     for number, (name, spread) in enumerate(result.quantities.items()):
         top = above + number * row + style.TITLE
@@ -62,7 +62,7 @@ def _film_rows(result: ToleranceResult) -> list[tuple[str, Chance, str]]:
                                                      style.PALETTE[0])]
 
 
-def draw_films(axes: Axes, result: ToleranceResult) -> None:
+def draw_shares(axes: Axes, result: ToleranceResult) -> None:
     """Draw shares of films that reach their voltage, fail before it, and keep wanted bounds."""
     rows = _film_rows(result)[::-1]
     for number, (_, chance, colour) in enumerate(rows):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.figures.curve import draw_curve, frame_curves, make_room
-from tympan.reports.scales import rows_of
+from tympan.reports.scales import rows_of_panels
 from tympan.reports.study.view import StudyView
 
 #: Height above an axis for its title [mm].
@@ -36,7 +36,7 @@ def compose_curves(run: StudyView) -> Figure:
     curves = [(index, specimen.name, curve) for index, specimen in enumerate(run.specimens)
               for curve in specimen.curves]
     masses = sorted({curve.mass for *_, curve in curves})
-    rows = rows_of(len(masses), most=2)
+    rows = rows_of_panels(len(masses), most=2)
     width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
     lefts = style.centred([width] * len(rows[0]), _GAP, _LEFT, _RIGHT)
     height = _TITLE + _PANEL + style.AXIS

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.figures.force import draw_force_curves
-from tympan.reports.scales import rows_of
+from tympan.reports.scales import rows_of_panels
 from tympan.studies.force.result import ForceResult
 
 #: Height above an axis for its title [mm].
@@ -28,7 +28,7 @@ def draw_study_forces(results: list[ForceResult], folder: Path) -> list[Path]:
 
 def compose_forces(results: list[ForceResult]) -> Figure:
     """Draw one panel for each specimen: films of other sizes have scales of their own."""
-    rows = rows_of(len(results), most=2)
+    rows = rows_of_panels(len(results), most=2)
     width = ((style.WIDTH - style.LEFT - style.RIGHT - _GAP) / 2 if len(rows[0]) > 1 else _ALONE)
     lefts = style.centred([width] * len(rows[0]), _GAP, style.LEFT, style.RIGHT)
     height = _TITLE + _PANEL + style.AXIS

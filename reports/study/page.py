@@ -111,7 +111,7 @@ def study_summary(run: StudyView) -> str:
         _say("tension", [item for item in run.specimens if item.loose]),
         _say("breakdown", [item for item in run.specimens
                            if item.result.breakdown_margin is not None]),
-        strokes(run), _mixtures(run.stored.alphas))
+        strokes_text(run), _mixtures(run.stored.alphas))
     # A number and its unit stay on one line.
     return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}",
                   " ".join(filter(None, sentences)))
@@ -149,7 +149,7 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
     return [(end["high"] - least) / (end["low"] - least) - 1 for end in ends]
 
 
-def strokes(run: StudyView) -> str:
+def strokes_text(run: StudyView) -> str:
     """Say the stroke of each plate by the voltage, under the picture's mass or the lightest one.
 
     It is taken over the voltages wanted, or up to each film's first limit.

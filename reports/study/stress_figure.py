@@ -18,7 +18,7 @@ from tympan.reports.scales import (
     column_widths,
     paper_scale,
     round_scale,
-    rows_of,
+    rows_of_panels,
 )
 from tympan.reports.scene import View, film_picture
 from tympan.reports.study.view import SpecimenView, StudyView
@@ -82,7 +82,7 @@ def specimen_picture(specimen: SpecimenView, view: View) -> style.Picture:
 def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> FigureLayout:
     """Lay the figure out for films whose stress lies between two values [kPa]."""
     widths = [2 * max(item.semi_axes) for item in specimens]
-    rows = rows_of(len(specimens))
+    rows = rows_of_panels(len(specimens))
     films = [[_ROOM * widths[index] for index in row] for row in rows]
     paper = paper_scale(films, style.WIDTH - _LEFT - _RIGHT, _GAP, _LEAST, _MOST)
     columns = tuple(tuple(column_widths(row, paper, _LEAST)) for row in films)

@@ -161,7 +161,7 @@ def numbered(cells: Sequence[str]) -> bool:
             and [int(cell) - int(said[0]) for cell in said] == list(range(len(said))))
 
 
-def held(forces: Sequence[str], voltages: Sequence[str]) -> bool:
+def forces_are_weights(forces: Sequence[str], voltages: Sequence[str]) -> bool:
     """Check if the same few forces occur at several voltages each: then they are weights."""
     by_force: dict[str, set[str]] = {}
     for force, voltage in zip(forces, voltages, strict=True):

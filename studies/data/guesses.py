@@ -561,7 +561,8 @@ class Guesses:
             yield (f"force and displacement without voltage: taken as those of {what}",
                    f"If {of} was pulled", kind)
         places = [self.choices[name].place for name in ("force", "voltage") if name in self.choices]
-        if self.kind == "force" and len(places) > 1 and doubts.held(*map(self.cells, places)):
+        if self.kind == "force" and len(places) > 1 and doubts.forces_are_weights(
+                *map(self.cells, places)):
             yield ("each force stands at several voltages: taken as a tester's", "If weights hung "
                    "on the plate, write their masses [kg], which are N / 9.81, into the table",
                    "static")

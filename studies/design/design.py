@@ -21,7 +21,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings
 from tympan.studies.design.exact import ExactFilm
 from tympan.studies.design.front import front
-from tympan.studies.design.relaxed import RELAXED, Relaxed, attained, ends_at, gain_of
+from tympan.studies.design.relaxed import RELAXED, Relaxed, attained, ends_at, gain_by_relaxing
 from tympan.studies.design.requirements import Requirements
 from tympan.studies.design.result import (
     DesignedFilm,
@@ -554,7 +554,7 @@ def _bounded(found: Sought, key: str, price: float, films: tuple[Any, ...]) -> D
     if share is not None:
         missed = share.high < space.requirements.share
     weaker = found.relaxed.get(key)
-    gain = gain_of(found.search, bound, found.values, price) if price > 0 else None
+    gain = gain_by_relaxing(found.search, bound, found.values, price) if price > 0 else None
     return DesignedQuantity(
         name=bound.name, unit=bound.quantity.unit, sense=bound.sense, bound=bound.value,
         value=value, reduced=reduced, given=before,

@@ -77,7 +77,7 @@ def ends_at(space: DesignSpace, x: Array) -> Ends:
     return Ends(numbers, bool(there.all()))
 
 
-def gain_of(search: Search, bound: Bound, values: Array, price: float) -> float | None:
+def gain_by_relaxing(search: Search, bound: Bound, values: Array, price: float) -> float | None:
     """Compute the aim's gain where a bound is relaxed by 1 %, from the price of a share of it.
 
     None where the bound cannot be relaxed: a film must bear its voltage in any case.

@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.evidence.scans import COMPONENTS
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit, nominal_fits
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.reading_table import ReadingTable, evenly
+from tympan.studies.diagnosis.reading_table import ReadingTable, evenly_chosen
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
@@ -41,7 +41,7 @@ from tympan.studies.modes import heave_frequency
 #: Reach of a force law beyond what the readings need, as factors on deflection and U²: effects and
 #: larger factors move films further out.
 _ROOM = (1.3, 1.15)
-#: Factors on deflection and U² of a film that hardly reaches its range: with less deflection it
+#: Factors on deflection and U² for a film that hardly reaches its range: with less deflection it
 #: bears more voltage. They are less than one because laws are valid a little beyond their range.
 _TIGHT = (0.95, 0.95)
 #: Share of the needed range that is enough, for the same reason.
@@ -283,7 +283,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     order = free[np.argsort(rest.deflection[free])]
     rig, worst = setup.rig, 0.0
     place, way = rest.came
-    for state in place[evenly(order, _STATES_CHECKED)].tolist():
+    for state in place[evenly_chosen(order, _STATES_CHECKED)].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]),
                                    float(states.voltage_direction[state]))
@@ -307,7 +307,7 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> fl
     setup, rows = simulation.extended(fit.hypothesis, fit.unknowns), table.rows_of
     shown, worst = simulation.predict(fit.hypothesis, fit.unknowns, table), 0.0
     order = rows["frequency"][np.argsort(shown[rows["frequency"]])]
-    for row in evenly(order, _FREQUENCIES_CHECKED):
+    for row in evenly_chosen(order, _FREQUENCIES_CHECKED):
         case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
                     voltage=float(table.voltage[row]), rig=setup.rig)
         exact = heave_frequency(case, FINE)
@@ -328,7 +328,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
     shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
     states = np.array([table.state[table.scan == number][0] for number in np.unique(table.scan)
                        if number >= 0], np.int64)
-    for state in evenly(states[np.argsort(fit.deflection[states])], _SCANS_CHECKED):
+    for state in evenly_chosen(states[np.argsort(fit.deflection[states])], _SCANS_CHECKED):
         rows = np.flatnonzero((table.state == state) & (table.point >= 0))
         specimen = setup.specimens[int(table.specimen[rows[0]])]
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(

@@ -48,11 +48,11 @@ from tympan.studies.diagnosis.sentences import (
     check_of,
     headline,
     headline_of,
+    members_of_one,
     next_step,
     pattern_checks,
     probability_text,
     suspects_among,
-    together,
     where,
     with_other_loads,
 )
@@ -199,7 +199,7 @@ class Conclusions:
             # The fits say more about outliers (readings_off).
             findings=(*(one for one in findings(self.dataset) if one.kind != "outlier"),
                       *filter(None, [found])),
-            together=together(suspects),
+            together=members_of_one(suspects),
             indistinguishable=tuple(tuple(sorted({cause.name for cause in group}))
                                     for group in judged.misfit.indistinguishable),
             misfit=misfit,

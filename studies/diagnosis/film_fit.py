@@ -37,7 +37,7 @@ from tympan.studies.diagnosis.hypothesis import FACTORS, Cause
 from tympan.studies.diagnosis.inference.exploration import COUNT, Exploration
 from tympan.studies.diagnosis.inference.families import found_sizes
 from tympan.studies.diagnosis.inference.nominal import with_noise_found
-from tympan.studies.diagnosis.law_fit import fit_law
+from tympan.studies.diagnosis.law_fit import constants_of_least_cost
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import Factor, Json
 from tympan.studies.effects.findings import FoundSize
@@ -224,7 +224,7 @@ def _with_law(result: FilmFit, dataset: Dataset, table: ReadingTable, kinds: Seq
         return calibrated_readings(replace(dataset, specimens=films))[1]
 
     try:
-        found = fit_law(first.material, first.prestretch, kinds,
+        found = constants_of_least_cost(first.material, first.prestretch, kinds,
                         lambda law: nominal_fit(calibrated(law).simulation, table))
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None

@@ -108,7 +108,7 @@ class FittedLaw:
     fit: Fit
 
 
-def fit_law(law: Material, prestretch: tuple[float, float], kinds: Sequence[str],
+def constants_of_least_cost(law: Material, prestretch: tuple[float, float], kinds: Sequence[str],
             fitted: Callable[[Material], Fit]) -> FittedLaw:
     """Find the constants with least cost; ``fitted`` fits the factors for a law of the readings.
 

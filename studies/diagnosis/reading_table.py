@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.base.arrays import Array, Mask, Numbers
+from tympan.base.units import table_unit
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.estimation.noise import Noise
 
@@ -20,7 +21,7 @@ StateKey = tuple[int, float, VoltageHistory, float, float]
 LENGTHS = ("displacement", "range")
 
 
-def evenly(items: Numbers, count: int) -> Numbers:
+def evenly_chosen(items: Numbers, count: int) -> Numbers:
     """Select at most ``count`` evenly spaced items, the first and the last among them."""
     most = min(count, len(items))
     places = np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))
@@ -41,16 +42,13 @@ MICROMETRES = Unit("um", 1e6)
 KILOPASCALS = Unit("kPa", 1e-3)
 
 
-#: Units in which readings are given, by their kind.
-UNITS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), Unit("mm", 1e3)) | {
-    "capacitance": Unit("pF", 1e12),
-    "tilt": Unit("mrad", 1e3),
-    "film_voltage": Unit("kV", 1e-3),
-    "frequency": Unit("Hz", 1.0),
-    "decay": Unit("1/s", 1.0),
-    "force": Unit("mN", 1e3),
-    "stress": KILOPASCALS,
-}
+#: Dimensions of readings, by their kind.
+_DIMENSIONS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), "length") | {
+    "capacitance": "capacitance", "tilt": "angle", "film_voltage": "voltage",
+    "frequency": "frequency", "force": "force", "stress": "stress"}
+#: Units in which readings are given, by their kind: those of their columns.
+UNITS = {kind: Unit(*table_unit(dimension)) for kind, dimension in _DIMENSIONS.items()} | {
+    "decay": Unit("1/s", 1.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +151,7 @@ class States:
 
     @property
     def at_rest(self) -> States:
-        """The same states, each held for ever."""
+        """These states, each with its voltage held until the film has come to rest."""
         return replace(self, passage=Passages.of(None, np.full(len(self), np.nan)))
 
     def __getitem__(self, rows: Mask | Numbers) -> States:

@@ -78,7 +78,7 @@ def _refuse(dataset: Dataset) -> None:
     there = [kind for kind in PLATES if not dataset.tables.keys().isdisjoint(kind.files)]
     if not any(kind.alone for kind in there):
         raise InputError(f"must have static.csv or range.csv beside {there[0].files[0]}: by that "
-                         "alone no mass is told from a stiffness", key=dataset.name)
+                         "alone a mass cannot be separated from a stiffness", key=dataset.name)
     rig = dataset.rig
     if not (rig.force(dataset.masses, 1.0).any() or rig.gas_pressure or rig.biases
             or dataset.forces is not None):

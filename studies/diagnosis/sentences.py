@@ -9,8 +9,9 @@ import numpy as np
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.families import found_sizes, undecided
-from tympan.studies.diagnosis.inference.pattern_shares import alone, largest_patterns
+from tympan.studies.diagnosis.inference.pattern_shares import largest_patterns, stands_out
 from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.patterns.reading_patterns import PATTERNS, check_of_pattern
 from tympan.studies.diagnosis.reading_table import UNITS
 from tympan.studies.diagnosis.result import FoundCause
 from tympan.studies.effects.effect import Observable
@@ -90,7 +91,7 @@ def _cause(found: FoundCause) -> Cause:
     return Cause(found.effect, found.which, found.again)
 
 
-def together(suspects: Sequence[FoundCause]) -> bool:
+def members_of_one(suspects: Sequence[FoundCause]) -> bool:
     """Check whether suspects are no rivals but the members of one hypothesis."""
     return len(suspects) > 1 and all(
         str(_cause(cause)) in suspects[0].others for cause in suspects[1:])
@@ -120,7 +121,7 @@ def headline(verdict: str, named: Sequence[FoundCause], suspects: Sequence[Found
         if len(heads) == 1:
             return WORDS["probably"].format(cause=heads[0])
         heads = [heads[0], *(head[0].lower() + head[1:] for head in heads[1:])]
-        key = "both" if together(suspects) else "either"
+        key = "both" if members_of_one(suspects) else "either"
         return WORDS[key].format(first=heads[0], others="; or ".join(heads[1:]))
     return WORDS[verdict].format(where=where)
 
@@ -138,7 +139,7 @@ def where(judged: Judgement) -> str:
     names, shares = largest_patterns(judged)
     parts = [judged.test.words(name) + (_loop(judged) if name == "loop" else "")
              for name in names]
-    if names and names[0].startswith("specimen ") and not alone(names[0], shares):
+    if names and names[0].startswith("specimen ") and not stands_out(names[0], shares):
         parts[0] = WORDS["apart"]
     return "; ".join(parts)
 
@@ -159,8 +160,6 @@ def pattern_checks(judged: Judgement) -> list[str]:
     names, shares = largest_patterns(judged)
     checks = []
     for name in names:
-        kind, _, rest = name.partition(" ")
-        if kind == "specimen" and not alone(name, shares):
-            kind = "specimens"
-        checks.append(WORDS.get(f"look_{kind}", "").format(name=rest))
+        alone = not name.startswith("specimen ") or stands_out(name, shares)
+        checks.append(check_of_pattern(name) if alone else PATTERNS["specimen"].check_all)
     return [check for check in checks if check]

@@ -327,7 +327,7 @@ class Noise:
 
     @property
     def ordinary(self) -> Noise:
-        """The same noise without outliers and without correlation."""
+        """Noise without outliers and without correlation."""
         return replace(self, terms=self.common)
 
     @property

@@ -251,7 +251,7 @@ class Reduction:
         least resistance, to ``work_left_out`` over ``softening`` of the remaining resistance. With
         ``turning`` plates that tilt stay rigid to second order.
         """
-        bends = turned(snapshots[0].model)[: None if turning else 0]
+        bends = motions_by_tilt(snapshots[0].model)[: None if turning else 0]
         motions = []
         for shot in snapshots:
             motion = shot.state.positions - shot.model.discretisation.reference
@@ -315,7 +315,7 @@ def squares_of(turns: Array) -> Array:
     return np.stack([x * x, y * y, x * y], -1)
 
 
-def turned(model: Model) -> Array:
+def motions_by_tilt(model: Model) -> Array:
     """Compute motions of the nodes by the squares of the plate's tilts, (3, nodes, 3) [m].
 
     They are half of ω × (ω × r) on the plate's edge and decrease smoothly to zero at the other

@@ -34,7 +34,7 @@ from tympan.studies.sweep.task import (
     SweepTask,
     TaskResult,
     columns,
-    digest_of,
+    json_digest,
 )
 from tympan.studies.variables import variables_of
 
@@ -129,7 +129,7 @@ def _cost(task: SweepTask) -> int:
 
 def kin_id(kin: Kin) -> str:
     """Hash a family: rows of different families differ by the errors of both."""
-    return digest_of(repr(kin))
+    return json_digest(repr(kin))
 
 
 def _reducible(task: SweepTask) -> bool:

@@ -141,7 +141,7 @@ class SweepTask:
         content["membrane"]["material"] = _constants(self.specimen.membrane.material)
         if self.specimen.membrane.law_range is not None:  # results warn about it
             content["membrane"]["law_range"] = self.specimen.membrane.law_range
-        head = digest_of({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
+        head = json_digest({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
                       "settings": asdict(self.settings), "solver": self.solver}
                      | ({"family": self.family} if self.family else {}))
         masses, voltages = map(json.dumps, self.masses), [*map(json.dumps, self.voltages)]
@@ -153,7 +153,7 @@ class SweepTask:
         """Hash of its cases and of the data that are stored of them."""
         ask = {name: value for name, value in asdict(self.ask).items() if value is not None}
         more = [self.figures, ask] if self.figures or self.ask.names else []
-        return digest_of([*self.ids, self.fields, *more])
+        return json_digest([*self.ids, self.fields, *more])
 
     @property
     def loads(self) -> dict[str, int]:
@@ -243,7 +243,7 @@ def _constants(law: Any) -> Any:
     return {"law": law.law, **{name: _constants(part) for name, part in vars(law).items()}}
 
 
-def digest_of(value: Any) -> str:
+def json_digest(value: Any) -> str:
     """Hash a value that JSON can hold."""
     return _digest(json.dumps(value, sort_keys=True, default=str))
 

@@ -41,8 +41,8 @@ from tympan.explore.subject import Subject, read_subject
 from tympan.explore.view import (
     FilmView,
     changed,
+    control_value,
     controls,
-    value_of,
 )
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.biases import Constant
@@ -83,7 +83,7 @@ def test_a_moved_control_gives_what_solve_gives(key: str, value: float) -> None:
     session = Session()
     session.scene(START)
     view = changed(START, key, value)
-    assert value_of(view, key) == value
+    assert control_value(view, key) == value
     scene = session.scene(view)
     assert scene.result.deflection_m != session.scene(START).result.deflection_m
     same_as_solved(scene)

@@ -13,7 +13,7 @@ from tests.support.specimens import circular, elliptical
 from tympan.fem.rig import Rig
 from tympan.fem.vibration.air import _within
 from tympan.fem.vibration.heave import following
-from tympan.geometry.outlines import Circle, Outline, Polygon, RoundedRectangle, area, moments
+from tympan.geometry.outlines import Circle, Outline, Polygon, RoundedRectangle, area, area_moments
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Case, Settings
 from tympan.studies.modes import heave_frequency, modes
@@ -74,7 +74,7 @@ def test_rays_fill_a_plate_of_any_outline(outline: Outline) -> None:
     """A notched one, too, whose edge turns back as seen from the centre."""
     places, areas = _within(outline)
     assert areas.sum() == pytest.approx(area(outline), rel=1e-7)
-    _, centroid, second = moments(outline)
+    _, centroid, second = area_moments(outline)
     assert areas @ places == pytest.approx(areas.sum() * np.asarray(centroid), abs=1e-7 * 3e-2**3)
     about = places - centroid
     # The reference is a polygon of 4096 points.

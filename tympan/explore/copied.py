@@ -42,13 +42,13 @@ def python_of(view: FilmView, file: str = "") -> str:
     loads = [f'mass="{quantity_text(view.mass, "mass")}"',
              f'voltage="{quantity_text(view.voltage, "voltage")}"', *["rig=rig"] * (rig != Rig())]
     return "\n".join([
-        "import tympan", *imports, "", *(f"# {line}" for line in [remark(view)] if line),
+        "import tympan", *imports, "", *(f"# {line}" for line in [stiffness_remark(view)] if line),
         f"specimen = {made}", *[f"rig = {_python(rig)}"] * (rig != Rig()),
         f"result = tympan.solve(specimen, {', '.join(loads)})",
         "print(result.status, result.deflection_m)", ""])
 
 
-def remark(view: FilmView) -> str:
+def stiffness_remark(view: FilmView) -> str:
     """Remark on the constants of a film whose stiffness was changed; "" for no change or name."""
     name = material_name(view.specimen.membrane)
     return f"{name}, its stresses times {view.stiffness:g}" if name and view.stiffness != 1 else ""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tympan.base.errors import InputError
-from tympan.explore.copied import command_of, python_of, remark
+from tympan.explore.copied import command_of, python_of, stiffness_remark
 from tympan.explore.curve import drawn_curve
 from tympan.explore.latest import Answer, Latest, Trouble
 from tympan.explore.numbers import (
@@ -530,7 +530,7 @@ class Page:
                 raise InputError("is no folder", key="folder", given=folder)
             file = f"{name}.toml" if place.samefile(Path.cwd()) else str(place / f"{name}.toml")
             rig = self._rig_file(file)
-            texts = {file: f"# {remark(self.view)}\n" * bool(remark(self.view))
+            texts = {file: f"# {stiffness_remark(self.view)}\n" * bool(stiffness_remark(self.view))
                      + specimen_to_toml(named)}
             if rig and not self.subject.rig_file:
                 texts[rig] = rig_to_toml(self.view.rig)

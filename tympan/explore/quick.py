@@ -16,8 +16,8 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.paths import with_arrays
 from tympan.explore.latest import Answer, Pause
-from tympan.explore.session import Bands, Blocked, FollowedCurve, Off
-from tympan.explore.view import FilmView, controls, value_of
+from tympan.explore.session import Bands, Blocked, FollowedCurve, LargestError
+from tympan.explore.view import FilmView, control_value, controls
 from tympan.fem.results.limit_states import PULL_IN
 from tympan.fem.rig import MOST_VOLTAGE
 from tympan.studies.case import Limit, Limits, Settings
@@ -90,7 +90,7 @@ class Neighbours:
             known = {*varying(view.specimen), STIFFNESS}
             limits = {key: ((1 - _WIDE) * value, (1 + _WIDE) * value)
                       for key in (control.key for control in controls(view))
-                      if key in known and (value := value_of(view, key)) > 0}
+                      if key in known and (value := control_value(view, key)) > 0}
             reach = box = Box.around(view.specimen, limits)
             if tolerances is not None:
                 box = Scattered.of(view.specimen, tolerances).box(limits, generous=True)
@@ -111,8 +111,8 @@ class Neighbours:
         if kind_of(view.specimen) != kind_of(base):
             return None
         names = [name for name in self.reach.names if name != STIFFNESS]
-        same = with_arrays(view.specimen, {name: value_of(self.view, name) for name in names})
-        inner, row = (np.array([value_of(view, name) for name in box.names])
+        same = with_arrays(view.specimen, {name: control_value(self.view, name) for name in names})
+        inner, row = (np.array([control_value(view, name) for name in box.names])
                       for box in (self.reach, self.box))
         return row if same == base and self.reach.holds(inner[None])[0] else None
 
@@ -206,7 +206,7 @@ def _quick(view: FilmView, family: FilmFamily, row: Array, risen: FamilyRise) ->
     carried = view.case.force(view.specimen.plate_area)
     blocked = Blocked(view, float(carried - force), risen.off) if np.isfinite(force) else None
     place = float(np.interp(across**2, risen.squared, risen.deflection))
-    off = Off(risen.error(place), risen.whole)
+    off = LargestError(risen.error(place), risen.whole)
     return QuickCurve(view, FollowedCurve(view, _curve(view, risen), off=off), blocked)
 
 

@@ -259,7 +259,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Off:
+class LargestError:
     """Largest error of a reduced film against finite elements.
 
     ``deflection`` is that at the view's voltage [m]. ``whole``: the film was followed to its
@@ -296,7 +296,7 @@ class FollowedCurve:
     curve: CurveResult
     readings: Readings | None = None
     circles: AlphaResult | str | None = None
-    off: Off | None = None
+    off: LargestError | None = None
 
     @cached_property
     def line(self) -> VoltageCurve:

@@ -11,7 +11,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Field, field_at
 from tympan.base.paths import at, numbers, with_number
 from tympan.base.toml_reader import Table
-from tympan.base.units import quantity
+from tympan.base.units import quantity, table_unit
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
@@ -21,8 +21,8 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case
 
 #: Units of the controls, by dimension, and their number in one SI unit.
-_UNITS = {"": ("", 1.0), "length": ("mm", 1e3), "mass": ("g", 1e3), "voltage": ("kV", 1e-3),
-          "angle": ("deg", 180 / 3.141592653589793)}
+_UNITS = {"": ("", 1.0), "angle": ("deg", 180 / 3.141592653589793)} | {
+    dimension: table_unit(dimension) for dimension in ("length", "mass", "voltage")}
 
 #: Most numbers of an outline with controls; an outline with more is changed in its file.
 _MOST_NUMBERS = 8
@@ -104,7 +104,7 @@ class Control:
 
     def value(self, view: FilmView) -> float:
         """Read the value in a view, in its unit."""
-        return self.factor * value_of(view, self.key)
+        return self.factor * control_value(view, self.key)
 
     def position(self, view: FilmView) -> float:
         """Compute the position of its slider."""
@@ -133,7 +133,7 @@ class Control:
             raise error.located(key=self.key) from None
 
 
-def value_of(view: FilmView, key: str) -> float:
+def control_value(view: FilmView, key: str) -> float:
     """Read the value of a control with this key in a view, in SI."""
     if key in _LOADS:
         return float(getattr(view, key))
@@ -216,7 +216,7 @@ def _paths(specimen: Specimen) -> Iterator[str]:
 
 def _of_number(view: FilmView, path: str) -> Control:
     keys = tuple(path.split("."))
-    field, value = field_at(view.specimen, keys), value_of(view, path)
+    field, value = field_at(view.specimen, keys), control_value(view, path)
     dimension = field.says.dimension if field is not None else ""
     low, high = _LEAST * value, _MOST * value
     if keys[-2] == "offset":

@@ -17,7 +17,7 @@ from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.diagnosis.evidence.kind import ASSUMED, FEWEST, PreparedReadings
-from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly, rows
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, evenly_chosen, rows
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import SCATTER, Noise, Shared, root_of
 from tympan.studies.files import words_beside
@@ -199,7 +199,7 @@ def _thinned(legs: list[Numbers], keys: Array) -> Iterator[Numbers]:
     for run, leg in zip(runs, legs, strict=True):
         lengths[run] += len(leg)
     for run, leg in zip(runs, legs, strict=True):
-        yield evenly(leg, max(2, round(min(1.0, MOST / lengths[run]) * len(leg))))
+        yield evenly_chosen(leg, max(2, round(min(1.0, MOST / lengths[run]) * len(leg))))
 
 
 def _noise(coupons: Coupons, references: Array | None, values: Array, legs: list[Numbers]

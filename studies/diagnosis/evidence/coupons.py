@@ -245,7 +245,7 @@ class CouponTests(StripEvidence):
 
     @cached_property
     def other_width(self) -> BranchStress:
-        """The same stress with free widths held and held widths free."""
+        """Stress with free widths held and held widths free."""
         mode = self.coupons.mode
         other = np.select([mode == "uniaxial", mode == "pure_shear"], ["pure_shear", "uniaxial"],
                           mode)

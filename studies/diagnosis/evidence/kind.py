@@ -76,7 +76,7 @@ class Predicts(Protocol):
         """Give the smallest and largest unknowns, (2, unknowns), for which films are sampled."""
 
     def limits(self, hypothesis: Hypothesis) -> Array:
-        """Give the same limits for which films could be sampled, as far as known."""
+        """Give the limits of unknowns for which films could be sampled, as far as known."""
 
 
 class ReadingModel(ABC):
@@ -255,7 +255,7 @@ def numbers_of(setup: Setup, names: NDArray[np.str_]) -> list[int]:
     return [numbers[name] for name in names.tolist()]
 
 
-def rows_of(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
+def rows_of_kinds(evidence: Sequence[Evidence], table: ReadingTable) -> Mask:
     """Mark the rows of a table that belong to some kinds of evidence."""
     return np.isin(table.kind, [name for kind in evidence for name in kind.kinds])
 

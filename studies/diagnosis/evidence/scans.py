@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.reading_table import (
     ReadingTable,
     Scan,
     States,
-    evenly,
+    evenly_chosen,
     rows,
 )
 from tympan.studies.effects import Setup
@@ -61,7 +61,7 @@ class Scans(PlateEvidence):
         sigma, remarks = _sigma(dataset, sheet), []
         tables = []
         for scan in _scans(sheet):
-            kept = evenly(scan, MOST)
+            kept = evenly_chosen(scan, MOST)
             if len(kept) < len(scan):
                 remarks.append(f"field.csv line {sheet.line[scan[0]]} and on: {len(kept)} of "
                                f"{len(scan)} places of the scan are used")

@@ -8,6 +8,7 @@ from tympan.studies.data.findings import Finding
 from tympan.studies.diagnosis.explanations.kind import Explanation, Written
 from tympan.studies.diagnosis.hypothesis import FACTORS
 from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.patterns.reading_patterns import check_of_pattern
 from tympan.studies.diagnosis.sentences import WORDS
 
 
@@ -26,4 +27,4 @@ def odd_specimen(judged: Judgement, written: Written | None = None) -> Explanati
     if not name:
         return None
     return Explanation(WORDS["odd_specimen"].format(specimen=name),
-                       WORDS["look_specimen"].format(name=name))
+                       check_of_pattern(f"specimen {name}"))

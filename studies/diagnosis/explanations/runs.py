@@ -11,11 +11,11 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.explanations.kind import Explanation, Written
-from tympan.studies.diagnosis.inference.pattern_shares import alone, pattern_columns, shares_of
+from tympan.studies.diagnosis.inference.pattern_shares import pattern_columns, shares_of, stands_out
 from tympan.studies.diagnosis.inference.projection import taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.patterns.reading_patterns import check_of_pattern
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.sentences import WORDS
 
 #: Number of columns of a run: polynomials in the voltage's square.
 COLUMNS = 3
@@ -32,8 +32,7 @@ def odd_run(judged: Judgement, written: Written | None = None) -> Explanation | 
     best = max(shares, key=lambda name: shares[name], default="")
     if best not in odd:
         return None
-    kind, _, name = best.partition(" ")
-    return Explanation(judged.test.words(best), WORDS[f"look_{kind}"].format(name=name))
+    return Explanation(judged.test.words(best), check_of_pattern(best))
 
 
 def _odd_columns(judged: Judgement, taken: Array) -> dict[str, Array]:
@@ -43,7 +42,7 @@ def _odd_columns(judged: Judgement, taken: Array) -> dict[str, Array]:
     for columns in (run_columns(table, names), load_columns(table)):
         shares = shares_of(judged, taken, columns)
         best = max(shares, key=lambda name: shares[name], default=None)
-        if best is not None and alone(best, shares, shares):
+        if best is not None and stands_out(best, shares, shares):
             odd[best] = columns[best]
     return odd
 

@@ -121,7 +121,7 @@ class FirstOrder:
         return self.whole.bounds(hypothesis)
 
     def limits(self, hypothesis: Hypothesis) -> Array:
-        """Give the same limits for which films could be sampled, as far as known."""
+        """Give the limits of unknowns for which films could be sampled, as far as known."""
         return self.whole.limits(hypothesis)
 
     def prediction(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Shown:

@@ -22,7 +22,7 @@ from tympan.studies.diagnosis.hypothesis import (
     parameters_of,
     sizes_of,
 )
-from tympan.studies.diagnosis.inference.projection import beside, taken_by
+from tympan.studies.diagnosis.inference.projection import basis_outside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
 #: Size of an effect at which a further search starts, as a share of the sampled range: near its
@@ -179,7 +179,7 @@ class Exploration:
                        for signs in product((1, -1), repeat=len(corner) - SIZES.start)]
             shown = np.array([self._shown(pair, unknowns) for unknowns in corners])
             shown -= self._shown((), self.nominal.unknowns)
-            more = beside(taken, shown.T)
+            more = basis_outside(taken, shown.T)
             cost = self.nominal.cost - 0.5 * float(np.sum((more.T @ self.nominal.residual) ** 2))
             promises.append((cost, pair, corners))
         for cost, pair, corners in sorted(promises, key=lambda promise: promise[0]):
@@ -308,7 +308,7 @@ def pair_starts(pair: Hypothesis, fits: Mapping[Hypothesis, Fit], least: float,
     effect begins without size, at a time (or similar) one prior scale from that of the first.
     """
     def may_help(member: Fit, columns: Array) -> bool:
-        more = beside(taken_by(member.free_jacobian), columns)
+        more = basis_outside(taken_by(member.free_jacobian), columns)
         gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
         return member.cost - _HELP * gain < least + _BEHIND
 

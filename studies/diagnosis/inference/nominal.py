@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from tympan.base.arrays import Array, Mask, Numbers
-from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of_kinds
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit, nominal_fit
 from tympan.studies.diagnosis.hypothesis import Cause
@@ -288,7 +288,7 @@ def _patterns(simulation: ReadingModel, table: ReadingTable, nominal: Fit) -> di
     names = [specimen.name for specimen in simulation.setup.specimens]
     predicted, columns = nominal.predicted(table), dict[str, Array]()
     for kind in simulation.evidence:
-        if not (rows := rows_of([kind], table)).any():
+        if not (rows := rows_of_kinds([kind], table)).any():
             continue
         columns |= {name: among(rows, values) for name, values in kind.patterns(
             table[rows], names, predicted[rows]).items()}

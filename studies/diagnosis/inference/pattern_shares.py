@@ -8,7 +8,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.studies.diagnosis.fits.fit import Fit
-from tympan.studies.diagnosis.inference.projection import beside, taken_by
+from tympan.studies.diagnosis.inference.projection import basis_outside, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.patterns.reading_patterns import EACH_RUN, JUMPS, over
 
@@ -43,7 +43,7 @@ def largest_patterns(judged: Judgement) -> tuple[list[str], dict[str, float]]:
         largest.append(best)
         first = first or shares
         of_kind = [values for name, values in others.items() if name.split()[0] == best.split()[0]]
-        taken = np.hstack([taken, beside(taken, np.hstack(of_kind))])
+        taken = np.hstack([taken, basis_outside(taken, np.hstack(of_kind))])
     return largest, first
 
 
@@ -72,7 +72,7 @@ def pattern_columns(judged: Judgement) -> dict[str, Array]:
             if name not in JUMPS or p_values.get(name, 1.0) <= least}
 
 
-def alone(best: str, shares: Mapping[str, float], rivals: Iterable[str] = ()) -> bool:
+def stands_out(best: str, shares: Mapping[str, float], rivals: Iterable[str] = ()) -> bool:
     """Check that no other specimen, or none of some rivals, explains nearly as much."""
     among = rivals or [name for name in shares if name.startswith("specimen ")]
     return shares[best] >= _ALONE * max([*(shares[name] for name in among if name != best), 0.0])
@@ -80,5 +80,5 @@ def alone(best: str, shares: Mapping[str, float], rivals: Iterable[str] = ()) ->
 
 def _taken(nominal: Fit, taken: Array, columns: Array) -> float:
     """Compute χ² that columns explain besides those taken already, beyond their number."""
-    basis = beside(taken, columns)
+    basis = basis_outside(taken, columns)
     return float(np.sum((basis.T @ nominal.residual) ** 2) - basis.shape[1])

@@ -10,8 +10,8 @@ from tympan.base.arrays import Array, Mask
 #: Share of a pattern's column left by projection below which the readings do not determine its
 #: direction.
 RANK = 1e-3
-#: The same share for an unknown's column: derivatives of a model are exact to more digits than
-#: patterns are smooth.
+#: Share of an unknown's column left by projection below which the readings do not determine it. It
+#: is smaller since derivatives of a model are more exact than patterns are smooth.
 _MOVED = 1e-4
 #: Remainder of a column, over the noise, below which the readings cannot separate it from zero.
 _UNSEEN = 1e-2
@@ -41,7 +41,7 @@ def orthonormal(columns: Array, least: float = RANK) -> Array:
     return np.asarray(basis[:, sizes > least])
 
 
-def beside(taken: Array, columns: Array) -> Array:
+def basis_outside(taken: Array, columns: Array) -> Array:
     """Build a basis of columns, over the noise, outside the basis ``taken``."""
     return orthonormal(without(taken, columns[:, told_apart(taken, columns)]))
 

@@ -23,7 +23,7 @@ from tympan.studies.diagnosis.inference.projection import (
     told_apart,
     without,
 )
-from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, WORDS, words_of
+from tympan.studies.diagnosis.patterns.reading_patterns import JUMPS, PATTERNS, words_of
 from tympan.studies.estimation.noise import STATED, Noise
 
 #: Sets of noise drawn to find how large ratios become by chance.
@@ -59,7 +59,7 @@ class TestResult:
     def words(self, name: str) -> str:
         """Describe a misfit of a pattern in words."""
         if name == "step" and self.reading:
-            return WORDS["shifted"].format(self.reading)
+            return PATTERNS["shifted"].what.format(self.reading)
         return words_of(name)
 
 
@@ -209,7 +209,7 @@ class ResidualTests:
 
     def _ratios_to(self, found: Noise, residuals: Array, variances: Array
                    ) -> dict[str, tuple[Array, int, float]]:
-        """Compute the same ratios to noise whose parts have these ``variances``, (parts, n).
+        """Compute these ratios to noise whose parts have these ``variances``, (parts, n).
 
         A pattern's noise is the mean over the parts it is in, weighted by its share in each.
         """

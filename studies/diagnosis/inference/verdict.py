@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from tympan.base.arrays import Mask
-from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of
+from tympan.studies.diagnosis.evidence.kind import ReadingModel, rows_of_kinds
 from tympan.studies.diagnosis.fits.evidence import evidence
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import fit
@@ -95,8 +95,8 @@ class Wandering:
 class Weighed:
     """Causes weighed by what they leave of a misfit.
 
-    ``simulation``: extended as far as needed; ``posterior``: None where nothing is wrong;
-    ``after``: test of the residuals of the best hypothesis, likewise. ``alone``: every effect
+    ``simulation``: extended as far as needed; ``posterior``, and ``after``, the test of the
+    residuals of the best hypothesis: None where nothing is wrong. ``alone``: every effect
     fitted alone with hardly any prior; ``suspects``: causes that may be present. ``named``: causes
     that stand out; ``robust``: those that do with prior scales multiplied by each of some factors;
     ``unknown``: the probability of something outside the library with each of these factors;
@@ -122,7 +122,7 @@ class Weighed:
 
     @property
     def without_a_name(self) -> Weighed:
-        """The same where the sensor may be all that is wrong: no cause is named."""
+        """These weights where the sensor may be all that is wrong: no cause is named."""
         if self.verdict != "named":
             return self
         return replace(self, verdict="ambiguous", named=())
@@ -214,7 +214,7 @@ class Judgement:
         first = self.simulation.of_first()
         if first.evidence == self.simulation.evidence:
             return self
-        films = rows_of(first.evidence, self.table)
+        films = rows_of_kinds(first.evidence, self.table)
         posterior = self.posterior and replace(
             self.posterior, fits=tuple(fit.part(films) for fit in self.posterior.fits))
         weighed = replace(self.weighed, simulation=first, posterior=posterior,

@@ -7,6 +7,8 @@ price. The price pays for all the ways in which such an explanation could have f
 
 Effects are weighed by :func:`~tympan.studies.diagnosis.fits.evidence.evidence` instead. Their
 sizes have prior scales, so their probability is an integral. Corrections of data have no size.
+Patterns of a misfit, with single runs and loads, say only where it is. They are compared by the
+share of χ² that they explain (:mod:`~tympan.studies.diagnosis.inference.pattern_shares`).
 """
 
 from __future__ import annotations

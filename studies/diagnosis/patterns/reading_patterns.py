@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -10,37 +13,19 @@ from numpy.polynomial import legendre
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
-#: Description of a misfit, by its pattern's name or the first word of it; {1} is the rest of it.
-WORDS = {
-    "level": "all readings are off by about the same length",
-    "voltage": "the way it depends on voltage is wrong",
-    "specimen": "{1} is off against the other specimens",
-    "mass": "the way it depends on mass is wrong",
-    "order": "readings wander with their order",
-    "time": "readings wander with the time since the run began",
-    "direction": "readings differ on the way up and on the way down",
-    "fitted": "large deflections are off against small ones",
-    "ramps": "single ramps are off in different ways",
-    "run": "what was read of {1} is off against the other runs",
-    "load": "what was read under {1} is off against the other loads",
-    "channel": "readings of {1} are off",
-    "loop": "forces differ on the way out and back",
-    "channel film": "the film's shape is off",
-    "channel film_x": "displacements within the film along x are off",
-    "channel film_y": "displacements within the film along y are off",
-    "coupon_level": "all stresses are off by about the same amount",
-    "coupon_stretch": "the way stress depends on stretch is wrong",
-    "coupon_mode": "{1} tests are off against the other modes",
-    "coupon_voltage": "readings under voltage are off against those without",
-    "coupon_temperature": "readings of warm and cold strips are off against each other",
-    "coupon_time": "the way stress depends on time is wrong",
-    "coupon_rate": "fast and slow runs are off against each other",
-    "coupon_way": "readings differ on the way out and back",
-    "coupon_runs": "single runs are off in different ways",
-    "step": "from one reading on, readings are shifted",
-    "shifted": "from reading {0} on, readings are shifted",
-    "stick": "the readings stick and jump, as a plate does that rubs",
-}
+
+@dataclass(frozen=True)
+class PatternWords:
+    """Words for a misfit of a pattern: what is wrong, and what to check."""
+
+    what: str
+    check: str = ""
+    check_all: str = ""
+
+
+#: Words by the name of a pattern, or the first word of it.
+PATTERNS = {name: PatternWords(**words) for name, words in tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items()}
 
 #: Patterns of jumps: a misfit is one of their columns, not a combination of them. For a channel,
 #: single readings are jumps too when its noise is estimated.
@@ -61,7 +46,14 @@ _THRESHOLDS = np.geomspace(0.003, 0.3, 64)
 
 def words_of(name: str) -> str:
     """Describe a misfit of a pattern in words."""
-    return WORDS.get(name, WORDS[name.split()[0]]).format(*name.split(" ", 1))
+    kind = name.split()[0]
+    return PATTERNS.get(name, PATTERNS[kind]).what.format(*name.split(" ", 1))
+
+
+def check_of_pattern(name: str) -> str:
+    """Advise what to check on the test bench where a misfit has a pattern; "" for no advice."""
+    kind, _, rest = name.partition(" ")
+    return PATTERNS[kind].check.format(name=rest) if kind in PATTERNS else ""
 
 
 def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:

@@ -51,8 +51,8 @@ _TIMES = (1e-2, 1e3)
 
 #: Lowest index of the lattice, that of the softest modulus.
 _FIRST = -4
-#: The same for two branches. Below it their joint effect is taken as proportional to both moduli:
-#: for softer ones it is less than the runs' own errors.
+#: Lowest index of the lattice where two branches act. Below it their joint effect is taken as
+#: proportional to both moduli: for softer ones it is less than the runs' own errors.
 _FIRST_OF_TWO = -2
 #: Softest modulus of a branch over the law's: the effect of a softer one is proportional to it.
 _SOFTEST = 5e-3

@@ -103,10 +103,10 @@ def coefficients(values: Array) -> Array:
     return along @ values @ around.T
 
 
-#: Chebyshev polynomials by powers of their variable, a column each; and likewise the four splines
-#: at a place between the second and the third.
+#: Chebyshev polynomials by powers of their variable, a column each.
 _CHEBYSHEV = np.stack([np.r_[row, np.zeros(ALONG - len(row))]
                        for row in map(chebyshev.cheb2poly, np.eye(ALONG))], axis=1)
+#: The four cubic splines by powers of a place between the second and the third, a column each.
 _SPLINES = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6
 _NEIGHBOURS = np.arange(-1, 3)
 

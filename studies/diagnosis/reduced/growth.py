@@ -41,7 +41,8 @@ _SHARES = (0.5, 0.25, 0.1)
 
 #: Relative difference within which sizes beyond the first places are equal.
 _ALIKE = 0.05
-#: The same between the first places, where interpolation is better.
+#: Relative difference within which sizes between the first places are equal: interpolation is
+#: better there.
 _ALIKE_INSIDE = 0.2
 #: Standard deviations below which sizes count as none.
 _NONE = 0.02

@@ -14,7 +14,7 @@ from tympan.studies.diagnosis.evidence.kind import (
     ReadingModel,
     Shown,
     StripEvidence,
-    rows_of,
+    rows_of_kinds,
 )
 from tympan.studies.diagnosis.evidence.registry import PLATES
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
@@ -80,7 +80,7 @@ class Simulation(ReducedFilms, ReadingModel):
         # The films are evaluated once for all readings of plates under loads.
         kinds = [[kind for kind in self.evidence if kind.loaded],
                  *([kind] for kind in self.evidence if not kind.loaded)]
-        parts = [(some[0], rows) for some in kinds if (rows := rows_of(some, table)).any()]
+        parts = [(some[0], rows) for some in kinds if (rows := rows_of_kinds(some, table)).any()]
         if len(parts) < 2:
             kind = parts[0][0] if parts else self.evidence[0]
             return self._shown(kind, hypothesis, unknowns, table)

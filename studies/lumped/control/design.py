@@ -82,7 +82,7 @@ class ControllerDesign:
         return RunMargins.of(*self.loops())
 
 
-def design(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0,
+def design_controller(actuator: Actuator, supply: float, interval: float, sensor_lag: float = 0.0,
            method: Method = "pi") -> ControllerDesign:
     """Design an actuator's controller from 0 to a supply's voltage [V], sampled each interval [s].
 

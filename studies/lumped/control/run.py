@@ -20,7 +20,7 @@ from tympan.studies.case import Settings
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method
-from tympan.studies.lumped.control.design import ControllerDesign, design
+from tympan.studies.lumped.control.design import ControllerDesign, design_controller
 from tympan.studies.lumped.control.loop import RunMargins
 from tympan.studies.lumped.control.result import (
     ControlledFilm,
@@ -205,7 +205,7 @@ def _controlled(driven: InTime, signal: Signal, settings: ControlSettings, count
     """Design a controller on an actuator's circles and run it on the actuator in time."""
     actuator = driven.circles(settings.supply / 2)
     lag = settings.lag(actuator.rig)
-    designed = design(actuator, settings.supply, settings.interval, lag, settings.method)
+    designed = design_controller(actuator, settings.supply, settings.interval, lag, settings.method)
     controller = designed.controller
     time = _times(count, settings.interval)
     voltages = np.abs(nominal(signal, time))

@@ -36,7 +36,7 @@ from tympan.studies.films.reduction import reduced_film
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method, StaticInverse
-from tympan.studies.lumped.control.design import SENSITIVITY, ControllerDesign, design
+from tympan.studies.lumped.control.design import SENSITIVITY, ControllerDesign, design_controller
 from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.lumped.control.lqg import _filter, _law, _regulator
 from tympan.studies.lumped.control.result import ControlResult
@@ -70,7 +70,7 @@ def actuator() -> Actuator:
 
 @cache
 def designed(sensor_lag: float = 0.0, method: Method = "pi") -> ControllerDesign:
-    return design(actuator(), SUPPLY, INTERVAL, sensor_lag, method)
+    return design_controller(actuator(), SUPPLY, INTERVAL, sensor_lag, method)
 
 
 def test_the_inverse_tells_the_voltage_of_a_rest() -> None:

@@ -14,9 +14,10 @@ from tympan.studies.diagnosis.fits.fitting import fit
 from tympan.studies.diagnosis.hypothesis import Cause
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy, GaussianProcess
 from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.patterns.reading_patterns import PATTERNS
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.sentences import WORDS, pattern_checks
+from tympan.studies.diagnosis.sentences import pattern_checks
 
 SIGMA = 10e-6
 MASS = (Cause("unaccounted_mass"),)
@@ -86,12 +87,12 @@ def test_advice_follows_the_pattern(three_shapes: Simulation) -> None:
     table = design(SIGMA, voltages=8)
     mixed = replace(table, order=np.random.default_rng(1).permutation(len(table)) * 1.0)
     line = (mixed.order - mixed.order.mean()) / len(mixed)
-    assert _advice(three_shapes, mixed, 300e-6 * line)[0] == WORDS["look_order"]
+    assert _advice(three_shapes, mixed, 300e-6 * line)[0] == PATTERNS["order"].check
     one = np.where(table.specimen == 1, 1.0, 0.0)
-    assert _advice(three_shapes, table, 150e-6 * one)[0] == WORDS["look_specimen"].format(
+    assert _advice(three_shapes, table, 150e-6 * one)[0] == PATTERNS["specimen"].check.format(
         name="elliptical-small")
     bent = 80e-6 * np.sin(5 * (table.voltage / 6.5e3) ** 2)
-    assert _advice(three_shapes, table, bent)[0] == WORDS["look_voltage"]
+    assert _advice(three_shapes, table, bent)[0] == PATTERNS["voltage"].check
     ramp = (table.specimen == 2) & (table.mass > 20e-3)
     assert "elliptical-large under 22.45 g" in _advice(three_shapes, table, 200e-6 * ramp)[0]
 
@@ -105,4 +106,4 @@ def test_one_weight_of_several_is_told(three_shapes: Simulation, masses: tuple[f
     off = three_shapes.predict(MASS, np.array([0, 0, error]), table) - three_shapes.predict(
         (), np.zeros(2), table)
     advice = _advice(three_shapes, table, np.where(table.mass == wrong, off, 0.0))
-    assert advice == [WORDS["look_load"].format(name=f"{1e3 * wrong:g} g")]
+    assert advice == [PATTERNS["load"].check.format(name=f"{1e3 * wrong:g} g")]
