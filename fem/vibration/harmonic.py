@@ -14,23 +14,26 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import newton
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 from tympan.base.arrays import AnyArray
 from tympan.base.progress import Progress
-from tympan.base.system import silent
 from tympan.fem.circuit import Circuit
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.transient.film_memory import virgin_strain
+from tympan.fem.vibration.frequency_sweep import FrequencySweep
 from tympan.fem.vibration.modes import System
 
 #: Relative tolerance of the last complex frequency.
 _CLOSE = 1e-10
 #: Largest number of iterations of that search. The secant method needs a few from a good guess.
 _MOST = 60
+
+#: Change of the last complex frequency, relative to it, by one more solution of the film. The error
+#: that is left is its square.
+_NATURAL = 1e-6
 
 #: Relative difference of the second guess of a complex frequency from the first.
 _ASIDE = 1e-3
@@ -54,13 +57,17 @@ class Harmonic:
                  progress: Progress = lambda words: None) -> tuple[AnyArray, AnyArray]:
         """Compute complex deflection [m/V] and film voltage [V/V] over the source's voltage.
 
-        They are evaluated at frequencies [Hz].
+        They are evaluated at frequencies [Hz]. ``progress`` is called with each frequency at which
+        the film is solved; the others follow from these.
         """
-        numbers = np.empty((2, len(frequencies)), complex)
-        for number, frequency in enumerate(frequencies.tolist()):
-            progress(f"{frequency:.4g} Hz")
-            numbers[:, number] = self._driven(2j * np.pi * frequency)
-        return numbers[0], numbers[1]
+        points = 2j * np.pi * frequencies
+        outputs = self._sweep.outputs(
+            points, lambda number: progress(f"{frequencies[number]:.4g} Hz"))
+        shared = 4 * self.state.voltage_squared * self.model.discretisation.mirrored
+        charge = self._capacitance + shared * outputs[:, 1, 1]
+        circuit = self.circuit
+        voltage = 1 / (1 + circuit.resistance * (1 / circuit.leakage + points * charge))
+        return -2 * self._voltage * outputs[:, 0, 1] * voltage, voltage
 
     def natural(self, guess: complex) -> complex:
         """Find the s [1/s] near a guess at which the deflection oscillates freely as e^(s t).
@@ -72,39 +79,46 @@ class Harmonic:
         RuntimeError
             If no zero is found.
         """
-        root = newton(self._dynamic_stiffness, guess, x1=guess * (1 + _ASIDE), tol=_CLOSE,
-                      rtol=_CLOSE, maxiter=_MOST)
-        return complex(root)
+        found = guess
+        self._sweep.solve(guess * (1 + _ASIDE))
+        for _ in range(_MOST):
+            before = found
+            self._sweep.solve(before)
+            found = complex(newton(self._dynamic_stiffness, before, x1=before * (1 + _ASIDE),
+                                   tol=_CLOSE, rtol=_CLOSE, maxiter=_MOST))
+            if abs(found - before) <= _NATURAL * abs(found):
+                return found
+        raise RuntimeError("no natural frequency was found")
 
     @property
     def _voltage(self) -> float:
         return float(np.sqrt(self.state.voltage_squared))
 
-    def _driven(self, s: complex) -> tuple[complex, complex]:
-        motion = self._solved(s, self._electric)
-        shared = 4 * self.state.voltage_squared * self.model.discretisation.mirrored
-        charge = self._capacitance + shared * (self._electric @ motion)
-        circuit = self.circuit
-        voltage = 1 / (1 + circuit.resistance * (1 / circuit.leakage + s * charge))
-        return complex(-2 * self._voltage * (self._lift @ motion) * voltage), complex(voltage)
-
     def _dynamic_stiffness(self, s: complex) -> complex:
-        """Compute force over deflection of plate or centre, at constant voltage [N/m]."""
-        moved = self._lift @ self._solved(s, self._lift)
-        return complex(self.model.discretisation.mirrored / moved)
+        """Compute force over deflection of plate or centre, at constant voltage [N/m].
 
-    def _solved(self, s: complex, right: AnyArray) -> AnyArray:
+        The film moves as it does at the s where it was solved.
+        """
+        return complex(self.model.discretisation.mirrored / self._sweep.output(s)[0, 0])
+
+    @cached_property
+    def _sweep(self) -> FrequencySweep:
+        """Motions due to a unit force on the deflection, and due to U²."""
         stiffness, viscous, mass = self._matrices
-        share = sum((branch.modulus * (s * branch.time) / (1 + s * branch.time)
-                     for branch in self.model.specimen.membrane.branches), 0j)
-        dynamic = (stiffness + share * viscous + s * s * mass).tocsc()
+        damper = csc_matrix(stiffness.shape)
         if self.damper:
-            damping = s * self.damper / self.model.discretisation.mirrored
-            heave = [int(self._lift.argmax())]
-            dynamic = dynamic + csc_matrix(([damping], (heave, heave)), dynamic.shape)
-        with silent():
-            factors = splu(dynamic)
-        return np.asarray(factors.solve(right.astype(complex)))
+            heave = int(self._lift.argmax())
+            weight = self.damper / self.model.discretisation.mirrored
+            damper = csc_matrix(([weight], ([heave], [heave])), shape=stiffness.shape)
+        branches = self.model.specimen.membrane.branches
+
+        def factors(s: complex) -> tuple[complex, ...]:
+            share = sum((branch.modulus * (s * branch.time) / (1 + s * branch.time)
+                         for branch in branches), 0j)
+            return 1.0 + 0j, share, s * s, s
+
+        right = np.column_stack([self._lift, self._electric])
+        return FrequencySweep((stiffness, viscous, mass, damper), factors, right)
 
     @cached_property
     def _lift(self) -> AnyArray:
@@ -126,7 +140,7 @@ class Harmonic:
         rest = System.of(self.model, self.state, self.plate)
         film = self.model.specimen.membrane
         if not film.branches:
-            return rest.stiffness, 0 * rest.stiffness, rest.mass
+            return rest.stiffness, csc_matrix(rest.stiffness.shape), rest.mass
         strain = virgin_strain(self.model, self.state)
         flow = Memory.relaxed(film, strain).step(strain, 0.0)
         at_once = System.of(replace(self.model, flow=flow), self.state, self.plate)
