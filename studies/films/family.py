@@ -388,6 +388,14 @@ class FilmFamily:
             """Shapes at these places."""
 
         @property
+        def at_nodes(self) -> ShapesAt:
+            """Shapes at the nodes of every element."""
+
+        @property
+        def whole(self) -> ShapesAt:
+            """Shapes at all quadrature points."""
+
+        @property
         def restressed(self) -> float:
             """Relative error of the largest stresses."""
 
@@ -421,12 +429,10 @@ class FilmFamily:
 
         ``parameters`` are as for :meth:`states`. ``sign``: 1 for the largest, -1 for the least.
         """
-        at = ShapesAt(Sites.at_nodes(self.ground.model.discretisation), self.reduction.every)
-
         def measures(at: FilmsAt) -> Measure:
             return lambda here, films: sign * (sign * local(here)).max(1)
 
-        return self._measured(parameters, states, at, measures)
+        return self._measured(parameters, states, self.at_nodes, measures)
 
     def means_of(self, parameters: Any, states: FilmStates, local: Callable[[Any], AnyArray],
                  covered: bool) -> AnyArray:
@@ -439,7 +445,7 @@ class FilmFamily:
             shares = areas / areas.sum(1, keepdims=True)
             return lambda here, films: (local(here) * shares[films]).sum(1)
 
-        return self._measured(parameters, states, self._one.whole, measures)
+        return self._measured(parameters, states, self.whole, measures)
 
     def _measured(self, parameters: Any, states: FilmStates, shapes: ShapesAt,
                   measures: Callable[[FilmsAt], Measure]) -> AnyArray:
@@ -695,6 +701,16 @@ class ReducedFamily(FilmFamily):
         """Shapes at the family's places."""
         return ShapesAt(self.places, self.reduction.every)
 
+    @property
+    def at_nodes(self) -> ShapesAt:
+        """Shapes at the nodes of every element."""
+        return ShapesAt(Sites.at_nodes(self.ground.model.discretisation), self.reduction.every)
+
+    @property
+    def whole(self) -> ShapesAt:
+        """Shapes at all quadrature points."""
+        return self._one.whole
+
     def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """Solve for equilibria of films, by their numbers, under loads of each."""
         if films.loading.softening:
@@ -735,6 +751,14 @@ class FormulaFamily(FilmFamily):
     @property
     def places(self) -> Sites:
         return self.looked_at.sites
+
+    @property
+    def at_nodes(self) -> ShapesAt:
+        return self.looked_at
+
+    @property
+    def whole(self) -> ShapesAt:
+        return self.looked_at
 
     @property
     def measured(self) -> frozenset[str]:

@@ -17,7 +17,9 @@ from typing import Any, Self
 import numpy as np
 
 from tympan.base.arrays import AnyArray, Array, Mask
+from tympan.base.errors import InputError
 from tympan.base.fields import number
+from tympan.base.toml_reader import one_of
 from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -247,9 +249,17 @@ class LoadedFilms:
         return self.films.of_their_strength(self._stated)
 
     def shown(self, variable: Variable | str) -> Array:
-        """Compute a variable of the states, or the one of a key, (films, states)."""
-        one = VARIABLES[variable] if isinstance(variable, str) else variable
-        assert one.of is not None
+        """Compute a variable of the states, or the one of a key, (films, states).
+
+        Raises
+        ------
+        InputError
+            For a key that no state shows.
+        """
+        one = VARIABLES.get(variable) if isinstance(variable, str) else variable
+        if one is None or one.of is None:
+            able = {key: each for key, each in VARIABLES.items() if each.of is not None}
+            raise InputError(one_of(str(variable), able), key="shown", given=str(variable))
         return np.asarray(one.of(self.states))
 
     @property
