@@ -106,6 +106,12 @@ class Settings:
         """Film in closed form; None where finite elements compute the film."""
         return None if self.film is None else FORMULAS[self.film]
 
+    def require_elements(self) -> None:
+        """Raise InputError for a film in closed form, where a mesh is asked for."""
+        if self.film is not None:
+            raise InputError("must be left out: a film in closed form has no mesh to write",
+                             key="film", given=self.film)
+
     def bounded(self, model: Model, loads: int = 1) -> Settings:
         """Share one budget of work between all searches over many loads of a model."""
         return replace(self, path=self.path.bounded(model, followed=True, loads=loads))
@@ -474,12 +480,16 @@ def solved_loading(loading: Loading, settings: Settings) -> Loading:
     mesh = replace(settings, path=PathSettings())
     guide = "vertical" if loading.guide == "fixed" else loading.guide
     return with_films(loading, lambda bias: _solved_film(
-        bias, mesh, Loading(guide=guide, gravity=loading.gravity)))
+        bias, mesh, Loading(guide=guide, gravity=loading.gravity), settings.formula))
 
 
 @lru_cache(maxsize=8)
-def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading) -> SolvedFilm:
-    """Solve a joined film once, since a study needs its force in many models."""
+def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading,
+                 formula: Formula | None) -> SolvedFilm:
+    """Solve a joined film once, since a study needs its force in many models.
+
+    A ``formula`` of the settings' name may be replaced by another one.
+    """
     return SolvedFilm.of(bias, build_model(bias.specimen, settings, loading))
 
 

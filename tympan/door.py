@@ -651,6 +651,7 @@ def export(specimen: Specimen, folder: File, *, inp: bool = False,
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export, export_input
 
+    settings.require_elements()
     carried, applied = numbers(masses, "mass", "masses"), numbers(voltages, "voltage", "voltages")
     if inp:
         return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied),

@@ -347,7 +347,7 @@ def modes(options: argparse.Namespace) -> None:
         raise InputError("must be given to say where the pictures go", key="-o")
     result = modes(read_case(options), read_settings(options), options.count, point_mass)
     moving: list[Moving] = []
-    if options.animate and result.modes:
+    if options.animate and result.film is not None:
         from tympan.reports.figures.modes import animate_modes
 
         moving = [(options.output / f"{result.specimen}-modes.gif", partial(animate_modes, result))]
