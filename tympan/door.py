@@ -481,33 +481,34 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
 
 @names_arguments()
 @one_thread()
-def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
-             ) -> Result[Diagnosis]:
+def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0,
+             film: str | None = None) -> Result[Diagnosis]:
     """Compare a dataset with the simulation, and name the effect that explains the difference.
 
     ``self_check``: number of synthetic sets of such readings with hidden errors; their verdicts are
-    counted. With more than one worker the calling script needs a main guard.
+    counted. ``film``: film in closed form that simulates, in place of finite elements. With more
+    than one worker the calling script needs a main guard.
     """
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import conclude
+    from tympan.studies.diagnosis.diagnose import by_film, conclude
 
-    concluded = conclude(read_dataset(Path(dataset)), workers, seed)
+    concluded = conclude(by_film(read_dataset(Path(dataset)), film), workers, seed)
     checked = _self_check(concluded.bench, self_check, workers, seed)
     return Result(concluded.diagnosis(films=True, self_check=checked))
 
 
 @names_arguments()
 @one_thread()
-def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
-         ) -> dict[str, Any]:
+def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0,
+         film: str | None = None) -> dict[str, Any]:
     """Plan measurements: list what such readings can show, as ``tympan diagnose --plan`` does.
 
     Measured values may be missing from the dataset. All else is as for ``diagnose``.
     """
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import plan_readings
+    from tympan.studies.diagnosis.diagnose import by_film, plan_readings
 
-    record, bench = plan_readings(read_dataset(Path(dataset), True), workers)
+    record, bench = plan_readings(by_film(read_dataset(Path(dataset), True), film), workers)
     return record | {"self_check": _self_check(bench, self_check, workers, seed)}
 
 

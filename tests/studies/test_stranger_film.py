@@ -32,11 +32,9 @@ def stretches(specimen, deflection):
 
 
 def energy(specimen, deflection, squared):
-    """What its Ogden law and its charge store."""
+    """What its law and its charge store."""
     film, (along, around) = specimen.membrane, stretches(specimen, deflection)
-    (mu,), (alpha,) = film.material.mu, film.material.alpha
-    thin = 1 / (along * around)
-    elastic = mu / alpha * (along**alpha + around**alpha + thin**alpha - 3)
+    elastic, thin = film.material.derivatives(along, around)[0], 1 / (along * around)
     charged = epsilon_0 * film.relative_permittivity * squared / (film.thickness * thin) ** 2 / 2
     flat = pi * (specimen.frame.radius**2 - specimen.plate.outline.radius**2)
     return flat * film.volume_per_area * (elastic - charged)

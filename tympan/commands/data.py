@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tympan.base.errors import InputError
 from tympan.options import (
+    FILM,
     JSON,
     SEEDS,
     WORKERS,
@@ -18,6 +19,7 @@ from tympan.options import (
     either,
     finish,
     naming_file,
+    naming_options,
     output,
     print_record,
 )
@@ -67,15 +69,16 @@ def data(options: argparse.Namespace) -> None:
                        "files"),
          argument("--self-check", type=int, default=0, metavar="N", within=(0, 100_000),
                   help="hide errors in N synthetic sets of such readings and count what is said"),
-         JSON,
+         FILM, JSON,
          example="readings -o diagnosis")
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import conclude, plan_readings
+    from tympan.studies.diagnosis.diagnose import by_film, conclude, plan_readings
     from tympan.studies.files import write_json
 
-    dataset = read_dataset(options.dataset, options.plan)
+    with naming_options(options):
+        dataset = by_film(read_dataset(options.dataset, options.plan), options.film)
     if options.plan:
         with naming_file(options.dataset), shares("films") as progress:
             record, bench = plan_readings(dataset, options.workers, progress)
