@@ -34,7 +34,7 @@ from tympan.base.system import silent
 
 #: Groups of entry points, and what their values are called.
 GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",
-          "tympan.formats": "a format", "tympan.films": "a film"}
+          "tympan.formats": "a format", "tympan.formulas": "a film"}
 
 #: Most characters of a package's error that a message repeats.
 _TOLD = 200

@@ -84,7 +84,7 @@ class Derived:
             return self.formula.energy(self.specimen, deflection, squared)
         except Exception as error:  # a user's function may raise anything
             raise InputError("has no energy of this specimen: "
-                             f"{type(error).__name__}: {error}", key="film",
+                             f"{type(error).__name__}: {error}", key="formula",
                              given=self.formula.name) from error
 
     def force(self, deflection: Any, squared: Any) -> Any:
@@ -298,4 +298,4 @@ def _along(force: Any) -> AnyArray:
     return forces
 
 
-load_plugins("tympan.films", FORMULAS)
+load_plugins("tympan.formulas", FORMULAS)

@@ -110,8 +110,8 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
         # The film memory is computed about the films as fitted.
         for _ in range(_REMEMBERED):
             factors = np.exp(fit.unknowns[FACTORS]).tolist()
-            simulation = replace(simulation, memory=FilmMemory.of(setup, table, coarse(setup.film),
-                                                                  *factors))
+            memory = FilmMemory.of(setup, table, coarse(setup.formula), *factors)
+            simulation = replace(simulation, memory=memory)
             fit = nominal_fit(simulation, table)
             if not any(specimen.membrane.branches for specimen in setup.specimens):
                 break
@@ -138,7 +138,7 @@ def with_masses(simulation: Simulation) -> Simulation:
     if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
         return simulation
     return replace(simulation, masses=SwingingMasses.of(
-        simulation.setup, coarse(simulation.setup.film)))
+        simulation.setup, coarse(simulation.setup.formula)))
 
 
 def _safest(simulation: Simulation, table: ReadingTable) -> Fit:
@@ -285,7 +285,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     rig, worst = setup.rig, 0.0
     place, way = rest.came
     for state in place[evenly(order, _STATES_CHECKED)].tolist():
-        model = build_model(setup.specimens[int(states.specimen[state])], fine(setup.film),
+        model = build_model(setup.specimens[int(states.specimen[state])], fine(setup.formula),
                             rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]),
                                    float(states.voltage_direction[state]))
@@ -312,7 +312,7 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> fl
     for row in evenly(order, _FREQUENCIES_CHECKED):
         case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
                     voltage=float(table.voltage[row]), rig=setup.rig)
-        exact = heave_frequency(case, fine(setup.film))
+        exact = heave_frequency(case, fine(setup.formula))
         if exact is not None:
             worst = max(worst, abs(float(shown[row]) / exact - 1))
     return worst
@@ -334,7 +334,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
         rows = np.flatnonzero((table.state == state) & (table.point >= 0))
         specimen = setup.specimens[int(table.specimen[rows[0]])]
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(
-            table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], fine(setup.film))
+            table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], fine(setup.formula))
         for kind in COMPONENTS if exact is not None else ():
             some = rows[table.kind[rows] == kind]
             if len(some) and exact is not None:
@@ -352,7 +352,7 @@ def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
     rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, table.states)
     seen = np.sqrt(rest.voltage_squared * rest.stiffness / rest.permittivity)
-    settings = coarse(setup.film)
+    settings = coarse(setup.formula)
     models = [build_model(specimen, settings, setup.rig.loading) for specimen in setup.specimens]
     beyond = np.zeros(len(table), bool)
     for ramp in range(int(table.ramp.max()) + 1):

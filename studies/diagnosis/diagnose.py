@@ -51,9 +51,9 @@ _LATER = 2
 _OF_THE_CENTRE = frozenset((*Rest.files, *CouponTests.files))
 
 
-def by_film(dataset: Dataset, film: str | None) -> Dataset:
+def by_formula(dataset: Dataset, formula: str | None) -> Dataset:
     """Judge a dataset by a registered film in closed form; None for finite elements."""
-    return replace(dataset, film=Settings(film=film).film)
+    return replace(dataset, formula=Settings(formula=formula).formula)
 
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0) -> Diagnosis:
@@ -249,7 +249,7 @@ def _require_lengths(dataset: Dataset) -> None:
 
 
 def _prepared(dataset: Dataset) -> PreparedReadings:
-    if dataset.film is not None:
+    if dataset.formula is not None:
         _require_formula(dataset)
     alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
     if alone:
@@ -262,7 +262,7 @@ def _require_formula(dataset: Dataset) -> None:
     for sheet in (dataset.fields, dataset.transients):
         if sheet is not None:
             raise InputError("must be left out: a film in closed form has neither a shape nor a "
-                             "memory", key=sheet.file.name, given=dataset.film)
+                             "memory", key=sheet.file.name, given=dataset.formula)
 
 
 def _require_centres(dataset: Dataset, alone: list[str]) -> None:

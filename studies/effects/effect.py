@@ -39,13 +39,13 @@ class Observable(Enum):
 class Setup:
     """Everything an effect may change: the specimens of a dataset, and their rig.
 
-    ``film``: film in closed form that computes them, as in
+    ``formula``: film in closed form that computes them, as in
     :class:`~tympan.studies.case.Settings`.
     """
 
     specimens: tuple[Specimen, ...]
     rig: Rig
-    film: str | None = None
+    formula: str | None = None
 
     def specimen(self, name: str) -> Specimen:
         """Find a specimen by its name; an :class:`InputError` if there is none."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tympan.base.errors import InputError
 from tympan.options import (
-    FILM,
+    FORMULA,
     JSON,
     SEEDS,
     WORKERS,
@@ -69,16 +69,16 @@ def data(options: argparse.Namespace) -> None:
                        "files"),
          argument("--self-check", type=int, default=0, metavar="N", within=(0, 100_000),
                   help="hide errors in N synthetic sets of such readings and count what is said"),
-         FILM, JSON,
+         FORMULA, JSON,
          example="readings -o diagnosis")
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import by_film, conclude, plan_readings
+    from tympan.studies.diagnosis.diagnose import by_formula, conclude, plan_readings
     from tympan.studies.files import write_json
 
     with naming_options(options):
-        dataset = by_film(read_dataset(options.dataset, options.plan), options.film)
+        dataset = by_formula(read_dataset(options.dataset, options.plan), options.formula)
     if options.plan:
         with naming_file(options.dataset), shares("films") as progress:
             record, bench = plan_readings(dataset, options.workers, progress)

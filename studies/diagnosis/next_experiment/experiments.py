@@ -281,7 +281,7 @@ def _taps(readout: Readout, share: float = 0.01) -> ReadingTable | None:
 def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None:
     """Build the ramp of the heaviest mass, each state held ``factor`` times as long as any was."""
     dwell = _longest(readout.states)
-    if not dwell > 0 or readout.simulation.setup.film is not None:  # a formula has no memory
+    if not dwell > 0 or readout.simulation.setup.formula is not None:  # a formula has no memory
         return None
     specimen, mass = readout.ramps[np.argmax(readout.ramps[:, 1])]
     ramp = (readout.states.specimen == specimen) & (readout.states.mass == mass)
@@ -294,7 +294,7 @@ def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None
 def _remembering(readout: Readout, table: ReadingTable) -> Readout:
     """Add the film memory over the rows' runs to a readout."""
     films = readout.simulation
-    memory = FilmMemory.of(films.setup, table, coarse(films.setup.film),
+    memory = FilmMemory.of(films.setup, table, coarse(films.setup.formula),
                            *np.exp(readout.nominal.unknowns[FACTORS]).tolist())
     return replace(readout, simulation=replace(films, memory=memory))
 

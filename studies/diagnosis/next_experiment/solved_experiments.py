@@ -133,7 +133,7 @@ def _loads(mass: float, voltage: float) -> dict[str, str]:
 def film_line(readout: Readout) -> NewReadings | None:
     """Plan a line along x and one along y over one film, at the lowest and highest voltage."""
     setup = readout.simulation.setup
-    if readout.table.scans or not readout.plates or setup.film is not None:
+    if readout.table.scans or not readout.plates or setup.formula is not None:
         return None
     number, mass, voltages = _heaviest(readout)
     specimen, ends = setup.specimens[number], voltages[[0, -1]][: len(voltages)]
@@ -170,7 +170,7 @@ def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
     some = voltages[np.unique(np.linspace(0, len(voltages) - 1, 3).round().astype(int))]
 
     def shown(extended: Setup) -> Array:
-        model = build_model(extended.specimens[-1], coarse(extended.film),
+        model = build_model(extended.specimens[-1], coarse(extended.formula),
                             extended.rig.loading)
         outcomes = [outcome for _, outcome in voltage_ramp(model, mass, some.tolist(),
                                                            extended.rig, PathSettings())]

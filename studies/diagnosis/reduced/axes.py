@@ -111,13 +111,13 @@ def _shown(parameter: EffectParameter, size: float) -> str:
 class HeldFilm:
     """Specimen as it is solved: how its plate is held, and gas pressure [Pa].
 
-    Without a plate its centre is held, by gas. ``film``: film in closed form that computes it.
+    Without a plate its centre is held, by gas. ``formula``: film in closed form that computes it.
     """
 
     specimen: Specimen
     loading: Loading
     gas_pressure: float
-    film: str | None = None
+    formula: str | None = None
 
     @classmethod
     def of(cls, setup: Setup, name: str) -> HeldFilm:
@@ -138,7 +138,7 @@ class HeldFilm:
             loading = Loading(gravity=0.0)
         elif not specimen.membrane.density:
             loading = replace(loading, gravity=0.0)
-        return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0, setup.film)
+        return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0, setup.formula)
 
     @property
     def odd(self) -> bool:

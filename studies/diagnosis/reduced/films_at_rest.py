@@ -305,7 +305,7 @@ class FilmsAtRest:
     @cached_property
     def _biases(self) -> tuple[Bias, ...]:
         """Mechanisms between plate and ground, without the rig's spring."""
-        return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity, self.setup.film)
+        return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity, self.setup.formula)
 
     def _film_force(self, heave: Array) -> tuple[Array, Array]:
         """Compute the force of films of nominal stiffness [N], and its derivative [N/m]."""
@@ -325,10 +325,10 @@ class FilmsAtRest:
 
 
 @lru_cache(maxsize=32)
-def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float, film: str | None
+def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float, formula: str | None
                 ) -> tuple[Bias, ...]:
     """Solve the joined films of mechanisms once, since a fit needs them thousands of times."""
-    return solved_loading(Loading(biases, guide=guide, gravity=gravity), coarse(film)).biases
+    return solved_loading(Loading(biases, guide=guide, gravity=gravity), coarse(formula)).biases
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,14 +38,14 @@ COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
 
-def coarse(film: str | None) -> Settings:
+def coarse(formula: str | None) -> Settings:
     """Make the settings for force laws, with a film in closed form if one is named."""
-    return replace(COARSE, film=film)
+    return replace(COARSE, formula=formula)
 
 
-def fine(film: str | None) -> Settings:
+def fine(formula: str | None) -> Settings:
     """Make the settings by which force laws are checked, likewise."""
-    return replace(FINE, film=film)
+    return replace(FINE, formula=formula)
 
 
 #: Newton steps from node to node, with forces to 1e-6; where they fail there is rarely a state.
@@ -107,7 +107,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     if near is not None and near.model.meshed:
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
     else:
-        model = build_model(film.specimen, coarse(film.film), film.loading)
+        model = build_model(film.specimen, coarse(film.formula), film.loading)
     heaves, voltages_squared = grid.nodes
     rows, columns = grid.numbers
     nodes = Nodes(model, np.full((SHAPE, len(heaves), len(voltages_squared)), np.nan))
@@ -265,7 +265,7 @@ def _key(film: HeldFilm, grid: Grid) -> bytes | None:
 
     None for a film in closed form: another formula may come under its name.
     """
-    if film.film is not None:
+    if film.formula is not None:
         return None
     nameless = replace(film, specimen=replace(film.specimen, name="film"))
     with suppress(TypeError):
