@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 #: Groups of entry points, and what their values are called.
 GROUPS = {"tympan.effects": "an effect", "tympan.laws": "a law", "tympan.outlines": "an outline",
-          "tympan.formats": "a format", "tympan.films": "a film"}
+          "tympan.formats": "a format", "tympan.formulas": "a film"}
 
 #: Most characters of a package's error that a message repeats.
 _TOLD = 200

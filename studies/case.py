@@ -79,25 +79,31 @@ Warnings = Annotated[tuple[str, ...], Key("what limits the result, in sentences"
 class Settings:
     """Settings of a computation: mesh, path, use of mirror symmetry, and what computes the film.
 
-    ``film``: name of a film in closed form of :data:`~tympan.fem.membrane.formula.FORMULAS`; by
+    ``formula``: name of a film in closed form of :data:`~tympan.fem.membrane.formula.FORMULAS`; by
     default finite elements compute the film.
     """
 
     mesh: MeshSettings = field(default_factory=MeshSettings)
     path: PathSettings = field(default_factory=PathSettings)
     symmetry: bool = True
-    film: str | None = None
+    formula: str | None = None
 
     def __post_init__(self) -> None:
-        if self.film is not None and self.film not in FORMULAS.whole(self.film):
+        if self.formula is not None and self.formula not in FORMULAS.whole(self.formula):
             raise InputError(f"must be a registered film in closed form: "
-                             f"{', '.join(FORMULAS) or 'there is none'}", key="film",
-                             given=self.film)
+                             f"{', '.join(FORMULAS) or 'there is none'}", key="formula",
+                             given=self.formula)
 
     @property
-    def formula(self) -> Formula | None:
+    def closed_form(self) -> Formula | None:
         """Film in closed form; None where finite elements compute the film."""
-        return None if self.film is None else FORMULAS[self.film]
+        return None if self.formula is None else FORMULAS[self.formula]
+
+    def require_elements(self) -> None:
+        """Raise InputError for a film in closed form, where a mesh is asked for."""
+        if self.formula is not None:
+            raise InputError("must be left out: a film in closed form has no mesh to write",
+                             key="formula", given=self.formula)
 
     def bounded(self, model: Model, loads: int = 1) -> Settings:
         """Share one budget of work between all searches over many loads of a model."""
@@ -446,18 +452,22 @@ def solved_loading(loading: Loading, settings: Settings) -> Loading:
     mesh = replace(settings, path=PathSettings())
     guide = "vertical" if loading.guide == "fixed" else loading.guide
     return with_films(loading, lambda bias: _solved_film(
-        bias, mesh, Loading(guide=guide, gravity=loading.gravity)))
+        bias, mesh, Loading(guide=guide, gravity=loading.gravity), settings.closed_form))
 
 
 @lru_cache(maxsize=8)
-def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading) -> SolvedFilm:
-    """Solve a joined film once, since a study needs its force in many models."""
+def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading,
+                 formula: Formula | None) -> SolvedFilm:
+    """Solve a joined film once, since a study needs its force in many models.
+
+    A ``formula`` of the settings' name may be replaced by another one.
+    """
     return SolvedFilm.of(bias, build_model(bias.specimen, settings, loading))
 
 
 def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> object:
     """Collect all values that the mesh of :func:`build_model` depends on, as a key to share it."""
-    return (settings.film, specimen.frame, specimen.plate, specimen.electrode,
+    return (settings.formula, specimen.frame, specimen.plate, specimen.electrode,
             settings.mesh.suited(specimen.membrane.prestretch), settings.symmetry,
             mirror_planes(specimen, loading))
 
@@ -473,7 +483,7 @@ def bare_film(specimen: Specimen, settings: Settings, planes: frozenset[str]) ->
 
     ``planes``: mirror planes, of finite elements.
     """
-    formula = settings.formula
+    formula = settings.closed_form
     return (meshed(specimen, settings, planes) if formula is None
             else FormulaFilm.of(formula, specimen))
 

@@ -31,7 +31,12 @@ from tympan.studies.case import (
     failure_reason,
     state_warnings,
 )
-from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
+from tympan.studies.film_surface import (
+    NO_SURFACE,
+    FilmSurface,
+    cut_triangles,
+    interpolated,
+)
 from tympan.studies.rows import rows_of
 
 #: Square root of the number of triangles of a curved element in files and pictures.
@@ -146,7 +151,8 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         modes=tuple(_mode(computed, number, name, longest[number])
                     for number, name in enumerate(mode_names(full, computed))),
         wall_s=time.perf_counter() - began,
-        warnings=(*_warnings(case, computed), *state_warnings(model, state),
+        warnings=(*_warnings(case, computed, model), *state_warnings(model, state),
+                  *((NO_SURFACE,) if film is None else ()),
                   *case.rig.in_motion, *case.remarks),
         film=film)
 
@@ -215,9 +221,12 @@ def _mode(computed: Modes, number: int, name: str, longest: float) -> Mode:
                 tuple(map(float, computed.plate[number][3:] / longest)))
 
 
-def _warnings(case: Case, computed: Modes) -> list[str]:
+def _warnings(case: Case, computed: Modes, model: Model) -> list[str]:
     warnings = []
-    if not (case.specimen.membrane.density or case.specimen.electrode.mass):
+    if not model.meshed:
+        warnings.append("the film is a formula without inertia: added_mass of the rig may stand "
+                        "for it")
+    elif not (case.specimen.membrane.density or case.specimen.electrode.mass):
         warnings.append("the film has no mass (membrane.density is 0): only the plate's modes are "
                         "there")
     if computed.unstable:

@@ -521,33 +521,34 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
 
 @names_arguments()
 @one_thread()
-def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
-             ) -> Result[Diagnosis]:
+def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0,
+             formula: str | None = None) -> Result[Diagnosis]:
     """Compare a dataset with the simulation, and name the effect that explains the difference.
 
     ``self_check``: number of synthetic sets of such readings with hidden errors; their verdicts are
-    counted. With more than one worker the calling script needs a main guard.
+    counted. ``formula``: film in closed form that simulates, in place of finite elements. With more
+    than one worker the calling script needs a main guard.
     """
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import conclude
+    from tympan.studies.diagnosis.diagnose import by_formula, conclude
 
-    concluded = conclude(read_dataset(Path(dataset)), workers, seed)
+    concluded = conclude(by_formula(read_dataset(Path(dataset)), formula), workers, seed)
     checked = _self_check(concluded.bench, self_check, workers, seed)
     return Result(concluded.diagnosis(films=True, self_check=checked))
 
 
 @names_arguments()
 @one_thread()
-def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0
-         ) -> dict[str, Any]:
+def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0,
+         formula: str | None = None) -> dict[str, Any]:
     """Plan measurements: list what such readings can show, as ``tympan diagnose --plan`` does.
 
     Measured values may be missing from the dataset. All else is as for ``diagnose``.
     """
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import plan_readings
+    from tympan.studies.diagnosis.diagnose import by_formula, plan_readings
 
-    record, bench = plan_readings(read_dataset(Path(dataset), True), workers)
+    record, bench = plan_readings(by_formula(read_dataset(Path(dataset), True), formula), workers)
     return record | {"self_check": _self_check(bench, self_check, workers, seed)}
 
 
@@ -579,6 +580,7 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     from tympan.base.units import quantity
     from tympan.studies.data.coupon import coupon_layout
     from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.diagnose import by_formula
     from tympan.studies.diagnosis.film_fit import fit_film
     from tympan.studies.material.result import fit_coupons
 
@@ -598,7 +600,8 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
         if given not in (None, ()):
             raise InputError("is for coupons: a dataset's specimens have their law and their noise",
                              key=key, given=str(given))
-    return Result(fit_film(read_dataset(paths[0]), branches, constants=constants))
+    dataset = by_formula(read_dataset(paths[0]), settings.formula)
+    return Result(fit_film(dataset, branches, constants=constants))
 
 
 @names_arguments()
@@ -691,6 +694,7 @@ def export(specimen: Specimen, folder: File, *, inp: bool = False,
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export, export_input
 
+    settings.require_elements()
     carried, applied = numbers(masses, "mass", "masses"), numbers(voltages, "voltage", "voltages")
     if inp:
         return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied),

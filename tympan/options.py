@@ -147,12 +147,11 @@ RIG = argument("--rig", type=Path, metavar="RIG.toml",
 PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 Pa"; positive '
                                        "lifts film and plate against the weight (default: the "
                                        "rig's)")
+FORMULA = argument("--formula", metavar="NAME",
+                   help="film in closed form that a package registers, in place of finite elements")
 #: Options of what computes the film, :func:`read_settings`.
-MESH = together(
-    argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
-             help="divide every element size by X"),
-    argument("--film", metavar="NAME",
-             help="film in closed form that a package registers, in place of finite elements"))
+MESH = together(argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
+                         help="divide every element size by X"), FORMULA)
 #: Limits of the number of processes. More than any machine has would overload it.
 PROCESSES = (1, 1024)
 WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes",
@@ -176,7 +175,7 @@ def read_settings(options: argparse.Namespace) -> Settings:
     from tympan.studies.case import Settings
 
     with naming_options(options):
-        return Settings(mesh=MeshSettings().refined(options.refine), film=options.film)
+        return Settings(mesh=MeshSettings().refined(options.refine), formula=options.formula)
 
 
 def read_case(options: argparse.Namespace) -> Case:

@@ -73,8 +73,19 @@ class Derived:
     step: Any
 
     def energy(self, deflection: Any, squared: Any) -> Any:
-        """Compute the energy at constant voltage [J]."""
-        return self.formula.energy(self.specimen, deflection, squared)
+        """Compute the energy at constant voltage [J].
+
+        Raises
+        ------
+        InputError
+            If the formula fails, as for a law that it does not know.
+        """
+        try:
+            return self.formula.energy(self.specimen, deflection, squared)
+        except Exception as error:  # a user's function may raise anything
+            raise InputError("has no energy of this specimen: "
+                             f"{type(error).__name__}: {error}", key="formula",
+                             given=self.formula.name) from error
 
     def force(self, deflection: Any, squared: Any) -> Any:
         """Differentiate the energy by the deflection [N]."""
@@ -287,4 +298,4 @@ def _along(force: Any) -> AnyArray:
     return forces
 
 
-load_plugins("tympan.films", FORMULAS)
+load_plugins("tympan.formulas", FORMULAS)

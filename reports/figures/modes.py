@@ -46,7 +46,7 @@ _AXES = "#808080"
 
 def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
     """Draw the first modes as folder/NAME-modes.png and .svg; return the files, if any."""
-    if not result.modes:
+    if result.film is None:
         return []
     # More dots than in print: their average makes smooth edges.
     pictures = _pictures(result, 1.0, _view(result, 1.4 * style.DPI))
@@ -62,9 +62,9 @@ def animate_modes(result: ModesResult, file: Path) -> None:
     Raises
     ------
     InputError
-        When there are no modes, or FFmpeg fails.
+        When there are no modes, or no surface that shows them, or FFmpeg fails.
     """
-    if not result.modes:
+    if result.film is None:
         raise InputError(f"there is nothing to draw: {'; '.join(result.warnings)}")
     view = _view(result, 2.8 * FRAME_DPI, line=1.0)
     there = [_pictures(result, float(np.cos(phase)), view)

@@ -183,6 +183,7 @@ class Dataset:
     columns of :data:`STATIC`, :data:`RANGE`, :data:`TRANSIENT`, :data:`FREQUENCY`, :data:`FIELD`
     and :data:`FORCE`.
     ``files``: those that were read, with the SHA-256 of their bytes; ``remarks``: oddities found.
+    ``formula``: film in closed form by which they are judged, in place of finite elements.
     """
 
     name: Annotated[str, Key("what messages call it")]
@@ -222,6 +223,7 @@ class Dataset:
     more: Mapping[str, Sheet] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    formula: str | None = None
 
     @property
     def tables(self) -> dict[str, Sheet | Coupons]:

@@ -25,10 +25,10 @@ from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
 from tympan.studies.diagnosis.reduced.prediction import Prediction
 from tympan.studies.diagnosis.reduced.sampling import (
-    COARSE,
-    FINE,
     FiniteElements,
     NotSampled,
+    coarse,
+    fine,
     force_laws,
     nominal_law,
 )
@@ -111,7 +111,8 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
         # The film memory is computed about the films as fitted.
         for _ in range(_REMEMBERED):
             factors = np.exp(fit.unknowns[FACTORS]).tolist()
-            simulation = replace(simulation, memory=FilmMemory.of(setup, table, COARSE, *factors))
+            memory = FilmMemory.of(setup, table, coarse(setup.formula), *factors)
+            simulation = replace(simulation, memory=memory)
             fit = nominal_fit(simulation, table)
             if not any(specimen.membrane.branches for specimen in setup.specimens):
                 break
@@ -137,7 +138,8 @@ def with_masses(simulation: Simulation) -> Simulation:
     films = [specimen for specimen in simulation.setup.specimens if isinstance(specimen, Specimen)]
     if simulation.masses is not None or len(films) < len(simulation.setup.specimens):
         return simulation
-    return replace(simulation, masses=SwingingMasses.of(simulation.setup, COARSE))
+    return replace(simulation, masses=SwingingMasses.of(
+        simulation.setup, coarse(simulation.setup.formula)))
 
 
 def _safest(simulation: Simulation, table: ReadingTable) -> Fit:
@@ -284,7 +286,8 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     rig, worst = setup.rig, 0.0
     place, way = rest.came
     for state in place[evenly_chosen(order, _STATES_CHECKED)].tolist():
-        model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
+        model = build_model(setup.specimens[int(states.specimen[state])], fine(setup.formula),
+                            rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]),
                                    float(states.voltage_direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
@@ -310,7 +313,7 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> fl
     for row in evenly_chosen(order, _FREQUENCIES_CHECKED):
         case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
                     voltage=float(table.voltage[row]), rig=setup.rig)
-        exact = heave_frequency(case, FINE)
+        exact = heave_frequency(case, fine(setup.formula))
         if exact is not None:
             worst = max(worst, abs(float(shown[row]) / exact - 1))
     return worst
@@ -332,7 +335,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
         rows = np.flatnonzero((table.state == state) & (table.point >= 0))
         specimen = setup.specimens[int(table.specimen[rows[0]])]
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(
-            table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], FINE)
+            table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], fine(setup.formula))
         for kind in COMPONENTS if exact is not None else ():
             some = rows[table.kind[rows] == kind]
             if len(some) and exact is not None:
@@ -350,7 +353,8 @@ def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
     setup = simulation.extended(fit.hypothesis, fit.unknowns)
     rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, table.states)
     seen = np.sqrt(rest.voltage_squared * rest.stiffness / rest.permittivity)
-    models = [build_model(specimen, COARSE, setup.rig.loading) for specimen in setup.specimens]
+    settings = coarse(setup.formula)
+    models = [build_model(specimen, settings, setup.rig.loading) for specimen in setup.specimens]
     beyond = np.zeros(len(table), bool)
     for ramp in range(int(table.ramp.max()) + 1):
         rows = np.flatnonzero(table.ramp == ramp)

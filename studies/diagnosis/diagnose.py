@@ -10,6 +10,7 @@ import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.progress import PartsDone
+from tympan.studies.case import Settings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.bench_errors import with_bench_errors, with_model_error
 from tympan.studies.diagnosis.calibration import (
@@ -48,6 +49,11 @@ from tympan.studies.files import to_json
 _LATER = 2
 #: Files with deflections of a film's centre as well as of a plate, or without an actuator.
 _OF_THE_CENTRE = frozenset((*Rest.files, *CouponTests.files))
+
+
+def by_formula(dataset: Dataset, formula: str | None) -> Dataset:
+    """Judge a dataset by a registered film in closed form; None for finite elements."""
+    return replace(dataset, formula=Settings(formula=formula).formula)
 
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0) -> Diagnosis:
@@ -245,10 +251,20 @@ def _require_lengths(dataset: Dataset) -> None:
 
 
 def _prepared(dataset: Dataset) -> PreparedReadings:
+    if dataset.formula is not None:
+        _require_formula(dataset)
     alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
     if alone:
         _require_centres(dataset, alone)
     return prepared_readings(dataset)
+
+
+def _require_formula(dataset: Dataset) -> None:
+    """Refuse readings of what films in closed form do not have: a shape, and a memory."""
+    for sheet in (dataset.fields, dataset.transients):
+        if sheet is not None:
+            raise InputError("must be left out: a film in closed form has neither a shape nor a "
+                             "memory", key=sheet.file.name, given=dataset.formula)
 
 
 def _require_centres(dataset: Dataset, alone: list[str]) -> None:

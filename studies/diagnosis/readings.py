@@ -37,7 +37,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     """
     used = {name for sheet in dataset.sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
-                  dataset.rig)
+                  dataset.rig, dataset.formula)
     _refuse(dataset)
     parts, remarks = _read([kind for kind in PLATES if not kind.noisy], dataset, setup)
     noisy, seen = _read([kind for kind in PLATES if kind.noisy], dataset, setup)

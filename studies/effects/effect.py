@@ -37,10 +37,15 @@ class Observable(Enum):
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything an effect may change: the specimens of a dataset, and their rig."""
+    """Everything an effect may change: the specimens of a dataset, and their rig.
+
+    ``formula``: film in closed form that computes them, as in
+    :class:`~tympan.studies.case.Settings`.
+    """
 
     specimens: tuple[Specimen, ...]
     rig: Rig
+    formula: str | None = None
 
     def specimen(self, name: str) -> Specimen:
         """Find a specimen by its name; an :class:`InputError` if there is none."""

@@ -346,8 +346,8 @@ class FilmFamily:
              family: FamilySettings = FamilySettings()) -> FilmFamily:
         """Make the family of a box under loads of a range."""
         ground = Ground.of(box, rig, settings)
-        if settings.formula is not None:
-            return FormulaFamily(ground, force, voltage, settings.formula)
+        if settings.closed_form is not None:
+            return FormulaFamily(ground, force, voltage, settings.closed_form)
         return _Making(ground, force, voltage, family).made()
 
     @property

@@ -180,7 +180,7 @@ class SweepTask:
         for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
             solution.rows.append(
-                {"id": case_id} | EXACT_ROW | {"by": self.settings.film or BY_ELEMENTS}
+                {"id": case_id} | EXACT_ROW | {"by": self.settings.formula or BY_ELEMENTS}
                 | {name: record[name] for name in of_case()})
             self._answer(solution.answers, number, SolvedCase(
                 self._case(number), self.settings, self.ask, self.masses, self.voltages, model,

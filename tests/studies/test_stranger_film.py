@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,11 +33,9 @@ def stretches(specimen, deflection):
 
 
 def energy(specimen, deflection, squared):
-    """What its Ogden law and its charge store."""
+    """What its law and its charge store."""
     film, (along, around) = specimen.membrane, stretches(specimen, deflection)
-    (mu,), (alpha,) = film.material.mu, film.material.alpha
-    thin = 1 / (along * around)
-    elastic = mu / alpha * (along**alpha + around**alpha + thin**alpha - 3)
+    elastic, thin = film.material.derivatives(along, around)[0], 1 / (along * around)
     charged = epsilon_0 * film.relative_permittivity * squared / (film.thickness * thin) ** 2 / 2
     flat = pi * (specimen.frame.radius**2 - specimen.plate.outline.radius**2)
     return flat * film.volume_per_area * (elastic - charged)
@@ -76,12 +75,12 @@ def stranger() -> Iterator[None]:
 
 @pytest.fixture
 def settings() -> tympan.Settings:
-    return tympan.Settings(film="cone")
+    return tympan.Settings(formula="cone")
 
 
 @pytest.fixture
 def bare() -> tympan.Settings:
-    return tympan.Settings(film="bare cone")
+    return tympan.Settings(formula="bare cone")
 
 
 def near(value: float, relative: float = 1e-7) -> object:
@@ -210,11 +209,11 @@ def test_both_doors_take_it(tmp_path, capsys) -> None:
     file = tmp_path / "film.toml"
     file.write_text(FILM_TOML, encoding="utf-8")
     options = [str(file), "--mass", "20 g", "--voltage", "6 kV", "--json"]
-    assert main(["solve", *options, "--film", "cone"]) == 0
+    assert main(["solve", *options, "--formula", "cone"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["deflection_m"] == near(CONE.deflection(WEIGHT, VOLTAGE))
-    assert main(["solve", *options, "--film", "sphere"]) == 2
-    assert "--film: given 'sphere'" in capsys.readouterr().err
+    assert main(["solve", *options, "--formula", "sphere"]) == 2
+    assert "--formula: given 'sphere'" in capsys.readouterr().err
 
 
 def test_its_swings_are_those_of_its_stiffness(bare) -> None:
@@ -381,3 +380,116 @@ frequency = "12 Hz"
     assert best.numbers["membrane.thickness"].value == near(thickness, 1e-3)
     cone = replace(CONE, thickness=best.numbers["membrane.thickness"].value)
     assert best.aim == near(cone.deflection(WEIGHT, VOLTAGE) - cone.deflection(WEIGHT), 1e-6)
+
+
+def written_readings(folder: Path, hidden: float) -> Path:
+    """Readings of the formula with a sensor whose zero is off by a ``hidden`` length [m]."""
+    (folder / "film.toml").write_text(FILM_TOML, encoding="utf-8")
+    (folder / "dataset.toml").write_text("""name = "cone"
+noise = "10 um"
+[[specimen]]
+file = "film.toml"
+[rig]
+""", encoding="utf-8")
+    noise = np.random.default_rng(1)
+    rows = ["specimen,mass_g,voltage_kV,displacement_mm"]
+    for mass in (15, 30, 45):
+        for voltage in range(8):
+            place = CONE.deflection(1e-3 * mass * Rig().gravity, 1e3 * voltage) + hidden
+            rows.append(f"cone,{mass},{voltage},{1e3 * place + noise.normal(0, 0.01):.5f}")
+    (folder / "static.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("library", [("sensor_zero", "voltage_sag", "friction", "drift", "strain_stiffening")],
+                         indirect=True)
+@pytest.mark.parametrize("hidden", [0.0, 0.1e-3])
+def test_a_diagnosis_by_it_finds_what_is_hidden(library, hidden: float, tmp_path) -> None:
+    found = tympan.diagnose(written_readings(tmp_path, hidden), formula="bare cone")
+    assert found.misfit.noise_um == pytest.approx(10, rel=0.3)
+    if not hidden:
+        assert found.verdict == "nothing"
+        return
+    assert found.verdict == "named"
+    (size,) = found.causes[0].parameters.values()
+    assert found.causes[0].effect == "sensor_zero"
+    assert size.low < 1e6 * hidden < size.high
+
+
+def test_its_stiffness_is_fitted_to_readings(tmp_path, bare) -> None:
+    found = tympan.fit_material(written_readings(tmp_path, 0.0), settings=bare)
+    for factor in (found.stiffness_factor, found.permittivity_factor):
+        assert factor.low < 1 < factor.high
+        assert factor.high - factor.low < 0.1
+
+
+def test_its_derivatives_are_those_of_its_formula(settings) -> None:
+    found = tympan.sensitivity(FILM, "heave", "capacitance", "energy", settings=settings,
+                               mass=MASS, voltage=VOLTAGE).quantities
+
+    def quantities(cone: Cone, mass: float = MASS, voltage: float = VOLTAGE) -> np.ndarray:
+        place = cone.deflection(mass * Rig().gravity, voltage)
+        stored = cone.stored(place) - cone.capacitance(place) * voltage**2 / 2
+        return np.array([place, cone.capacitance(place), stored])
+
+    def slope(name: str) -> np.ndarray:
+        own = {"mass": MASS, "voltage": VOLTAGE}.get(name) or getattr(CONE, name)
+        ends = []
+        for step in (-1e-4 * own, 1e-4 * own):
+            changed = {name: own + step}
+            ends.append(quantities(CONE, **changed) if name in ("mass", "voltage")
+                        else quantities(replace(CONE, **changed)))
+        return (ends[1] - ends[0]) / (2e-4 * own)
+
+    keys = {"membrane.material.mu.0": "mu", "membrane.material.alpha.0": "alpha",
+            "membrane.thickness": "thickness", "membrane.relative_permittivity": "permittivity",
+            "frame.radius": "frame", "plate.outline.radius": "plate", "mass": "mass",
+            "voltage": "voltage"}
+    for key, name in keys.items():
+        exact = slope(name)
+        for number, quantity in enumerate(("heave", "capacitance", "energy")):
+            assert found[quantity].by[key].derivative == near(exact[number], 1e-5), (key, quantity)
+    with pytest.raises(tympan.InputError, match="no fields"):
+        tympan.sensitivity(FILM, "max_stretch", settings=settings, mass=MASS, voltage=VOLTAGE)
+
+
+def test_its_capacitance_tells_its_deflection(bare) -> None:
+    found = tympan.sense(FILM, voltages=[0.0, VOLTAGE], masses=[MASS], settings=bare)
+    for state in found.states:
+        place = CONE.deflection(WEIGHT, state.voltage_V)
+        assert state.displacement_m == near(place)
+        assert state.capacitance_F == near(CONE.capacitance(place))
+        assert state.sensed_m == pytest.approx(place, abs=2e-6)
+
+
+def test_two_of_it_are_joined_by_a_rod(bare) -> None:
+    """A double cone: another film pulls the plate back, as a function of its own deflection."""
+    distance, rod = 10e-3, 13e-3
+    rig = Rig(biases=(tympan.JoinedFilm(FILM, distance=distance, rod=rod),))
+    found = tympan.solve(FILM, bare, mass=MASS, voltage=VOLTAGE, rig=rig)
+
+    def missing(place: float) -> float:
+        other = place + rod - distance
+        return CONE.force(place, VOLTAGE) + CONE.force(abs(other)) * np.sign(other) - WEIGHT
+
+    assert found.deflection_m == pytest.approx(brentq(missing, -5e-3, 10e-3), abs=1e-9)
+
+
+def test_what_needs_a_mesh_says_in_a_sentence_that_it_has_none(bare, tmp_path) -> None:
+    with pytest.raises(tympan.InputError, match="no mesh to write"):
+        tympan.export(FILM, tmp_path, settings=bare)
+    assert any("no surface" in words
+               for words in tympan.modes(FILM, settings=bare, mass=MASS).warnings)
+    viscous = replace(FILM, membrane=replace(FILM.membrane, branches=(
+        tympan.ViscousBranch(10e3, 1.0),)))
+    with pytest.raises(tympan.InputError, match="no memory"):
+        tympan.solve(viscous, bare, mass=MASS)
+    with pytest.raises(tympan.InputError, match="cannot tilt"):
+        tympan.solve(FILM, bare, mass=MASS, rig=Rig(weight_offset=(1e-3, 0.0)))
+
+
+def test_what_it_wrote_is_read_again(bare, tmp_path) -> None:
+    found = tympan.path(FILM, mass=MASS, settings=bare)
+    found.save(tmp_path)
+    assert tympan.report(tmp_path)
+    assert type(found.numbers).load(tmp_path).stations == found.stations

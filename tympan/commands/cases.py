@@ -353,7 +353,7 @@ def modes(options: argparse.Namespace) -> None:
     with waiting("equilibrium and modes"):
         result = modes(case, settings, options.count, point_mass)
     moving: list[Moving] = []
-    if options.animate and result.modes:
+    if options.animate and result.film is not None:
         from tympan.reports.figures.modes import animate_modes
 
         moving = [(options.output / f"{result.specimen}-modes.gif", partial(animate_modes, result))]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tympan.base.errors import InputError
 from tympan.options import (
+    FORMULA,
     JSON,
     SEEDS,
     WORKERS,
@@ -18,6 +19,7 @@ from tympan.options import (
     either,
     finish,
     naming_file,
+    naming_options,
     output,
     print_record,
 )
@@ -66,15 +68,16 @@ def data(options: argparse.Namespace) -> None:
                        "files"),
          argument("--self-check", type=int, default=0, metavar="N", within=(0, 100_000),
                   help="hide errors in N synthetic sets of such readings and count what is said"),
-         JSON,
+         FORMULA, JSON,
          example="readings -o diagnosis")
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import conclude, plan_readings
+    from tympan.studies.diagnosis.diagnose import by_formula, conclude, plan_readings
     from tympan.studies.files import write_json
 
-    dataset = read_dataset(options.dataset, options.plan)
+    with naming_options(options):
+        dataset = by_formula(read_dataset(options.dataset, options.plan), options.formula)
     if options.plan:
         with naming_file(options.dataset), shares("films") as progress:
             record, bench = plan_readings(dataset, options.workers, progress)

@@ -51,6 +51,8 @@ def export(options: argparse.Namespace) -> None:
     from tympan.studies.export import export
 
     specimen, settings = load_specimen(options.specimen), read_settings(options)
+    with naming_options(options):
+        settings.require_elements()
     if options.inp:
         print(_export_input(options, specimen, settings))
         return

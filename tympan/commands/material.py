@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tympan.base.errors import InputError
 from tympan.options import (
+    FORMULA,
     JSON,
     argument,
     command,
@@ -89,10 +90,11 @@ def material_show(options: argparse.Namespace) -> None:
          argument("--decimal", choices=(",", "."), help="decimal mark of the numbers (default: "
                                                          "found)"),
          output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
-                "specimen files (TOML)"), JSON,
+                "specimen files (TOML)"), FORMULA, JSON,
          example="coupon.csv -o fit")
 def material_fit(options: argparse.Namespace) -> None:
     """Fit laws, and viscous branches in time, to coupon tests; or a film to its actuators."""
+    from tympan.studies.case import Settings
     from tympan.studies.data.coupon import coupon_layout
     from tympan.studies.material.result import fit_coupons
 
@@ -106,15 +108,17 @@ def material_fit(options: argparse.Namespace) -> None:
     with naming_options(options):
         layout = coupon_layout(options.mode, options.unit, options.area, options.length,
                                options.decimal)
+        settings = Settings(formula=options.formula)
     film = _film(options)
     with waiting("fits of laws"):
         result = fit_coupons(options.coupons, options.law, noise, options.branches, film,
-                             layout=layout)
+                             settings, layout)
     finish(options, result)
 
 
 def _fit_actuators(options: argparse.Namespace) -> None:
     from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.diagnose import by_formula
     from tympan.studies.diagnosis.film_fit import fit_film
 
     of_coupons = {"--law": options.law, "--noise": options.noise, "--film": options.film,
@@ -130,9 +134,10 @@ def _fit_actuators(options: argparse.Namespace) -> None:
     if others:
         raise InputError("must be one folder, or files of coupons", key="DATASET",
                          given=" ".join(map(str, options.coupons)))
+    with naming_options(options):
+        dataset = by_formula(read_dataset(folder), options.formula)
     with waiting("fit to the film's actuators"):
-        result = fit_film(read_dataset(folder), options.branches,
-                          constants=options.constants or ())
+        result = fit_film(dataset, options.branches, constants=options.constants or ())
     if options.output is not None:
         result.save(options.output)
     print_record(options, result.json(), result=result)

@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.prediction import Prediction
-from tympan.studies.diagnosis.reduced.sampling import COARSE
+from tympan.studies.diagnosis.reduced.sampling import coarse
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise
@@ -281,7 +281,7 @@ def _taps(readout: Readout, share: float = 0.01) -> ReadingTable | None:
 def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None:
     """Build the ramp of the heaviest mass, each state held ``factor`` times as long as any was."""
     dwell = _longest(readout.states)
-    if not dwell > 0:
+    if not dwell > 0 or readout.simulation.setup.formula is not None:  # a formula has no memory
         return None
     specimen, mass = readout.ramps[np.argmax(readout.ramps[:, 1])]
     ramp = (readout.states.specimen == specimen) & (readout.states.mass == mass)
@@ -294,7 +294,7 @@ def _longer_dwell(readout: Readout, factor: float = 10.0) -> ReadingTable | None
 def _remembering(readout: Readout, table: ReadingTable) -> Readout:
     """Add the film memory over the rows' runs to a readout."""
     films = readout.simulation
-    memory = FilmMemory.of(films.setup, table, COARSE,
+    memory = FilmMemory.of(films.setup, table, coarse(films.setup.formula),
                            *np.exp(readout.nominal.unknowns[FACTORS]).tolist())
     return replace(readout, simulation=replace(films, memory=memory))
 

@@ -25,7 +25,7 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS, parameters_of
 from tympan.studies.diagnosis.next_experiment.experiments import WORDS, Outlook, Readout
 from tympan.studies.diagnosis.reading_table import Scan
-from tympan.studies.diagnosis.reduced.sampling import COARSE
+from tympan.studies.diagnosis.reduced.sampling import coarse
 from tympan.studies.diagnosis.reduced.scans import scanned_exactly
 from tympan.studies.effects import Setup
 from tympan.studies.estimation.noise import Noise, Shared
@@ -132,16 +132,17 @@ def _loads(mass: float, voltage: float) -> dict[str, str]:
 
 def film_line(readout: Readout) -> NewReadings | None:
     """Plan a line along x and one along y over one film, at the lowest and highest voltage."""
-    if readout.table.scans or not readout.plates:
+    setup = readout.simulation.setup
+    if readout.table.scans or not readout.plates or setup.formula is not None:
         return None
-    setup, (number, mass, voltages) = readout.simulation.setup, _heaviest(readout)
+    number, mass, voltages = _heaviest(readout)
     specimen, ends = setup.specimens[number], voltages[[0, -1]][: len(voltages)]
     scan = _cross(specimen)
     noise = Noise(np.full(len(scan), readout.noise), (Shared.zero(len(scan), ZERO),))
 
     def shown(extended: Setup) -> Array:
         lines = [scanned_exactly(extended.specimens[number], extended.rig, mass, voltage, scan,
-                                 COARSE) for voltage in ends.tolist()]
+                                 coarse(None)) for voltage in ends.tolist()]
         if any(line is None for line in lines):
             raise ArithmeticError("no equilibrium")
         return np.concatenate([line[-1] for line in lines if line is not None])
@@ -169,7 +170,8 @@ def other_shape(readout: Readout, change: Callable[[Specimen], Specimen | None]
     some = voltages[np.unique(np.linspace(0, len(voltages) - 1, 3).round().astype(int))]
 
     def shown(extended: Setup) -> Array:
-        model = build_model(extended.specimens[-1], COARSE, extended.rig.loading)
+        model = build_model(extended.specimens[-1], coarse(extended.formula),
+                            extended.rig.loading)
         outcomes = [outcome for _, outcome in voltage_ramp(model, mass, some.tolist(),
                                                            extended.rig, PathSettings())]
         if any(outcome.status != "equilibrium" for outcome in outcomes):

@@ -109,14 +109,15 @@ def _shown(parameter: EffectParameter, size: float) -> str:
 
 @dataclass(frozen=True)
 class HeldFilm:
-    """Specimen as the finite elements need it: how its plate is held, and gas pressure [Pa].
+    """Specimen as it is solved: how its plate is held, and gas pressure [Pa].
 
-    Without a plate its centre is held, by gas.
+    Without a plate its centre is held, by gas. ``formula``: film in closed form that computes it.
     """
 
     specimen: Specimen
     loading: Loading
     gas_pressure: float
+    formula: str | None = None
 
     @classmethod
     def of(cls, setup: Setup, name: str) -> HeldFilm:
@@ -137,7 +138,7 @@ class HeldFilm:
             loading = Loading(gravity=0.0)
         elif not specimen.membrane.density:
             loading = replace(loading, gravity=0.0)
-        return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0)
+        return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0, setup.formula)
 
     @property
     def odd(self) -> bool:

@@ -23,7 +23,7 @@ from tympan.studies.diagnosis.reading_table import States
 from tympan.studies.diagnosis.reduced.force_law import BEYOND, ForceSurface, continued, in_powers
 from tympan.studies.diagnosis.reduced.in_time import charged
 from tympan.studies.diagnosis.reduced.reduced_films import ReducedFilms
-from tympan.studies.diagnosis.reduced.sampling import COARSE
+from tympan.studies.diagnosis.reduced.sampling import coarse
 from tympan.studies.effects import Setup
 
 #: Force and its derivative by deflection, at deflections, shape (..., states) each.
@@ -305,7 +305,7 @@ class FilmsAtRest:
     @cached_property
     def _biases(self) -> tuple[Bias, ...]:
         """Mechanisms between plate and ground, without the rig's spring."""
-        return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity)
+        return _mechanisms(self.rig.biases, self.rig.guide, self.rig.gravity, self.setup.formula)
 
     def _film_force(self, deflection: Array) -> tuple[Array, Array]:
         """Compute the force of films of nominal stiffness [N], and its derivative [N/m]."""
@@ -325,9 +325,10 @@ class FilmsAtRest:
 
 
 @lru_cache(maxsize=32)
-def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float) -> tuple[Bias, ...]:
+def _mechanisms(biases: tuple[Bias, ...], guide: Guide, gravity: float, formula: str | None
+                ) -> tuple[Bias, ...]:
     """Solve the joined films of mechanisms once, since a fit needs them thousands of times."""
-    return solved_loading(Loading(biases, guide=guide, gravity=gravity), COARSE).biases
+    return solved_loading(Loading(biases, guide=guide, gravity=gravity), coarse(formula)).biases
 
 
 @dataclass(frozen=True, eq=False)

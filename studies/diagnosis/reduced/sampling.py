@@ -37,6 +37,17 @@ COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
 #: Mesh on which force laws are checked.
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
+
+def coarse(formula: str | None) -> Settings:
+    """Make the settings for force laws, with a film in closed form if one is named."""
+    return replace(COARSE, formula=formula)
+
+
+def fine(formula: str | None) -> Settings:
+    """Make the settings by which force laws are checked, likewise."""
+    return replace(FINE, formula=formula)
+
+
 #: Newton steps from node to node, with forces to 1e-6; where they fail there is rarely a state.
 _NEAR = NewtonSettings(correction=1e-5, residual=1e-6, iterations=12, damping=0.05)
 
@@ -93,10 +104,10 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     deflection no node is tried. A :class:`NotSampled` where hardly any node has a solution, or, if
     ``strict``, where one has none.
     """
-    if near is not None:
+    if near is not None and near.model.meshed:
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
     else:
-        model = build_model(film.specimen, COARSE, film.loading)
+        model = build_model(film.specimen, coarse(film.formula), film.loading)
     deflections, voltages_squared = grid.nodes
     rows, columns = grid.numbers
     nodes = Nodes(model, np.full((SHAPE, len(deflections), len(voltages_squared)), np.nan))
@@ -250,7 +261,12 @@ _states: OrderedDict[tuple[HeldFilm, float], Nodes] = OrderedDict()
 
 
 def _key(film: HeldFilm, grid: Grid) -> bytes | None:
-    """Make a key from everything that a film's values depend on, without its name."""
+    """Make a key from everything that a film's values depend on, without its name.
+
+    None for a film in closed form: another formula may come under its name.
+    """
+    if film.formula is not None:
+        return None
     nameless = replace(film, specimen=replace(film.specimen, name="film"))
     with suppress(TypeError):
         return digest(nameless, grid.nodes, COARSE, (ALONG, AROUND),

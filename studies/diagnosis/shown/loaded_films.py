@@ -36,7 +36,8 @@ def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFi
     for number in np.unique(judged.table.specimen).tolist()[:_MOST]:
         for mass, voltage in _loads(judged.table, number)[:_TRIED]:
             films = [_film(Case(setup.specimens[number], mass=mass, voltage=voltage,
-                                rig=setup.rig), Settings()) for setup in setups]
+                                rig=setup.rig), Settings(formula=setup.formula))
+                     for setup in setups]
             if films[0] is not None and films[1] is not None:
                 yield LoadedFilm(nominal.specimens[number].name, mass, voltage,
                                  over_nominal(films[1], films[0]))
