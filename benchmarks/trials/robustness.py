@@ -415,8 +415,8 @@ Words of the printed table:
 
 * unbalanced: forces and moments are summed again on the whole film, by code that shares nothing
   with the solver's. They are relative to the largest nodal force;
-* deflection by deflection: the load that keeps the plate at given deflections. Its maximum is compared with
-  the reported limit;
+* deflection by deflection: the load that keeps the plate at given deflections. Its maximum is
+  compared with the reported limit;
 * silent: that direction could not be followed, or has no answer.
 
 A film that loses tension wrinkles. From there its energy is the relaxed one of tension-field
