@@ -10,20 +10,20 @@ from tympan.base.toml_reader import NON_NEGATIVE
 from tympan.fem.membrane.biases import BIASES
 from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
-_REFERENCE = 1e-3  #: heave at which the pull is stated [m]
+_REFERENCE = 1e-3  #: deflection at which the pull is stated [m]
 
 
 @BIASES.register
 @dataclass(frozen=True)
 class Tether:
-    """A slack lead or thread whose pull grows with the third power of the heave."""
+    """A slack lead or thread whose pull grows with the third power of the deflection."""
 
     law: ClassVar[str] = "tether"
     pull: Annotated[float, Key("its pull at 1 mm", "force", NON_NEGATIVE)]
 
-    def derivatives(self, heave: Any) -> tuple[Any, Any, Any]:
-        """Energy [J], force against the heave [N] and stiffness [N/m] at a heave [m]."""
-        share = heave / _REFERENCE
+    def derivatives(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """Energy [J], force against the deflection [N] and stiffness [N/m] at a deflection [m]."""
+        share = deflection / _REFERENCE
         return (self.pull * _REFERENCE * share**4 / 4, self.pull * share**3,
                 3 * self.pull * share**2 / _REFERENCE)
 
