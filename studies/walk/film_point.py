@@ -10,7 +10,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import length
-from tympan.fem.equilibrium.newton import Solution, moved
+from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
 from tympan.fem.results.fields import Fields, node_fields
@@ -40,13 +40,18 @@ class FilmPoint:
     @cached_property
     def fields(self) -> Fields:
         """Fields at the nodes of every element."""
+        if not self.model.wrinkles:
+            return self.pressed
+        # Below the residual tension the stretches of a film that wrinkles are not its own.
+        pressed = self.pressed
+        residual = self.model.density(self.point.state.voltage_squared).material.residual
+        if (pressed.stress_2 > 2 * residual * pressed.stretch_2**2).all():
+            return pressed
         return node_fields(self.model, [self.point.state])[0]
 
     @cached_property
     def pressed(self) -> Fields:
         """Fields of the film if it could not wrinkle."""
-        if not self.model.wrinkles:
-            return self.fields
         return node_fields(replace(self.model, wrinkles=False), [self.point.state])[0]
 
     @cached_property
@@ -107,6 +112,21 @@ class FilmPoint:
         solution = Solution(state, True, 0, point.solution.tangent)
         return replace(self, point=replace(point, solution=solution))
 
+    @cached_property
+    def coarser(self) -> FilmPoint | None:
+        """The film under the same loads, with elements of one order less on the same triangles."""
+        fine, state = self.model.discretisation, self.point.state
+        if fine.mesh.order == 1:
+            return None
+        coarse = fine.of_order(fine.mesh.order - 1)
+        motion = coarse.interpolated(fine, state.positions - fine.reference)
+        model = replace(self.model, discretisation=coarse)
+        solution = newton(model, replace(state, positions=coarse.reference + motion))
+        solution.release()
+        if not solution.converged:
+            return None
+        return replace(self, model=model, point=replace(self.point, solution=solution))
+
     @property
     def growth(self) -> float:
         """Change of the load along the branch."""
@@ -130,6 +150,11 @@ class FilmPoint:
     def deflection(self) -> float:
         """Deflection of the plate [m]."""
         return float(self.model.deflection(self.point.state))
+
+    @property
+    def max_stretch(self) -> float:
+        """Largest principal stretch, from the virgin film."""
+        return float(self.fields.stretch_1.max())
 
     @property
     def voltage(self) -> float:
