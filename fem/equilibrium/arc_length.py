@@ -45,7 +45,8 @@ _LONGER = 2.0
 _SHORTER = 0.3
 #: Turn that a step aims at, over the largest one.
 _TURNED = 0.6
-#: Largest number of iterations of a step longer than the first one, and its smallest damping factor.
+#: Largest number of iterations of a step longer than the usual first one, and its smallest damping
+#: factor.
 _FEW = 5
 _DAMPED = 0.3
 #: Accuracy of a predicted loss of tension, relative to the step.
@@ -63,6 +64,8 @@ _OFF = 10.0
 #: Largest number of corrections of a predicted point, and its largest distance from the prediction,
 #: relative to that from the point before.
 _CLOSING = 8
+#: Accuracy of the first prediction, which is corrected, over the distance of the two points.
+_ROUGH = 1e-4
 #: Interval of a secant, over the distance of the points around it.
 _NEARBY = 1e-3
 #: Ratio of the steps from a point in the search for a root near it.
@@ -86,13 +89,15 @@ _HALVINGS = 14
 class ArcSettings:
     """Settings of the steps along a branch; lengths are relative to the frame's half extent.
 
-    ``first``, ``longest`` and ``shortest``: step lengths. ``turn``: largest angle between the
+    ``first``, ``longest`` and ``shortest``: step lengths. ``loose``: the longest one of a film that
+    has lost tension and wrinkles, whose margins jump. ``turn``: largest angle between the
     directions at both ends of a step [rad]. ``points``: largest number of points.
     """
 
     first: float = 5e-3
     longest: float = 0.05
     shortest: float = 5e-5
+    loose: float = 0.015
     turn: float = 0.3
     points: int = 500
 
@@ -122,7 +127,7 @@ class Branch:
             longest = self.model.loading.step(self.model.deflection(point.state))
             step = min(step, max(longest / self.model.size, self.arc.shortest))
             ahead = _Ahead(self, point, before)
-            step = max(ahead.short(step), self.arc.shortest)
+            step = max(ahead.short(step, self.arc), self.arc.shortest)
             while step >= self.arc.shortest:
                 following = ahead.solved(step)
                 if following is not None:
@@ -247,17 +252,23 @@ class _Ahead:
         cosine = product(self.branch.model, self.before.direction, self.point.direction)
         return self._segment.at(self._segment.span + step * cosine)
 
-    def short(self, step: float) -> float:
+    def short(self, step: float, arc: ArcSettings) -> float:
         """Shorten a step to end a little beyond where the film is predicted to lose its tension.
 
-        A wrinkled film's step ends a little beyond where it is predicted to thin.
+        A film that has lost it takes the short steps of a wrinkled one, from the first one on.
         """
         model = self.branch.model
         if not model.wrinkles:
             return step
+
+        def tension(point: PathPoint) -> float:
+            return model.least_tension(point.state)
+
         with np.errstate(all="ignore"):
-            root = root_between(lambda at: model.least_tension(self.at(at).state), 0.0, step,
-                                xtol=_SOON * step)
+            if not tension(self.point) > 0:
+                lost = self.before is not None and tension(self.before) > 0
+                return min(step, min(arc.first, ArcSettings.first) if lost else arc.loose)
+            root = root_between(lambda at: tension(self.at(at)), 0.0, step, xtol=_SOON * step)
         return step if root is None else min(step, (1 + _PAST) * root)
 
     def solved(self, step: float) -> PathPoint | None:
@@ -317,7 +328,7 @@ class Between:
         values = {step: value(point) for step, point in ends.items()}
         begun = values[0.0]
         last: float | None = None
-        for count in range(_CLOSING):
+        for _ in range(_CLOSING):
             passed = [step for step in ends if step and values[step] * begun <= 0]
             if not passed:
                 return None
@@ -325,7 +336,7 @@ class Between:
             low = max(step for step in ends if step < high)
             near = min((low, high), key=lambda step: abs(values[step])) if last is None else last
             following = self._root(ends[low], ends[high], value, near == high,
-                                   near=0 < count < _CLOSING // 2)
+                                   near=last is not None or bool(self.found))
             if following is None:
                 return None
             last = self._step(following)
@@ -357,8 +368,8 @@ class Between:
               late: bool, near: bool) -> PathPoint | None:
         """Find the point at which a function vanishes on the cubic between two points.
 
-        The search begins at the first point, or ``late`` at the second one. ``near``: a secant
-        there is enough.
+        The search begins at the first point, or ``late`` at the second one. ``near``: it is near
+        there; otherwise it is found roughly.
         """
         segment = Segment(self.branch.model, self.branch.load, low, high)
         sharp = _SHARP + _SHARP_SHARE * abs(segment.span)
@@ -367,8 +378,11 @@ class Between:
             return value(segment.at(step))
 
         start, end = (segment.span, 0.0) if late else (0.0, segment.span)
+        if not near:
+            root = root_between(at, start, end, xtol=max(sharp, _ROUGH * abs(segment.span)))
+            return None if root is None else segment.at(root)
         begun, step = at(start), sharp
-        if near:
+        if begun:
             aside = _NEARBY * (end - start)
             change = at(start + aside) - begun
             share = -begun / change if change else np.inf

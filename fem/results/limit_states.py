@@ -30,6 +30,10 @@ class BranchPoint(Protocol):
         """Fields at the nodes of every element, of a film that cannot wrinkle."""
 
     @property
+    def least_stress(self) -> float:
+        """Least of the smaller principal stresses of :attr:`pressed` [Pa]."""
+
+    @property
     def firmness(self) -> AnyArray:
         """Least stiffness in the film's plane at each node [Pa]."""
 
@@ -177,7 +181,7 @@ SNAP_BACK: LimitState = LIMIT_STATES.register(LimitState(
 
 TENSION: LimitState = LIMIT_STATES.register(LimitState(
     "tension", "loss of tension", "first loss of tension",
-    _tension, _tension, (least(_tension),), "s", strained=True))
+    _tension, _tension, (Sign(lambda point: point.least_stress),), "s", strained=True))
 
 BREAKDOWN: LimitState = LIMIT_STATES.register(LimitState(
     "breakdown", "breakdown", "first breakdown",

@@ -12,6 +12,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
@@ -89,6 +90,13 @@ class Rise:
     def rest(self) -> float | None:
         """Deflection without voltage [m]."""
         return self.stops[0].film.deflection if self.stops else None
+
+    def before(self, case: Case) -> Solution | None:
+        """Find the last stable equilibrium up to the voltage of a case; None without one."""
+        stable = [stop.film.point.solution for stop in self.stops
+                  if stop.film.voltage <= case.film_voltage and stop.film.model.wrinkles
+                  and stop.film.point.solution.stable]
+        return stable[-1] if stable else None
 
     @property
     def stroke(self) -> float | None:
@@ -234,7 +242,7 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
             first=reached.first, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=0.0, warnings=(reached.ended, *case.remarks))
-    result = solve(case, settings, film)
+    result = solve(case, settings, film, within.before(case))
     if limit is not None and limit.kind == INSTABILITY.kind and result.status != "equilibrium":
         result = replace(result, warnings=(reached.ended, *result.warnings))
     stroke = (result.deflection_m - within.rest

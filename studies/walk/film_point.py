@@ -55,6 +55,12 @@ class FilmPoint:
         return node_fields(replace(self.model, wrinkles=False), [self.point.state])[0]
 
     @cached_property
+    def least_stress(self) -> float:
+        """Least of the smaller principal stresses of the film if it could not wrinkle [Pa]."""
+        least = self.model.least_stress(self.point.state)
+        return float(self.pressed.stress_2.min()) if least is None else least
+
+    @cached_property
     def firmness(self) -> Array:
         """Least stiffness in the film's plane at the nodes of every element [Pa]."""
         return firmness(self.model, self.point.state)
@@ -140,7 +146,7 @@ class FilmPoint:
         unstable in one place.
         """
         tangent = self.point.solution.tangent
-        taut = self.pressed.stress_2.min() > 0 and self.firmness.min() > 0
+        taut = self.least_stress > 0 and self.firmness.min() > 0
         if self.point.rate < 0 or not taut:
             return 0.0
         assert tangent is not None
