@@ -504,13 +504,21 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
                      "too little room", key="frame, plate, electrode", given=specimen.name)
 
 
-def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
-    """Build the model of a case and find its equilibrium, or why there is none."""
+def equilibrate(case: Case, settings: Settings, start: Solution | None = None
+                ) -> tuple[Model, Outcome]:
+    """Build the model of a case and find its equilibrium, or why there is none.
+
+    ``start``: an equilibrium of this model on the way, from which the search begins. If that fails,
+    it begins with the flat film.
+    """
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
-    outcome = equilibrium(model, case.force(model.plate_area), case.film_voltage,
-                          rig.gas_pressure, settings=settings.path)
-    return model, outcome
+    loads = case.force(model.plate_area), case.film_voltage, rig.gas_pressure
+    if start is not None:
+        outcome = equilibrium(model, *loads, start, settings.path)
+        if outcome.status == "equilibrium":
+            return model, outcome
+    return model, equilibrium(model, *loads, settings=settings.path)
 
 
 def voltage_ramp(model: Model, mass: float, voltages: Sequence[float], rig: Rig,
@@ -556,9 +564,13 @@ def deflection_without_voltage(case: Case, settings: Settings) -> float | None:
     return model.deflection(outcome.state) if outcome.status == "equilibrium" else None
 
 
-def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
-    """Solve one case; with ``film`` the result has its fields on a surface."""
-    model, outcome, result = solved(case, settings)
+def solve(case: Case, settings: Settings, film: bool = False, start: Solution | None = None
+          ) -> CaseResult:
+    """Solve one case; with ``film`` the result has its fields on a surface.
+
+    ``start`` is as in :func:`equilibrate`.
+    """
+    model, outcome, result = solved(case, settings, start)
     result = replace(result, equilibria=_several(model, outcome, settings))
     if not film or outcome.status != "equilibrium":
         return result
@@ -582,10 +594,11 @@ def _several(model: Model, outcome: Outcome, settings: Settings) -> tuple[Stable
                                    reached=each is outcome.solution) for each in found)
 
 
-def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:
+def solved(case: Case, settings: Settings, start: Solution | None = None
+           ) -> tuple[Model, Outcome, CaseResult]:
     """Solve a case: its model, its equilibrium or why there is none, and the numbers of both."""
     began = time.perf_counter()
-    model, outcome = equilibrate(case, settings)
+    model, outcome = equilibrate(case, settings, start)
     (result, _), = summaries(model, [(case, outcome)])
     return model, outcome, replace(result, wall_s=time.perf_counter() - began)
 

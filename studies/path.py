@@ -62,7 +62,9 @@ from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
 from tympan.studies.walk.spread import Passage, spread
 
 #: Longest step along a branch, relative to the frame's half extent, for a smooth curve.
-_STEP = 0.015
+SMOOTH = 0.015
+#: First step, relative to the longest one, if that is longer than the usual first one.
+_BEGUN = 0.2
 #: Largest stretch at a branch's end, beyond the range of most laws. Set by trial.
 _STRETCH = 6.0
 
@@ -112,8 +114,8 @@ class Station(ShowsState):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Event:
-    """Event at one point of a branch."""
+class Happening:
+    """What happens at one point of a branch, and where in the film."""
 
     what: Annotated[str, Key("what happens there, a kind of limit"), OF_LIMITS]
     value: Annotated[float, Key("value of what grows along the path")]
@@ -123,6 +125,12 @@ class Event:
     y_m: Annotated[float, Key("y of the same place")]
     spread: Annotated[float, Key("how far the value may be off for the mesh, relative, by the "
                                  "jumps of what is watched between elements")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event(Happening):
+    """Event at one point of a branch."""
+
     station: Annotated[Station, Key("the equilibrium there")]
 
     @property
@@ -224,8 +232,8 @@ def path(case: Case, settings: Settings, along: Along,
         pressure_Pa=case.rig.gas_pressure or None, along=along,
         unit=_GROWING[along][1],
         stations=tuple(_with_stroke(station, rest) for station in stations),
-        events=tuple(replace(event, station=_with_stroke(event.station, rest))
-                     for _, event in happenings),
+        events=tuple(Event(**vars(event), station=_with_stroke(stop.station, rest))
+                     for stop, event in happenings),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(way[-1].ended if way else UNFOLLOWED, *asked.remarks,
                   *((NO_SURFACE,) if films and not model.meshed else ())),
@@ -269,16 +277,17 @@ def apart(way: Sequence[Stop]) -> list[Stop]:
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
-          most: float = np.inf, falling: bool = False) -> Iterator[Stop]:
+          most: float = np.inf, falling: bool = False, step: float = SMOOTH) -> Iterator[Stop]:
     """Yield the equilibria of a case from a state of its model, while one quantity grows.
 
     An event between two points of the branch is a separate stop, so that curves pass through it. A
     voltage grows up to ``most`` across the film [V], if the supply gives that. With ``falling`` it
-    falls to 0.
+    falls to 0. ``step``: the longest one, relative to the frame's half extent.
     """
     settings = settings.bounded(model, followed=True)
-    longest = _STEP * max(abs(model.deflection(start)) / model.high, 1.0)
-    stepping = replace(settings, arc=replace(settings.arc, longest=longest))
+    longest = step * max(abs(model.deflection(start)) / model.high, 1.0)
+    first_step = min(longest, max(step * _BEGUN, settings.arc.first))
+    stepping = replace(settings, arc=replace(settings.arc, first=first_step, longest=longest))
     load = _GROWING[along][0]
     # A search has its own bound, because no check of user inputs applies to it.
     highest = min(most, case.rig.most_film_voltage(case.direction)) ** 2
@@ -322,7 +331,7 @@ class Stop:
     """
 
     film: FilmPoint
-    event: Event | None = None
+    event: Happening | None = None
     ended: str = ""
 
     @cached_property
@@ -370,18 +379,19 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
     The limits depend on the start: a film may already have a large deflection or stretch under its
     load alone.
     """
-    station, point = stop.station, stop.film.point
-    deflection = f"{station.deflection_m * 1e3:.4g} mm"
-    begun = abs(first.station.deflection_m)
-    if abs(station.deflection_m) > max(stop.film.model.high, _FURTHER * begun):
+    film, point = stop.film, stop.film.point
+    deflection = f"{film.deflection * 1e3:.4g} mm"
+    begun = abs(first.film.deflection)
+    if abs(film.deflection) > max(film.model.high, _FURTHER * begun):
         return f"followed to a deflection of {deflection}"
-    stretch, begun_stretch = station.max_stretch, first.station.max_stretch
+    stretch, begun_stretch = film.max_stretch, first.film.max_stretch
     if stretch and begun_stretch and stretch > max(_STRETCH, _FURTHER * begun_stretch):
         return f"followed to a stretch of {stretch:.3g}"
     sense = -1 if first.film.point.rate < 0 else 1
     if point.rate * sense < 0 and point.state.load(stop.film.load) * sense < 0:
         return f"followed until the {along} fell back to zero"
-    if station.unbalanced > settings.unbalanced:
+    checked = np.isfinite(settings.unbalanced)
+    if checked and film.model.unbalanced(point.state) > settings.unbalanced:
         return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "
                 "branch; --refine may")
     return ""
@@ -403,13 +413,14 @@ def _passed(case: Case, branch: Branch, along: Along, points: tuple[Stop, Stop, 
     Events that coincide are at one point. ``points``: the first of the branch and these two.
     """
     first, before, after = (stop.film for stop in points)
+    between = branch.between(before.point, after.point)
+
+    def at(point: PathPoint) -> FilmPoint:
+        return replace(before, model=branch.model, point=point)
 
     def where(sign: Sign) -> FilmPoint | None:
-        def value(point: PathPoint) -> float:
-            return sign.value(replace(before, model=branch.model, point=point))
-
-        point = branch.where(before.point, after.point, value, of_state=sign.of_state)
-        return None if point is None else replace(before, model=branch.model, point=point)
+        point = between.where(lambda point: sign.value(at(point)), sign.needs)
+        return None if point is None else at(point)
 
     films, events = list[FilmPoint](), list[Stop]()
     same = _SAME * branch.model.size
@@ -417,7 +428,8 @@ def _passed(case: Case, branch: Branch, along: Along, points: tuple[Stop, Stop, 
         here = next((film for film in films if abs(film.deflection - found.deflection) <= same),
                     found)
         films.append(here)
-        events.append(_happening(case, along, Passage(state, sign, first, before, here, after)))
+        low, high = map(at, between.beside(here.point, SMOOTH / 2))
+        events.append(_happening(case, along, Passage(state, sign, first, low, here, high)))
     return sorted(events, key=lambda stop: abs(stop.film.deflection - before.deflection))
 
 
@@ -435,9 +447,9 @@ def _happening(case: Case, along: Along, passage: Passage) -> Stop:
     state, stop = passage.state, Stop(passage.here)
     x, y = passage.here.place(state)
     off = spread(passage, lambda film: _measured(case, film, along))
-    return replace(stop, event=Event(
+    return replace(stop, event=Happening(
         what=state.kind, value=_measured(case, passage.here, along),
-        unit=_GROWING[along][1], x_m=x, y_m=y, spread=off, station=stop.station))
+        unit=_GROWING[along][1], x_m=x, y_m=y, spread=off))
 
 
 def _critical_film(film: FilmPoint) -> FilmSurface | None:

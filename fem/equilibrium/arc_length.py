@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
+from tympan.fem.equilibrium.arc_segment import PathPoint as PathPoint
+from tympan.fem.equilibrium.arc_segment import Segment
 from tympan.fem.equilibrium.constraints import Constraint, arc_length, difference, length, product
-from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton, tangent_at
+from tympan.fem.equilibrium.newton import (
+    NewtonSettings,
+    Solution,
+    moved,
+    newton,
+    simplified_newton,
+    tangent_at,
+)
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
@@ -28,6 +39,43 @@ _SHARP_SHARE = 1e-6
 #: the ratio grows without bound as steps get shorter.
 _APART = 30.0
 
+#: Largest ratio of a step to the one before it.
+_LONGER = 2.0
+#: Least ratio of a step to the one before it, unless the step itself fails.
+_SHORTER = 0.3
+#: Turn that a step aims at, over the largest one.
+_TURNED = 0.6
+#: Largest number of iterations of a step longer than the usual first one, and its smallest damping
+#: factor.
+_FEW = 5
+_DAMPED = 0.3
+#: Accuracy of a predicted loss of tension, relative to the step.
+_SOON = 1e-2
+#: Distance beyond a predicted loss of tension at which a step ends, relative to the step: the point
+#: is on the other side of it then.
+_PAST = 0.05
+
+#: Distance of a tangent's state from the equilibrium, relative to the frame, that changes nothing.
+_STILL = 1e-9
+#: Error of a rate by the tangent of another state, over the change of the rate along the step,
+#: relative to the other state's distance over the step. A margin for curved branches.
+_OFF = 10.0
+
+#: Largest number of corrections of a predicted point, and its largest distance from the prediction,
+#: relative to that from the point before.
+_CLOSING = 8
+#: Accuracy of the first prediction, which is corrected, over the distance of the two points.
+_ROUGH = 1e-4
+#: Interval of a secant, over the distance of the points around it.
+_NEARBY = 1e-3
+#: Ratio of the steps from a point in the search for a root near it.
+_WIDER = 30.0
+_ASIDE = 0.01
+
+#: What a function along a branch needs of a point: the state alone, also the direction and rate, or
+#: a tangent of its own.
+Needs = Literal["state", "direction", "tangent"]
+
 #: Positions between two points, as shares of the interval, at which further points are tried in
 #: turn. These points are closer to the one that is searched.
 _SHARES = (0.5, 0.25, 0.75, 0.5, 0.25, 0.75, 0.5)
@@ -41,33 +89,17 @@ _HALVINGS = 14
 class ArcSettings:
     """Settings of the steps along a branch; lengths are relative to the frame's half extent.
 
-    ``first``, ``longest`` and ``shortest``: step lengths. ``turn``: largest angle between the
+    ``first``, ``longest`` and ``shortest``: step lengths. ``loose``: the longest one of a film that
+    has lost tension and wrinkles, whose margins jump. ``turn``: largest angle between the
     directions at both ends of a step [rad]. ``points``: largest number of points.
     """
 
     first: float = 5e-3
     longest: float = 0.05
     shortest: float = 5e-5
+    loose: float = 0.015
     turn: float = 0.3
     points: int = 500
-
-
-@dataclass(frozen=True, eq=False)
-class PathPoint:
-    """An equilibrium on a branch.
-
-    ``direction``: unit motion of film and plate along the branch. ``rate``: change of the load per
-    unit of arc length, zero at a limit point and negative beyond it.
-    """
-
-    solution: Solution
-    direction: Parts
-    rate: float
-
-    @property
-    def state(self) -> State:
-        """State of the equilibrium."""
-        return self.solution.state
 
 
 @dataclass(frozen=True)
@@ -87,14 +119,17 @@ class Branch:
         further step is possible, or at the largest number of points.
         """
         point, step = self._first(start, sense), self.arc.first
+        before: PathPoint | None = None
         for _ in range(self.arc.points):
             if point is None:
                 return
             yield point
             longest = self.model.loading.step(self.model.deflection(point.state))
             step = min(step, max(longest / self.model.size, self.arc.shortest))
+            ahead = _Ahead(self, point, before)
+            step = max(ahead.short(step, self.arc), self.arc.shortest)
             while step >= self.arc.shortest:
-                following = self.at(point, step)
+                following = ahead.solved(step)
                 if following is not None:
                     cosine = product(self.model, point.direction, following.direction)
                     turn = float(np.arccos(np.clip(cosine, -1, 1)))
@@ -103,10 +138,13 @@ class Branch:
                 step /= 2
             else:
                 return
-            step = min(1.6 * step if turn < self.arc.turn / 3 else step, self.arc.longest)
+            longer = np.clip(_TURNED * self.arc.turn / max(turn, _STILL), _SHORTER, _LONGER)
+            step = min(step * float(longer), self.arc.longest)
             # Near a limit point only the point's own tangent gives the sign of the rate.
-            beside = abs(following.rate) < abs(following.rate - point.rate)
-            point = self._renewed(following) if beside else following
+            off = _OFF * self._off(following.solution) / length(
+                self.model, self.motion(point, following))
+            beside = abs(following.rate) < off * abs(following.rate - point.rate)
+            before, point = point, self.renewed(following) if beside else following
 
     def at(self, point: PathPoint, step: float, near: PathPoint | None = None,
            ) -> PathPoint | None:
@@ -115,43 +153,24 @@ class Branch:
         Newton's method starts from a point ``near`` it; the default is ``point`` itself.
         """
         near = near or point
-        further = step - product(self.model, point.direction, self._motion(point, near))
+        further = step - product(self.model, point.direction, self.motion(point, near))
         further /= product(self.model, point.direction, near.direction)
         guess = moved(self.model, near.state, near.direction, further,
                       {self.load: near.rate})
         point.solution.release()
         near.solution.release()
-        return self._solved(guess, arc_length(point.state, point.direction, step))
+        return self.solved(guess, arc_length(point.state, point.direction, step))
+
+    def between(self, before: PathPoint, after: PathPoint) -> Between:
+        """Prepare searches between two successive points."""
+        return Between(self, before, after)
 
     def where(self, before: PathPoint, after: PathPoint,
-              value: Callable[[PathPoint], float], of_state: bool = False) -> PathPoint | None:
-        """Find the point between two others where a function vanishes; None without sign change.
+              value: Callable[[PathPoint], float], needs: Needs = "tangent") -> PathPoint | None:
+        """Find the point between two others where a function vanishes, as :meth:`Between.where`."""
+        return self.between(before, after).where(value, needs)
 
-        If the function is the rate, the result is a limit point and its direction is the critical
-        mode. A function ``of_state`` needs no tangent. If Newton's method fails from both points,
-        it starts from further points between them.
-
-        A film without a plate may lose its stability in many motions at once. Newton's method may
-        then fail near the point, and the nearest point found is returned. If the sign changes only
-        because the two points are on different branches, the last point before the change is
-        returned. The function does not vanish there.
-        """
-        search = _Between(self, before, value, of_state)
-        end = product(self.model, before.direction, self._motion(before, after))
-        search.put(0.0, before)
-        search.put(end, after)
-        root = search.root(0.0, end)
-        if root is None:
-            around = search.closer()
-            if around is None:
-                return None
-            root = search.root(*around)
-        if root is None:
-            film_alone = self.model.specimen.plate is None
-            return self._renewed(search.least() if film_alone else search.points[search.last()])
-        return self._renewed(search.points[search.on_branch(root)])
-
-    def _renewed(self, point: PathPoint) -> PathPoint:
+    def renewed(self, point: PathPoint) -> PathPoint:
         """Compute the point's own tangent if possible: Newton's is too inaccurate at limits."""
         return self._along(point.solution, point.direction) or point
 
@@ -165,18 +184,35 @@ class Branch:
 
     def _first(self, start: State, sense: int) -> PathPoint | None:
         at_loads = newton(self.model, start, settings=self.newton, subspace=self.subspace)
-        if not at_loads.converged or at_loads.tangent is None:
+        tangent = at_loads.tangent
+        if not at_loads.converged or tangent is None:
             return None
-        film, plate = self.model.by_load(at_loads.state, self.load)
-        motion, _ = at_loads.tangent.correct((sense * film, sense * plate), [])
-        if not length(self.model, motion):  # a load that moves nothing
+        if tangent.state is not start and self._off(at_loads) > _STILL:
             at_loads.release()
+            tangent, _ = tangent_at(self.model, at_loads.state, subspace=self.subspace)
+            if tangent is None:
+                return None
+        film, plate = self.model.by_load(at_loads.state, self.load)
+        motion, _ = tangent.correct((sense * film, sense * plate), [])
+        if not length(self.model, motion):  # a load that moves nothing
+            tangent.release()
             return None
         # The first point is not solved again with the load free, so its load equals the start's
         # load exactly.
-        return self._along(at_loads, self._unit(motion)[0])
+        direction = self._unit(motion)[0]
+        equation = arc_length(at_loads.state, direction, 0.0)(self.model, at_loads.state)
+        try:
+            bordered = tangent.bordered((self.load,), (equation,))
+            return self._point(replace(at_loads, tangent=bordered))
+        except np.linalg.LinAlgError:
+            return None
 
-    def _solved(self, guess: State, arc: Constraint) -> PathPoint | None:
+    def _off(self, solution: Solution) -> float:
+        """Measure how far an equilibrium is from the state of its tangent."""
+        assert solution.tangent is not None
+        return length(self.model, difference(self.model, solution.state, solution.tangent.state))
+
+    def solved(self, guess: State, arc: Constraint) -> PathPoint | None:
         solution = newton(self.model, guess, (self.load,), (arc,), self.newton, self.subspace)
         return self._point(solution) if solution.converged else None
 
@@ -186,7 +222,7 @@ class Branch:
         direction, scale = self._unit(motion)
         return PathPoint(solution, direction, loads[self.load] / scale)
 
-    def _motion(self, start: PathPoint, end: PathPoint) -> Parts:
+    def motion(self, start: PathPoint, end: PathPoint) -> Parts:
         return difference(self.model, end.state, start.state)
 
     def _unit(self, motion: Parts) -> tuple[Parts, float]:
@@ -195,7 +231,195 @@ class Branch:
 
 
 @dataclass(frozen=True, eq=False)
-class _Between:
+class _Ahead:
+    """A branch beyond a point, extrapolated from the point before it."""
+
+    branch: Branch
+    point: PathPoint
+    before: PathPoint | None
+
+    @cached_property
+    def _segment(self) -> Segment:
+        branch = self.branch
+        if self.before is None:
+            return Segment(branch.model, branch.load, self.point)
+        return Segment(branch.model, branch.load, self.before, self.point)
+
+    def at(self, step: float) -> PathPoint:
+        """Predict the point at a step along the direction at the last point."""
+        if self.before is None:
+            return self._segment.at(step)
+        cosine = product(self.branch.model, self.before.direction, self.point.direction)
+        return self._segment.at(self._segment.span + step * cosine)
+
+    def short(self, step: float, arc: ArcSettings) -> float:
+        """Shorten a step to end a little beyond where the film is predicted to lose its tension.
+
+        A film that has lost it takes the short steps of a wrinkled one, from the first one on.
+        """
+        model = self.branch.model
+        if not model.wrinkles:
+            return step
+
+        def tension(point: PathPoint) -> float:
+            return model.least_tension(point.state)
+
+        with np.errstate(all="ignore"):
+            if not tension(self.point) > 0:
+                lost = self.before is not None and tension(self.before) > 0
+                return min(step, min(arc.first, ArcSettings.first) if lost else arc.loose)
+            root = root_between(lambda at: tension(self.at(at)), 0.0, step, xtol=_SOON * step)
+        return step if root is None else min(step, (1 + _PAST) * root)
+
+    def solved(self, step: float) -> PathPoint | None:
+        """Find the point at a step; None if Newton's method fails from the prediction.
+
+        A long step that Newton's method finds hard is better halved.
+        """
+        self.point.solution.release()
+        branch, arc = self.branch, arc_length(self.point.state, self.point.direction, step)
+        if step > ArcSettings.first:
+            newton = branch.newton
+            branch = replace(branch, newton=replace(
+                newton, iterations=min(newton.iterations, _FEW),
+                damping=max(newton.damping, _DAMPED)))
+        return branch.solved(self.at(step).state, arc)
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """A branch between two successive points, for searches that share the points that they solve.
+
+    ``found``: equilibria on the way by their step from ``before``, without tangents of their own.
+    """
+
+    branch: Branch
+    before: PathPoint
+    after: PathPoint
+    found: dict[float, PathPoint] = field(default_factory=dict)
+    _renewed: dict[float, PathPoint] = field(default_factory=dict)
+
+    def where(self, value: Callable[[PathPoint], float], needs: Needs = "tangent"
+              ) -> PathPoint | None:
+        """Find the point where a function vanishes; None without sign change.
+
+        If the function is the rate, the result is a limit point and its direction is the critical
+        mode. ``needs``: what the function needs of a point. If Newton's method fails from both
+        points, it starts from further points between them.
+
+        A film without a plate may lose its stability in many motions at once. Newton's method may
+        then fail near the point, and the nearest point found is returned. If the sign changes only
+        because the two points are on different branches, the last point before the change is
+        returned. The function does not vanish there.
+        """
+        if needs != "tangent" and (step := self._predicted(value, needs)) is not None:
+            if step not in self._renewed:
+                self._renewed[step] = self.branch.renewed(self.found[step])
+            return self._renewed[step]
+        return _Search(self.branch, self.before, value, needs == "state").where(self.after)
+
+    def _predicted(self, value: Callable[[PathPoint], float], needs: Needs) -> float | None:
+        """Find its step by cubics between the points around it, each prediction solved.
+
+        The search ends where the next prediction is next to the last one. None if that is not the
+        case soon.
+        """
+        ends = {0.0: self.before, self._step(self.after): self.after, **self.found}
+        values = {step: value(point) for step, point in ends.items()}
+        begun = values[0.0]
+        last: float | None = None
+        for _ in range(_CLOSING):
+            passed = [step for step in ends if step and values[step] * begun <= 0]
+            if not passed:
+                return None
+            high = min(passed)
+            low = max(step for step in ends if step < high)
+            near = min((low, high), key=lambda step: abs(values[step])) if last is None else last
+            following = self._root(ends[low], ends[high], value, near == high,
+                                   near=last is not None or bool(self.found))
+            if following is None:
+                return None
+            last = self._step(following)
+            close = min(self.found, key=lambda step: abs(step - last), default=np.inf)
+            if abs(close - last) <= _SHARP + _SHARP_SHARE * max(ends):
+                return close
+            if (point := self._solved(following, last, needs)) is None:
+                return None
+            self.found[last] = ends[last] = point
+            values[last] = value(point)
+        return None
+
+    def beside(self, point: PathPoint, aside: float) -> tuple[PathPoint, PathPoint]:
+        """Predict the points at a distance on both sides of one; the ends where they are nearer."""
+        step, whole = self._step(point), self._step(self.after)
+        model, load = self.branch.model, self.branch.load
+        first = (self.before if step <= aside else
+                 Segment(model, load, self.before, point).at(step - aside))
+        last = (self.after if whole - step <= aside else
+                Segment(model, load, point, self.after).at(aside))
+        return first, last
+
+    def _step(self, point: PathPoint) -> float:
+        """Compute the step from ``before`` to a point."""
+        return product(self.branch.model, self.before.direction,
+                       self.branch.motion(self.before, point))
+
+    def _root(self, low: PathPoint, high: PathPoint, value: Callable[[PathPoint], float],
+              late: bool, near: bool) -> PathPoint | None:
+        """Find the point at which a function vanishes on the cubic between two points.
+
+        The search begins at the first point, or ``late`` at the second one. ``near``: it is near
+        there; otherwise it is found roughly.
+        """
+        segment = Segment(self.branch.model, self.branch.load, low, high)
+        sharp = _SHARP + _SHARP_SHARE * abs(segment.span)
+
+        def at(step: float) -> float:
+            return value(segment.at(step))
+
+        start, end = (segment.span, 0.0) if late else (0.0, segment.span)
+        if not near:
+            root = root_between(at, start, end, xtol=max(sharp, _ROUGH * abs(segment.span)))
+            return None if root is None else segment.at(root)
+        begun, step = at(start), sharp
+        if begun:
+            aside = _NEARBY * (end - start)
+            change = at(start + aside) - begun
+            share = -begun / change if change else np.inf
+            if 0 <= share <= 1 / _NEARBY:
+                return segment.at(start + share * aside)
+        while step < abs(segment.span):
+            place = start + np.sign(end - start) * step
+            if at(place) * begun <= 0:
+                break
+            start, step = place, _WIDER * step
+        else:
+            place = end
+        root = root_between(at, start, place, xtol=sharp)
+        return None if root is None else segment.at(root)
+
+    def _solved(self, guess: PathPoint, step: float, needs: Needs) -> PathPoint | None:
+        """Solve for the point near a prediction; None if that is not near enough.
+
+        If the state alone is needed, its direction may be that of the prediction.
+        """
+        branch, model = self.branch, self.branch.model
+        arc = arc_length(self.before.state, self.before.direction, step)
+        solution = None if needs != "state" else simplified_newton(
+            model, guess.state, (branch.load,), (arc,), branch.newton, self.after.solution.tangent)
+        point = None if solution is None else replace(guess, solution=solution)
+        if point is None:
+            self.after.solution.release()
+            point = branch.solved(guess.state, arc)
+        if point is None:
+            return None
+        missed, gone = (length(model, difference(model, point.state, state))
+                        for state in (guess.state, self.before.state))
+        return point if missed <= _ASIDE * gone else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
     """Search for the point on a branch where a function vanishes.
 
     ``points`` and ``values`` contain the points tried so far and their values, by their step from
@@ -209,9 +433,26 @@ class _Between:
     points: dict[float, PathPoint] = field(default_factory=dict)
     values: dict[float, float] = field(default_factory=dict)
 
+    def where(self, after: PathPoint) -> PathPoint | None:
+        """Find the point by solving for equilibria alone."""
+        branch = self.branch
+        end = product(branch.model, self.before.direction, branch.motion(self.before, after))
+        self.put(0.0, self.before)
+        self.put(end, after)
+        root = self.root(0.0, end)
+        if root is None:
+            around = self.closer()
+            if around is None:
+                return None
+            root = self.root(*around)
+        if root is None:
+            film_alone = branch.model.specimen.plate is None
+            return branch.renewed(self.least() if film_alone else self.points[self.last()])
+        return branch.renewed(self.points[self.on_branch(root)])
+
     def put(self, step: float, point: PathPoint) -> None:
         """Store a point and its value; renew its tangent if the value needs the tangent."""
-        point = point if self.of_state else self.branch._renewed(point)
+        point = point if self.of_state else self.branch.renewed(point)
         self.points[step], self.values[step] = point, self.value(point)
         point.solution.release()
 
@@ -278,7 +519,7 @@ class _Between:
     def _strayed(self, low: float, high: float) -> bool:
         """Check whether two points are further apart than points of one branch."""
         apart = length(self.branch.model,
-                       self.branch._motion(self.points[low], self.points[high]))
+                       self.branch.motion(self.points[low], self.points[high]))
         return apart > _APART * (high - low + _SHARP)
 
     def least(self) -> PathPoint:

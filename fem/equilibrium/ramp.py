@@ -322,14 +322,14 @@ class LoadRamp:
             if self._slackened(start, after.solution):
                 return Outcome("not_converged", stable, SLACK.format("under its loads"))
             if self._margin(after) < 0:
-                thin = branch.where(before, after, self._margin, of_state=True)
+                thin = branch.where(before, after, self._margin, "state")
                 if thin is None or sense * thin.rate < 0:
                     break
                 if sense * thin.state.load(load) < sense * target:
                     return self._thins(stable, thin)
                 after = thin
             if sense * after.rate < 0:
-                critical = branch.where(before, after, lambda point: point.rate)
+                critical = branch.where(before, after, lambda point: point.rate, "direction")
                 if critical is None:
                     break
                 if sense * critical.state.load(load) < sense * target:
@@ -337,7 +337,7 @@ class LoadRamp:
                 after = critical  # the target is before this point or before the next one
             if sense * after.state.load(load) >= sense * target:
                 return self._landed(stable, branch.where(
-                    before, after, lambda point: point.state.load(load) - target, of_state=True))
+                    before, after, lambda point: point.state.load(load) - target, "state"))
             # Where the film alone loses its stiffness, the plate's stiffness has a pole: its sign
             # means nothing there.
             if not after.solution.stable and after.solution.wrinkling == 0:

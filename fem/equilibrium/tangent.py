@@ -32,20 +32,32 @@ class Tangent:
 
     def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
                  equations: Sequence[Equation] = (), subspace: Subspace = FULL) -> None:
-        self.model, self.free, self.subspace, self._state = model, free, subspace, state
+        self.model, self.subspace, self.state = model, subspace, state
         part = subspace.reduced(part)
         self._kept: Any = _factorise(part.inner, model)
-        loads = {name: subspace.project(model.by_load(state, name)) for name in free}
-        rows = [subspace.project(equation.by_motion) for equation in equations]
         self._plates = len(model.plate_freedoms)
-        columns = np.column_stack([part.border, *(load[0] for load in loads.values())])
-        self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
+        self._border(part.border, part.corner, free, equations)
+
+    def _border(self, border: Array, corner: Array, free: tuple[Load, ...],
+                equations: Sequence[Equation]) -> None:
+        """Border the factors by the plate's columns, free loads and their equations."""
+        self.free, project = free, self.subspace.project
+        loads = {name: project(self.model.by_load(self.state, name)) for name in free}
+        rows = [project(equation.by_motion) for equation in equations]
+        columns = np.column_stack([border, *(load[0] for load in loads.values())])
+        self._rows = np.vstack([border.T, *(row[0] for row in rows)])
         self._corner = np.vstack([
-            np.column_stack([part.corner, *(load[1] for load in loads.values())]),
+            np.column_stack([corner, *(load[1] for load in loads.values())]),
             *(np.append(row[1], [equation.by_load.get(name, 0.0) for name in free])
               for row, equation in zip(rows, equations, strict=True))])
         self._influence = self._factor.solve(columns)
         self._schur = self._corner - self._rows @ self._influence
+
+    def bordered(self, free: tuple[Load, ...], equations: Sequence[Equation]) -> Tangent:
+        """Free other loads at the same state; the film's factors are reused."""
+        result, plates = copy(self), self._plates
+        result._border(self._rows[:plates].T, self._corner[:plates, :plates], free, equations)
+        return result
 
     def adapted(self, model: Model, equations: Sequence[Equation]) -> Tangent:
         """Adapt to another step of the plate's motion, and to new derivatives by free loads.
@@ -78,7 +90,7 @@ class Tangent:
     @property
     def _factor(self) -> Any:
         if self._kept is None:
-            self._kept = _factorise(self.subspace.reduced(self.model.linearised(self._state)).inner,
+            self._kept = _factorise(self.subspace.reduced(self.model.linearised(self.state)).inner,
                                     self.model)
         return self._kept
 

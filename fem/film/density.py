@@ -103,6 +103,11 @@ class FilmDensity:
             return TensionField(joined, -np.inf)
         return TensionField(joined, _RESIDUAL * _stiffness(film))
 
+    @property
+    def coaxial(self) -> bool:
+        """Whether all parts share the film's principal axes."""
+        return not self._joined_and_apart[1]
+
     @cached_property
     def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[EnergyPart]]:
         film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
@@ -124,11 +129,6 @@ class FilmDensity:
             result = Density(result.energy + part.energy, result.stress + part.stress,
                              result.tangent + part.tangent if tangent else None)
         return result if self.flow is None else self._flowing(result, self.flow, c, tangent)
-
-    @property
-    def coaxial(self) -> bool:
-        """Whether all parts of the film share its principal axes."""
-        return not self._joined_and_apart[1]
 
     def of_virgin(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
         """Compute density, stress and tangent, all of the virgin film, at its C."""

@@ -234,6 +234,10 @@ class FormulaFilm(Model):
         flat = area(self.specimen.frame) - self.plate_area
         return flat * self.mass_per_area, flat * self.specimen.membrane.volume_per_area
 
+    def least_stress(self, state: State) -> float | None:
+        """Return None: the least stress follows from the fields, if the formula has stretches."""
+        return None
+
     def thinning_margin(self, state: State) -> float:
         """Infinite: a formula has no wrinkles that could thin."""
         return np.inf

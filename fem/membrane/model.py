@@ -270,18 +270,33 @@ class Model:
         stretches = principal_stretches(c, self.specimen.membrane.prestretch)
         return float(total(materials, *stretches)[2].min(initial=np.inf))
 
+    def least_stress(self, state: State) -> float | None:
+        """Find the smallest principal true stress at the nodes of a film kept from wrinkling [Pa].
+
+        None if it does not follow from the principal stretches alone.
+        """
+        density, (l1, l2) = self._at_nodes(state)
+        if density.flow is not None or not density.coaxial:
+            return None
+        _, w1, w2, *_ = total(density.material.materials, l1, l2)
+        return float(min((l1 * w1).min(), (l2 * w2).min()))
+
+    def _at_nodes(self, state: State) -> tuple[FilmDensity, tuple[AnyArray, AnyArray]]:
+        """Make the film's density and compute principal stretches at the nodes of every element."""
+        mesh = self.discretisation
+        c = cauchy_green(deformation(mesh.nodal_gradients,
+                                     state.positions[mesh.connectivity]))
+        return (self.density(state.voltage_squared, nodal=True),
+                principal_stretches(c, self.specimen.membrane.prestretch))
+
     def thinning_margin(self, state: State) -> float:
         """Find the least stiffness or tension of a wrinkling film [Pa]; see :class:`TensionField`.
 
         It is taken at the nodes of every element, so that the film's edges count, and is negative
         where the film gets thinner until it breaks down.
         """
-        mesh = self.discretisation
-        material = self.density(state.voltage_squared, nodal=True).material
-        c = cauchy_green(deformation(mesh.nodal_gradients,
-                                     state.positions[mesh.connectivity]))
-        stretches = principal_stretches(c, self.specimen.membrane.prestretch)
-        return float(material.thinning_margin(*stretches).min())
+        density, stretches = self._at_nodes(state)
+        return float(density.material.thinning_margin(*stretches).min())
 
     @cached_property
     def slack_when_mounted(self) -> bool:

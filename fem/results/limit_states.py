@@ -14,6 +14,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray
 from tympan.base.fields import Registry
+from tympan.fem.equilibrium.arc_length import Needs
 from tympan.fem.results.fields import Fields
 
 
@@ -27,6 +28,10 @@ class BranchPoint(Protocol):
     @property
     def pressed(self) -> Fields:
         """Fields at the nodes of every element, of a film that cannot wrinkle."""
+
+    @property
+    def least_stress(self) -> float:
+        """Least of the smaller principal stresses of :attr:`pressed` [Pa]."""
 
     @property
     def firmness(self) -> AnyArray:
@@ -53,12 +58,12 @@ class BranchPoint(Protocol):
 class Sign:
     """Number that is positive before a limit state and negative after it.
 
-    ``of_state``: the number needs no tangent. ``local``: it is the least value of the limit state's
+    ``needs``: what it needs of a point. ``local``: it is the least value of the limit state's
     ``field``.
     """
 
     value: Callable[[BranchPoint], float]
-    of_state: bool = True
+    needs: Needs = "state"
     local: bool = True
 
 
@@ -177,7 +182,7 @@ SNAP_BACK: LimitState = LIMIT_STATES.register(LimitState(
 
 TENSION: LimitState = LIMIT_STATES.register(LimitState(
     "tension", "loss of tension", "first loss of tension",
-    _tension, _tension, (least(_tension),), "s", strained=True))
+    _tension, _tension, (Sign(lambda point: point.least_stress),), "s", strained=True))
 
 BREAKDOWN: LimitState = LIMIT_STATES.register(LimitState(
     "breakdown", "breakdown", "first breakdown",
@@ -187,8 +192,8 @@ INSTABILITY: LimitState = LIMIT_STATES.register(LimitState(
     "instability", "instability",
     "instability of the film itself, before the plate's pull-in",
     _firmness, lambda point: point.rough_firmness,
-    (least(_firmness), Sign(lambda point: point.given_way, of_state=False, local=False)), "D"))
+    (least(_firmness), Sign(lambda point: point.given_way, needs="tangent", local=False)), "D"))
 
 PULL_IN: LimitState = LIMIT_STATES.register(LimitState(
     "pull_in", "pull-in", "pull-in of the plate",
-    _thinning, _thinning, (Sign(lambda point: point.growth, of_state=False, local=False),), "x"))
+    _thinning, _thinning, (Sign(lambda point: point.growth, needs="direction", local=False),), "x"))

@@ -188,7 +188,7 @@ def _where(span: Span, before: HeldPoint, after: HeldPoint, sign: Sign) -> HeldP
                 span.model, span.foretold(place), ("force",), (held_plate(place),), span.newton)
             if not solution.converged:
                 raise NoValueHere
-            if not sign.of_state:
+            if sign.needs != "state":
                 solution = with_tangent(span.model, solution)
             films[place] = HeldPoint.of(span.model, solution)
         return sign.value(films[place])

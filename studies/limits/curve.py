@@ -33,6 +33,7 @@ from tympan.studies.case import (
 )
 from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
+from tympan.studies.path import SMOOTH
 
 #: Columns of a curve's CSV. ``asked`` is 1 at requested voltages and 0 at points on the way to the
 #: limit. ``beyond`` is the most severe limit that the voltage exceeds, blank up to the first limit.
@@ -125,7 +126,7 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
     dofs = 0
     for mass in masses:
         progress(f"{specimen.name}: {mass * 1e3:g} g")
-        ascent = rise(Case(specimen, mass=mass, rig=rig), settings, beyond=beyond)
+        ascent = rise(Case(specimen, mass=mass, rig=rig), settings, beyond=beyond, step=SMOOTH)
         dofs = ascent.model.unknowns
         # The model changes where the film continues as one that cannot wrinkle.
         for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),

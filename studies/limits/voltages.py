@@ -12,6 +12,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
 from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
@@ -47,6 +48,10 @@ from tympan.studies.files import to_json
 from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 from tympan.studies.rows import rows_of
 from tympan.studies.walk.film_point import FilmPoint
+
+#: Longest step to a limit, relative to the frame's half extent. A cubic joins its ends. Set by
+#: trial.
+_LONG = 0.1
 
 #: Test voltage [V] for a film that no voltage moves; its value is arbitrary.
 _TRIED = 1.0
@@ -84,6 +89,13 @@ class Rise:
     def rest(self) -> float | None:
         """Deflection without voltage [m]."""
         return self.stops[0].film.deflection if self.stops else None
+
+    def before(self, case: Case) -> Solution | None:
+        """Find the last stable equilibrium up to the voltage of a case; None without one."""
+        stable = [stop.film.point.solution for stop in self.stops
+                  if stop.film.voltage <= case.film_voltage and stop.film.model.wrinkles
+                  and stop.film.point.solution.stable]
+        return stable[-1] if stable else None
 
     @property
     def stroke(self) -> float | None:
@@ -165,11 +177,13 @@ def first_limit(case: Case, settings: Settings) -> Limit | None:
     return rise(case, settings, first=True).limits.limit
 
 
-def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = False) -> Rise:
+def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = False,
+         step: float = _LONG) -> Rise:
     """Raise the voltage of a case from 0 to pull-in, instability, or a failed step.
 
     ``first``: stop at the first limit of any type. ``beyond``: if a wrinkled film thins without
     bound, continue to the pull-in of a film that cannot wrinkle; no real film reaches it.
+    ``step``: the longest step, relative to the frame's half extent.
     """
     case = replace(case, voltage=0.0)
     model = build_model(case.specimen, settings, case.rig.loading)
@@ -178,7 +192,7 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
     if start.status != "equilibrium":
         ended = Limits({}, ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
-    passed = list(_to_limit(case, model, start.state, settings, first, beyond))
+    passed = list(_to_limit(case, model, start.state, settings, first, beyond, step))
     flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
     if flat is not None:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
@@ -188,7 +202,7 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
         back = _snap_back(case, model, passed, settings)
         reached = replace(reached, by_kind={**reached.by_kind, SNAP_BACK.kind: back})
     way = tuple(apart(passed))
-    cases = tuple(replace(case, voltage=_nominal(case, stop.station.voltage_V)) for stop in way)
+    cases = tuple(replace(case, voltage=_nominal(case, stop.film.voltage)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
 
 
@@ -227,7 +241,7 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
             first=reached.first, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=0.0, warnings=(reached.ended, *case.remarks))
-    result = solve(case, settings, film)
+    result = solve(case, settings, film, within.before(case))
     if limit is not None and limit.kind == INSTABILITY.kind and result.status != "equilibrium":
         result = replace(result, warnings=(reached.ended, *result.warnings))
     stroke = (result.deflection_m - within.rest
@@ -238,19 +252,19 @@ def _within(case: Case, settings: Settings, film: bool) -> CaseResult:
 
 
 def _to_limit(case: Case, model: Model, start: State, settings: Settings, first: bool,
-              beyond: bool) -> Iterator[Stop]:
+              beyond: bool, step: float) -> Iterator[Stop]:
     """Yield stops up to the film's end.
 
     If a mechanism makes the plate snap, continue from the new equilibrium.
     """
     # If the mesh does not resolve the branch, the limits state their uncertainty.
     unchecked = replace(settings.path, unbalanced=np.inf)
-    for stop in stops(case, model, start, "voltage", unchecked):
+    for stop in stops(case, model, start, "voltage", unchecked, step=step):
         landed = stop.landed(settings.path) if stop.happens(PULL_IN) else None
         if landed is not None:
             yield stop.at(SNAP_THROUGH)
             if not first:
-                yield from _to_limit(case, model, landed.state, settings, first, beyond)
+                yield from _to_limit(case, model, landed.state, settings, first, beyond, step)
             return
         yield stop
         if stop.event is None:
@@ -271,7 +285,7 @@ def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings)
         return None
     rest = passed[snaps + 1].film.point.state
     unchecked = replace(settings.path, unbalanced=np.inf)
-    for stop in stops(case, model, rest, "voltage", unchecked, falling=True):
+    for stop in stops(case, model, rest, "voltage", unchecked, falling=True, step=_LONG):
         if stop.happens(PULL_IN):
             return _limit(case, stop.at(SNAP_BACK))
     return None
@@ -361,7 +375,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
             thins |= kind == INSTABILITY.kind and stop.film.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
-        followed = _nominal(case, passed[-1].station.voltage_V)
+        followed = _nominal(case, passed[-1].film.voltage)
         ended = f"the film could not be followed beyond {followed / 1e3:.4g} kV"
     tension, gone = reached.get(TENSION.kind), reached.get(INSTABILITY.kind)
     if gone is not None and thins:
@@ -378,7 +392,7 @@ def _limit(case: Case, stop: Stop) -> Limit:
     assert stop.event is not None
     kind = stop.event.what
     state = LIMIT_STATES[kind]
-    return Limit(kind=kind, voltage_V=_nominal(case, stop.station.voltage_V), x_m=stop.event.x_m,
+    return Limit(kind=kind, voltage_V=_nominal(case, stop.film.voltage), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
                  at_edge=stop.film.on_electrode_edge(state),
                  at_corner=stop.film.at_sharp_corner(state), ring=case.axisymmetric)

@@ -10,10 +10,10 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.constraints import length
-from tympan.fem.equilibrium.newton import Solution, moved
+from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
-from tympan.fem.results.fields import Fields
+from tympan.fem.results.fields import Fields, largest
 from tympan.fem.results.firmness import edge_firmness, firmness, least_firmness, rough_firmness
 from tympan.fem.results.limit_states import LimitState
 from tympan.fem.results.solved_states import SolvedStates, mounted_place
@@ -51,6 +51,12 @@ class FilmPoint:
     def pressed(self) -> Fields:
         """Fields of the film if it could not wrinkle."""
         return self.shown.pressed[0]
+
+    @cached_property
+    def least_stress(self) -> float:
+        """Least of the smaller principal stresses of the film if it could not wrinkle [Pa]."""
+        least = self.model.least_stress(self.point.state)
+        return float(self.pressed.stress_2.min(initial=np.inf)) if least is None else least
 
     @cached_property
     def firmness(self) -> Array:
@@ -116,6 +122,21 @@ class FilmPoint:
         solution = Solution(state, True, 0, point.solution.tangent)
         return replace(self, point=replace(point, solution=solution))
 
+    @cached_property
+    def coarser(self) -> FilmPoint | None:
+        """The film under the same loads, with elements of one order less on the same triangles."""
+        fine, state = self.model.discretisation, self.point.state
+        if fine.mesh.order == 1:
+            return None
+        coarse = fine.of_order(fine.mesh.order - 1)
+        motion = coarse.interpolated(fine, state.positions - fine.reference)
+        model = replace(self.model, discretisation=coarse)
+        solution = newton(model, replace(state, positions=coarse.reference + motion))
+        solution.release()
+        if not solution.converged:
+            return None
+        return replace(self, model=model, point=replace(self.point, solution=solution))
+
     @property
     def growth(self) -> float:
         """Change of the load along the branch."""
@@ -129,8 +150,7 @@ class FilmPoint:
         unstable in one place.
         """
         tangent = self.point.solution.tangent
-        taut = all(margin.min(initial=np.inf) > 0
-                   for margin in (self.pressed.stress_2, self.firmness))
+        taut = self.least_stress > 0 and self.firmness.min(initial=np.inf) > 0
         if self.point.rate < 0 or not taut:
             return 0.0
         assert tangent is not None
@@ -140,6 +160,11 @@ class FilmPoint:
     def deflection(self) -> float:
         """Deflection of the plate [m]."""
         return float(self.model.deflection(self.point.state))
+
+    @property
+    def max_stretch(self) -> float | None:
+        """Largest principal stretch, from the virgin film; None for a film without fields."""
+        return largest(self.fields.stretch_1)
 
     @property
     def voltage(self) -> float:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from tympan.base.arrays import Array, Numbers
-from tympan.fem.equilibrium.newton import newton
 from tympan.fem.results.limit_states import INSTABILITY, LimitState, Sign
 from tympan.studies.walk.film_point import FilmPoint
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A limit state that a film reaches ``here``, between two points of its branch.
+    """A limit state that a film reaches ``here``, between two near points of its branch.
 
     ``first`` is the first point of the branch. ``sign`` is the sign of the state that changes.
     """
@@ -163,24 +162,9 @@ def missed(passage: Passage) -> float:
     element = place // mesh.connectivity.shape[1]
     apart = abs(values[place] - margins[place]) if np.isfinite(values[place]) else 0.0
     jump = float(max(_jumps(nodes, values)[nodes[element]].max(), apart))
-    coarser, left = _coarser(film), sign.value(film)
+    coarser, left = film.coarser, sign.value(film)
     changed = abs(sign.value(coarser) - left) if coarser else 0.0
     return jump + changed + abs(left)
-
-
-def _coarser(film: FilmPoint) -> FilmPoint | None:
-    """Solve under the same loads with elements of one order less on the same triangles."""
-    fine, state = film.model.discretisation, film.point.state
-    if fine.mesh.order == 1:
-        return None
-    coarse = fine.of_order(fine.mesh.order - 1)
-    motion = coarse.interpolated(fine, state.positions - fine.reference)
-    model = replace(film.model, discretisation=coarse)
-    solution = newton(model, replace(state, positions=coarse.reference + motion))
-    solution.release()
-    if not solution.converged:
-        return None
-    return replace(film, model=model, point=replace(film.point, solution=solution))
 
 
 def _jumps(nodes: Numbers, values: Array) -> Array:

@@ -15,7 +15,6 @@ from tympan.fem.results.limit_states import BREAKDOWN, INSTABILITY, TENSION, Lim
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits import rise
-from tympan.studies.walk import spread as module
 from tympan.studies.walk.film_point import FilmPoint
 from tympan.studies.walk.spread import CORRECTIONS, Passage, missed, spread
 
@@ -33,7 +32,7 @@ def film(edge: bool = True, thins: bool = False, wrinkled: bool = False, thinned
     return result
 
 
-WHOLE = Sign(lambda point: 1.0, of_state=False, local=False)
+WHOLE = Sign(lambda point: 1.0, needs="tangent", local=False)
 
 
 @pytest.mark.parametrize(("state", "sign", "films", "factor", "share"), [
@@ -75,8 +74,8 @@ def test_an_error_in_the_margin_is_one_in_the_voltage_by_the_pace(
     assert spread(lost, lambda film: 0.0) == 0.0
     whole = replace(lost, sign=WHOLE)
     assert spread(whole, lambda film: film.voltage) == missed(whole)
-    monkeypatch.setattr(module, "_coarser", lambda film: None)
-    assert 0 < missed(lost) < error
+    monkeypatch.setattr(FilmPoint, "coarser", None)
+    assert 0 < missed(replace(lost, here=replace(lost.here))) < error
 
 
 def test_a_film_without_coarser_elements_has_its_jumps_alone() -> None:
@@ -84,4 +83,4 @@ def test_a_film_without_coarser_elements_has_its_jumps_alone() -> None:
     linear = Settings(MeshSettings(order=1).refined(0.5))
     model, outcome = equilibrate(case, linear)
     point = FilmPoint(model, cast(Any, SimpleNamespace(state=outcome.state)))
-    assert module._coarser(point) is None
+    assert point.coarser is None

@@ -168,9 +168,10 @@ def test_a_limit_in_force() -> None:
 
 def test_a_branch_comes_back_on_itself() -> None:
     film = pressed_model(circular(SOFT))
-    branch = Branch(film, "voltage")
+    branch = Branch(film, "voltage", arc=ArcSettings(longest=0.02))
     start = equilibrium(film, WEIGHT, 3000.0).state
     ahead = list(islice(branch.points(start), 6))
+    assert all(point.rate > 0 for point in ahead)
     back = []
     for point in branch.points(ahead[-1].state, -1):
         back.append(point)
@@ -264,7 +265,7 @@ def test_between_two_branches_the_last_point_of_the_first_is_given() -> None:
         return point.state.force - 1.1 * LIGHT
 
     assert heavier(branch[1]) < 0 < heavier(other[2])
-    last = Branch(film, "voltage").where(branch[1], other[2], heavier, of_state=True)
+    last = Branch(film, "voltage").where(branch[1], other[2], heavier, needs="state")
     assert last is not None
     assert last.state.force == LIGHT
     assert last.state.plate.deflection > branch[1].state.plate.deflection
@@ -273,7 +274,7 @@ def test_between_two_branches_the_last_point_of_the_first_is_given() -> None:
         deep = (branch[1].state.plate.deflection + branch[2].state.plate.deflection) / 2
         return point.state.plate.deflection - deep
 
-    assert Branch(film, "voltage").where(branch[1], branch[2], deeper, of_state=True) is not None
+    assert Branch(film, "voltage").where(branch[1], branch[2], deeper, needs="state") is not None
 
 
 def test_hysteresis_of_a_magnet() -> None:
