@@ -71,6 +71,9 @@ _NEARBY = 1e-3
 #: Ratio of the steps from a point in the search for a root near it.
 _WIDER = 30.0
 _ASIDE = 0.01
+#: Distance of a tangent's state from the equilibrium, over the way from the point before, up to which
+#: its direction and rate locate a root.
+_VAGUE = 1e-3
 
 #: What a function along a branch needs of a point: the state alone, also the direction and rate, or
 #: a tangent of its own.
@@ -141,7 +144,7 @@ class Branch:
             longer = np.clip(_TURNED * self.arc.turn / max(turn, _STILL), _SHORTER, _LONGER)
             step = min(step * float(longer), self.arc.longest)
             # Near a limit point only the point's own tangent gives the sign of the rate.
-            off = _OFF * self._off(following.solution) / length(
+            off = _OFF * self.off(following.solution) / length(
                 self.model, self.motion(point, following))
             beside = abs(following.rate) < off * abs(following.rate - point.rate)
             before, point = point, self.renewed(following) if beside else following
@@ -187,7 +190,7 @@ class Branch:
         tangent = at_loads.tangent
         if not at_loads.converged or tangent is None:
             return None
-        if tangent.state is not start and self._off(at_loads) > _STILL:
+        if tangent.state is not start and self.off(at_loads) > _STILL:
             at_loads.release()
             tangent, _ = tangent_at(self.model, at_loads.state, subspace=self.subspace)
             if tangent is None:
@@ -207,10 +210,16 @@ class Branch:
         except np.linalg.LinAlgError:
             return None
 
-    def _off(self, solution: Solution) -> float:
-        """Measure how far an equilibrium is from the state of its tangent."""
+    def off(self, solution: Solution) -> float:
+        """Measure how far an equilibrium is from the state of its tangent.
+
+        The distance is relative to the frame, or to the load where the load is further off.
+        """
         assert solution.tangent is not None
-        return length(self.model, difference(self.model, solution.state, solution.tangent.state))
+        state, start = solution.state, solution.tangent.state
+        load, begun = state.load(self.load), start.load(self.load)
+        return max(length(self.model, difference(self.model, state, start)),
+                   abs(load - begun) / (abs(load) or 1.0))
 
     def solved(self, guess: State, arc: Constraint) -> PathPoint | None:
         solution = newton(self.model, guess, (self.load,), (arc,), self.newton, self.subspace)
@@ -415,7 +424,10 @@ class Between:
             return None
         missed, gone = (length(model, difference(model, point.state, state))
                         for state in (guess.state, self.before.state))
-        return point if missed <= _ASIDE * gone else None
+        if missed > _ASIDE * gone:
+            return None
+        vague = needs == "direction" and branch.off(point.solution) > _VAGUE * gone
+        return branch.renewed(point) if vague else point
 
 
 @dataclass(frozen=True, eq=False)
