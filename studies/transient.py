@@ -193,7 +193,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
         while len(shown) < len(states) and states[len(shown)] <= moment.time:
             at = transient.moment_at(past, states[len(shown)])
             found = SolvedStates(transient.remembering(at), [at.state])
-            shown.append({"t_s": at.time} | next(rows_of_variables(found, plate=plate)))
+            values, = rows_of_variables(found, plate=plate)
+            shown.append({"t_s": at.time, **values})
     stopped = followed.stopped
     if farthest is None:
         reason = ((stopped and stopped.why)
