@@ -75,9 +75,8 @@ def of_curve(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def of_path(capsys: pytest.CaptureFixture[str]) -> str:
-    station = Station(deflection_m=1e-3, force_N=0.1, voltage_V=1e3, pressure_Pa=0.0, charge_C=0.0,
-                      capacitance_F=1e-9, max_stretch=2.0, least_stress_Pa=1.0,
-                      breakdown_share=0.5, stable=True, tense=True, unbalanced=0.0)
+    station = Station(values={"deflection_m": 1e-3}, force_N=0.1, voltage_V=1e3, pressure_Pa=0.0,
+                      charge_C=0.0, stable=True, tense=True, unbalanced=0.0)
     events = tuple(Event(what=state.kind, value=1e3, unit="V", x_m=0.0, y_m=0.0, spread=0.0,
                          station=station) for state in ALL)
     path = PathResult(specimen="film", mass_kg=0.0, voltage_V=0.0, along="voltage", unit="V",

@@ -168,7 +168,7 @@ def test_a_contradiction_would_be_seen() -> None:
     faults = list(faults_of(case, lowered, result, drawn))
     assert any("beyond the end" in fault for fault in faults)
     assert "curve and limits end differently" in faults
-    unreal = replace(result, energy_J=float("nan"))
+    unreal = result.showing(energy_J=float("nan"))
     assert "solve: not a number in JSON" in list(faults_of(case, reached, unreal, drawn))
 
 
