@@ -128,6 +128,7 @@ class Branch:
             step = min(step, max(longest / self.model.size, self.arc.shortest))
             ahead = _Ahead(self, point, before)
             step = max(ahead.short(step, self.arc), self.arc.shortest)
+            tried = step
             while step >= self.arc.shortest:
                 following = ahead.solved(step)
                 if following is not None:
@@ -139,7 +140,9 @@ class Branch:
             else:
                 return
             longer = np.clip(_TURNED * self.arc.turn / max(turn, _STILL), _SHORTER, _LONGER)
-            step = min(step * float(longer), self.arc.longest)
+            # A step as long as one that failed would fail again.
+            longer = min(float(longer), 1.0) if step < tried else float(longer)
+            step = min(step * longer, self.arc.longest)
             # Near a limit point only the point's own tangent gives the sign of the rate.
             off = _OFF * self._off(following.solution) / length(
                 self.model, self.motion(point, following))
@@ -401,7 +404,8 @@ class Between:
     def _solved(self, guess: PathPoint, step: float, needs: Needs) -> PathPoint | None:
         """Solve for the point near a prediction; None if that is not near enough.
 
-        If the state alone is needed, its direction may be that of the prediction.
+        If the state alone is needed, its direction may be that of the prediction. Otherwise it has
+        a tangent of its own.
         """
         branch, model = self.branch, self.branch.model
         arc = arc_length(self.before.state, self.before.direction, step)
@@ -415,7 +419,11 @@ class Between:
             return None
         missed, gone = (length(model, difference(model, point.state, state))
                         for state in (guess.state, self.before.state))
-        return point if missed <= _ASIDE * gone else None
+        if missed > _ASIDE * gone:
+            return None
+        if needs == "direction":
+            point = self._renewed[step] = branch.renewed(point)
+        return point
 
 
 @dataclass(frozen=True, eq=False)
