@@ -16,7 +16,7 @@ import os
 import statistics
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -110,7 +110,7 @@ def measured(tree: Path, folder: Path, asked: Iterable[str], every: int, repeats
 
 def table(found: Iterable[Times]) -> list[str]:
     """Write a table with a line for each question."""
-    by_question: Mapping[str, list[Times]] = {}
+    by_question: dict[str, list[Times]] = {}
     for times in found:
         by_question.setdefault(times.question, []).append(times)
     lines = ["| question | films | median before | now | ratio | longest before | now | "
@@ -141,8 +141,8 @@ def main() -> int:
                          options.repeats)
     text = "\n".join([
         "# Times of questions, before and now", "",
-        "Processor seconds of a command, imports and meshing left out, over films and rigs of every "
-        "kind (`python -m benchmarks.compose.paired`). Both versions were asked in turn.", "",
+        "Processor seconds of a command, imports and meshing left out, over films and rigs of "
+        "every kind (`python -m benchmarks.compose.paired`). Both versions were asked in turn.", "",
         *table(found), ""])
     if options.output:
         options.output.write_text(text, encoding="utf-8")

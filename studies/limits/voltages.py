@@ -315,8 +315,8 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
     fall = flat.pressed.stress_2 - pressed.pressed.stress_2
     if not (fall > 0).all():
         return None
-    share = float((fall / np.maximum(flat.pressed.stress_2, fall)).max())
-    if _away(model, charged.state) > _away(model, start.state) + _STIRS * share * model.size:
+    taken = float((fall / np.maximum(flat.pressed.stress_2, fall)).max())
+    if _away(model, charged.state) > _away(model, start.state) + _STIRS * taken * model.size:
         return None
     share = pressed.fields.breakdown_share
     tension = _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall)
