@@ -71,9 +71,6 @@ _NEARBY = 1e-3
 #: Ratio of the steps from a point in the search for a root near it.
 _WIDER = 30.0
 _ASIDE = 0.01
-#: Distance of a tangent's state from the equilibrium, over the way from the point before, up to which
-#: its direction and rate locate a root.
-_VAGUE = 1e-3
 
 #: What a function along a branch needs of a point: the state alone, also the direction and rate, or
 #: a tangent of its own.
@@ -131,6 +128,7 @@ class Branch:
             step = min(step, max(longest / self.model.size, self.arc.shortest))
             ahead = _Ahead(self, point, before)
             step = max(ahead.short(step, self.arc), self.arc.shortest)
+            tried = step
             while step >= self.arc.shortest:
                 following = ahead.solved(step)
                 if following is not None:
@@ -142,9 +140,11 @@ class Branch:
             else:
                 return
             longer = np.clip(_TURNED * self.arc.turn / max(turn, _STILL), _SHORTER, _LONGER)
-            step = min(step * float(longer), self.arc.longest)
+            # A step as long as one that failed would fail again.
+            longer = min(float(longer), 1.0) if step < tried else float(longer)
+            step = min(step * longer, self.arc.longest)
             # Near a limit point only the point's own tangent gives the sign of the rate.
-            off = _OFF * self.off(following.solution) / length(
+            off = _OFF * self._off(following.solution) / length(
                 self.model, self.motion(point, following))
             beside = abs(following.rate) < off * abs(following.rate - point.rate)
             before, point = point, self.renewed(following) if beside else following
@@ -190,7 +190,7 @@ class Branch:
         tangent = at_loads.tangent
         if not at_loads.converged or tangent is None:
             return None
-        if tangent.state is not start and self.off(at_loads) > _STILL:
+        if tangent.state is not start and self._off(at_loads) > _STILL:
             at_loads.release()
             tangent, _ = tangent_at(self.model, at_loads.state, subspace=self.subspace)
             if tangent is None:
@@ -210,7 +210,7 @@ class Branch:
         except np.linalg.LinAlgError:
             return None
 
-    def off(self, solution: Solution) -> float:
+    def _off(self, solution: Solution) -> float:
         """Measure how far an equilibrium is from the state of its tangent.
 
         The distance is relative to the frame, or to the load where the load is further off.
@@ -410,7 +410,8 @@ class Between:
     def _solved(self, guess: PathPoint, step: float, needs: Needs) -> PathPoint | None:
         """Solve for the point near a prediction; None if that is not near enough.
 
-        If the state alone is needed, its direction may be that of the prediction.
+        If the state alone is needed, its direction may be that of the prediction. Otherwise it has
+        a tangent of its own.
         """
         branch, model = self.branch, self.branch.model
         arc = arc_length(self.before.state, self.before.direction, step)
@@ -426,8 +427,9 @@ class Between:
                         for state in (guess.state, self.before.state))
         if missed > _ASIDE * gone:
             return None
-        vague = needs == "direction" and branch.off(point.solution) > _VAGUE * gone
-        return branch.renewed(point) if vague else point
+        if needs == "direction":
+            point = self._renewed[step] = branch.renewed(point)
+        return point
 
 
 @dataclass(frozen=True, eq=False)

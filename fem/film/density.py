@@ -103,11 +103,6 @@ class FilmDensity:
             return TensionField(joined, -np.inf)
         return TensionField(joined, _RESIDUAL * _stiffness(film))
 
-    @property
-    def coaxial(self) -> bool:
-        """Whether all parts share the film's principal axes."""
-        return not self._joined_and_apart[1]
-
     @cached_property
     def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[EnergyPart]]:
         film, grease = self.specimen.membrane, self.specimen.electrode.stiffness

@@ -17,7 +17,7 @@ from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import HEAVE, State
 from tympan.fem.results.firmness import firmness, least_firmness
 from tympan.fem.results.limit_states import (
     BREAKDOWN,
@@ -61,6 +61,10 @@ _TAUT = 1e-6
 
 #: Relative difference below which two voltages count as equal.
 _SAME = 1e-6
+
+#: Largest motion by a voltage that moves nothing, relative to the frame and to the share of the
+#: stress that the voltage takes. Where an electrode covers a part, the motion is about that share.
+_STIRS = 1e-3
 
 #: Largest distance from flat of a film that counts as flat, relative to the frame.
 _FLAT = 1e-6
@@ -192,11 +196,10 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
     if start.status != "equilibrium":
         ended = Limits({}, ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
-    passed = list(_to_limit(case, model, start.state, settings, first, beyond, step))
-    flat = _unmoved(case, model, start, settings) if len(passed) <= 1 else None
-    if flat is not None:
+    if (still := _unmoved(case, model, start, settings)) is not None:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
-                    (Stop(FilmPoint(model, _still(start))),), flat)
+                    (Stop(FilmPoint(model, _still(start))),), still)
+    passed = list(_to_limit(case, model, start.state, settings, first, beyond, step))
     reached = _limits(case, passed)
     if reached.snap_through is not None and not first:
         back = _snap_back(case, model, passed, settings)
@@ -297,11 +300,12 @@ def _highest(case: Case, film_voltage: float) -> bool:
 
 
 def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
-    """Find the limits of a flat film without plate, fully covered, that no voltage moves.
+    """Find the limits of a flat film, fully covered, that no voltage moves.
 
-    The Maxwell stress is proportional to U², the field to U. None for any other film.
+    It has no plate, or a fixed one. The Maxwell stress is proportional to U², the field to U. None
+    for any other film.
     """
-    if model.specimen.plate is not None:
+    if HEAVE in model.plate_freedoms or _away(model, start.state) > _FLAT * model.size:
         return None
     flat = FilmPoint(model, _still(start))
     charged = equilibrium(model, 0.0, _TRIED, start.state.pressure, settings=settings.path)
@@ -309,8 +313,10 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
         return None
     pressed = FilmPoint(model, _still(charged))
     fall = flat.pressed.stress_2 - pressed.pressed.stress_2
-    moved = np.abs(charged.state.positions - model.discretisation.reference).max()
-    if not (fall > 0).all() or moved > _FLAT * model.size:
+    if not (fall > 0).all():
+        return None
+    taken = float((fall / np.maximum(flat.pressed.stress_2, fall)).max())
+    if _away(model, charged.state) > _away(model, start.state) + _STIRS * taken * model.size:
         return None
     share = pressed.fields.breakdown_share
     tension = _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall)
@@ -323,6 +329,11 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
     if gone is not None:
         reached[INSTABILITY.kind] = gone
     return Limits(reached, ended=still if reached else above_words(case))
+
+
+def _away(model: Model, state: State) -> float:
+    """Compute the largest distance of a node from the flat mounted film [m]."""
+    return float(np.abs(state.positions - model.discretisation.reference).max())
 
 
 def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None:
