@@ -98,11 +98,16 @@ class ConeCircle:
 
         The material has W, W₁, …. Across the slope the film keeps its stretch.
         """
-        flat = np.sqrt(self.specimen.membrane.area_prestretch)
-        steepness, volume = self.film
+        energy, force, stiffness = self._pulled(material, deflection)
+        flat = self._flat
+        return energy - self.film[1] * material.derivatives(flat, flat)[0], force, stiffness
+
+    def _pulled(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
+        """Compute energy, force and stiffness as :meth:`pull` does, with the flat film's energy."""
+        flat, (steepness, volume) = self._flat, self.film
         stretch, phi, bend = sloped_stretch(steepness, deflection)
         w, w1, _, w11, *_ = material.derivatives(flat * stretch, flat)
-        return (volume * (w - material.derivatives(flat, flat)[0]), volume * flat * w1 * phi,
+        return (volume * w, volume * flat * w1 * phi,
                 volume * flat * (w1 * bend + flat * w11 * phi * phi))
 
     def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
@@ -111,7 +116,26 @@ class ConeCircle:
 
     def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
         """Compute the voltage's energy, force, stiffness per V²; energy and force are negative."""
-        return self.pull(maxwell(self.specimen, 1.0), deflection)
+        return self.pull(self._charged, deflection)
+
+    def forces(self, deflection: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """Compute force [N] and stiffness [N/m] of the film's material, and of the voltage per V².
+
+        These are the pairs of :meth:`elastic` and :meth:`electric` without their energies.
+        """
+        _, pull, stiff = self._pulled(self.specimen.membrane.material, deflection)
+        _, drawn, soft = self._pulled(self._charged, deflection)
+        return (pull, stiff), (drawn, soft)
+
+    @cached_property
+    def _flat(self) -> Any:
+        """Stretch of the mounted film, the mean of both directions."""
+        return np.sqrt(self.specimen.membrane.area_prestretch)
+
+    @cached_property
+    def _charged(self) -> Any:
+        """Electrostatic energy per V²."""
+        return maxwell(self.specimen, 1.0)
 
     def force(self, deflection: Any, voltage: float) -> Any:
         """Compute 2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N]: not the derivative of the energy."""
@@ -122,7 +146,7 @@ class ConeCircle:
         """Integrate ε₀ε_r dA/z over the film [F] at a deflection [m]."""
         flat = np.sqrt(self.specimen.membrane.area_prestretch)
         radial = flat * sloped_stretch(self.steepness, deflection)[0]
-        energy = maxwell(self.specimen, 1.0).derivatives(radial, flat)[0]
+        energy = self._charged.derivatives(radial, flat)[0]
         volume = np.pi * (self.radius**2 - self.plate_radius**2) * self.thickness
         return -2 * volume * energy
 

@@ -43,7 +43,7 @@ from tympan.fem.equilibrium.snap import landed
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.film.density import small_strain_modulus
-from tympan.fem.film.memory import Memory, determinant
+from tympan.fem.film.memory import Flow, Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing, carried_along
 from tympan.fem.membrane.state import HEAVE, Load, State
@@ -373,8 +373,7 @@ class Transient:
         guess = self.state_at([*past[len(ahead) - 3:], *ahead], time)
         if self.deflection is None:
             guess = guess.under(force=self.force)
-        flow = moment.memory.step(virgin_strain(self.model, moment.state), duration,
-                                  virgin_strain(self.model, guess) if moment.memory.flows else None)
+        flow = self._flow(moment, duration, guess)
         model = self._moving(replace(self.model, flow=flow), moment, guess, duration)
         voltage, charge = self._electrodes(model, guess, moment, source, duration)
         given = (_VOLTAGE if charge else (), charge) if self.deflection is None else (
@@ -386,8 +385,8 @@ class Transient:
         state, swing = solution.state, model.loading.swing
         if state.voltage_squared < 0:  # the film is almost discharged
             state = state.under(voltage=0.0)
-        following = Moment(time, state, flow.after(virgin_strain(self.model, state)),
-                           stiffness=moment.stiffness)
+        memory = moment.memory if flow is None else flow.after(virgin_strain(self.model, state))
+        following = Moment(time, state, memory, stiffness=moment.stiffness)
         if swing is not None:
             velocity, rate = map(self._of_freedoms, swing.after(state.plate))
             following = replace(following, velocity=velocity, rate=rate)
@@ -396,6 +395,14 @@ class Transient:
             following = replace(following, current=self.circuit.current(source, across),
                                 charge=float(self.model.capacitance(state)) * across)
         return following, solution.tangent
+
+    def _flow(self, moment: Moment, duration: float, guess: State) -> Flow | None:
+        """Prepare the flow of the branches in a step; None without branches."""
+        memory = moment.memory
+        if not len(memory.times):
+            return None
+        ahead = virgin_strain(self.model, guess) if memory.flows else None
+        return memory.step(virgin_strain(self.model, moment.state), duration, ahead)
 
     def _electrodes(self, model: Model, guess: State, moment: Moment, source: float,
                     duration: float) -> tuple[float, tuple[Constraint, ...]]:

@@ -658,7 +658,7 @@ class FilmFamily:
                               stiffness[some])
 
         result = np.where(np.isfinite(there), np.repeat(of(most), shape[1]), np.nan)
-        large = np.flatnonzero(result > _LARGE * there)
+        large = np.setdiff1d(np.flatnonzero(result > _LARGE * there), most)
         result[large] = of(large)
         return result
 

@@ -253,14 +253,29 @@ class Actuator:
 
     def _balance(self, y: Any, squared: Any, strains: Any) -> tuple[Any, Any]:
         """Compute the balance at the square of the film's voltage [V²]."""
-        (_, pull, stiff), (_, drawn, soft) = self.elastic(y), self.electric(y)
-        force, stiffness = pull + squared * drawn - self.load, stiff + squared * soft
+        force, stiffness, _ = self._relaxed(y, squared)
         if strains is None:
             return force, stiffness
+        return self._crept(force, stiffness, self._branches(y, strains))
+
+    def _relaxed(self, y: Any, squared: Any) -> tuple[Any, Any, Any]:
+        """Compute the balance of relaxed branches, its derivative, and the voltage's force per V².
+
+        ``squared`` is the square of the film's voltage [V²].
+        """
+        (pull, stiff), (drawn, soft) = self.circles.forces(_each(y))
+        pull, stiff = (self.stiffness * self._summed(part) for part in (pull, stiff))
+        drawn, soft = (self.permittivity * self._summed(part) for part in (drawn, soft))
+        _, held, firm = self.beside(y)
+        return pull + held + squared * drawn - self.load, stiff + firm + squared * soft, drawn
+
+    def _crept(self, force: Any, stiffness: Any, branches: tuple[Any, Any, Any, Any, Any]
+               ) -> tuple[Any, Any]:
+        """Add the branches' force and stiffness to those of relaxed branches."""
+        phi, _, behind, lever, change = branches
         k1 = self.viscous.k1
-        phi, _, behind, lever, change = self._branches(y, strains)
-        return (force + k1 * np.sum(lever * behind, axis=-1),
-                stiffness + k1 * np.sum(change * behind + lever * phi, axis=-1))
+        return (force + k1 * (lever * behind).sum(axis=-1),
+                stiffness + k1 * (change * behind + lever * phi).sum(axis=-1))
 
     def rest(self, y: Any, voltage: Any) -> Any:
         """Compute the state at rest at deflections [m] and a nominal voltage [V].
@@ -296,18 +311,18 @@ class Actuator:
         y, speed, strains = state[..., 0], state[..., 1], self.strains(state)
         v, circles = self.viscous, slice(2, 2 + self.count)
         branches = np.arange(2, 2 + self.count)
-        phi, bend, behind, lever, change = self._branches(y, strains)
-        damping = self.rig.plate_damping + v.eta2 * np.sum(lever * phi, axis=-1)
+        crept = phi, bend, behind, lever, change = self._branches(y, strains)
+        damping = self.rig.plate_damping + v.eta2 * (lever * phi).sum(axis=-1)
         film_voltage = self.film_voltage(state, voltage)
-        force, by_y = self._balance(y, film_voltage**2, strains)
-        by_y = by_y + v.eta2 * speed * np.sum(change * phi + lever * bend, axis=-1)
+        force, by_y, drawn = self._relaxed(y, film_voltage**2)
+        force, by_y = self._crept(force, by_y, crept)
+        by_y = by_y + v.eta2 * speed * (change * phi + lever * bend).sum(axis=-1)
         acceleration = -(force + damping * speed) / self.moved
         rates = [_each(speed), _each(acceleration), self._creep(behind)]
         slopes = np.zeros((*np.shape(force), self.size, self.size), force.dtype)
         if self.charges:
             circuit, capacitance = self.rig.circuit, self.capacitance(y)
             source = self._source.film_voltage(voltage)
-            drawn = self.electric(y)[1]
             by_charge = 1 / capacitance  # of U = Q/C
             of_y = -film_voltage * self._capacitance_slope(y) / capacitance
             by_y = by_y + 2 * film_voltage * of_y * drawn
@@ -388,9 +403,12 @@ class Actuator:
         return _each(self.viscous.k1 / self.viscous.eta1) * behind
 
     def _mixed(self, parts: tuple[Any, Any, Any], factor: Any) -> tuple[Any, Any, Any]:
-        energy, force, stiffness = (factor * np.sum(self.weights * part, axis=-1)
-                                    for part in parts)
+        energy, force, stiffness = (factor * self._summed(part) for part in parts)
         return energy, force, stiffness
+
+    def _summed(self, part: Any) -> Any:
+        """Sum the circles' values, (…, circles), with their weights α."""
+        return (self.weights * part).sum(axis=-1)
 
 
 def _by_voltage(of: Callable[[Any], Any], voltage: Any, squared: bool) -> Any:

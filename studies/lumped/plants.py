@@ -28,8 +28,9 @@ _FALLEN = 3.0
 _CHARGING = 50
 #: Most of Newton's corrections of a step; it needs two or three.
 _CORRECTIONS = 6
-#: Size of the last correction [m]: the error after it is of second order.
-_LAST = 1e-9
+#: Size of the last correction [m]: the error after it is of second order, 1e-12 m at most. With
+#: 1e-9, samples of a controlled film differ by less than 1e-12 m and take twice the time.
+_LAST = 1e-7
 
 
 class Plant(Protocol):

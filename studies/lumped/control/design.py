@@ -132,7 +132,11 @@ def _highest_gain(loops: Complex, gains: Array) -> float:
 
     Without gain the loop is stable, and it stays stable as long as L does not pass −1.
     """
-    least = np.array([np.abs(1 + gain * loops).min() for gain in gains])
-    bad = np.flatnonzero(least < 1 / SENSITIVITY)
-    last = int(bad[0]) - 1 if len(bad) else len(gains) - 1
-    return float(gains[last]) if last >= 0 else 0.0
+    real, squared = loops.real.copy(), loops.real**2 + loops.imag**2
+    highest = 0.0
+    for gain in gains.tolist():
+        # |1 + gL|² = 1 + g (2 Re L + g |L|²)
+        if 1 + gain * (2 * real + gain * squared).min() < SENSITIVITY**-2:
+            break
+        highest = gain
+    return highest
