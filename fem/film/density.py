@@ -125,6 +125,11 @@ class FilmDensity:
                              result.tangent + part.tangent if tangent else None)
         return result if self.flow is None else self._flowing(result, self.flow, c, tangent)
 
+    @property
+    def coaxial(self) -> bool:
+        """Whether all parts of the film share its principal axes."""
+        return not self._joined_and_apart[1]
+
     def of_virgin(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
         """Compute density, stress and tangent, all of the virgin film, at its C."""
         if self.coaxial:
