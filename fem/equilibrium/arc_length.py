@@ -51,6 +51,11 @@ _FEW = 5
 _DAMPED = 0.3
 #: Accuracy of a predicted loss of tension, relative to the step.
 _SOON = 1e-2
+#: Least share of the step of a wrinkled film that is left: its margin jumps, so that predictions
+#: may be too near.
+_LEAST = 0.07
+#: Largest margin in a search for a root [Pa]: it is infinite where the film is firm.
+_FAR = 1e12
 #: Distance beyond a predicted loss of tension at which a step ends, relative to the step: the point
 #: is on the other side of it then.
 _PAST = 0.05
@@ -264,21 +269,23 @@ class _Ahead:
     def short(self, step: float, arc: ArcSettings) -> float:
         """Shorten a step to end a little beyond where the film is predicted to lose its tension.
 
-        A film that has lost it takes the short steps of a wrinkled one, from the first one on.
+        A film that has lost it takes the short steps of a wrinkled one, from the first one on, and
+        ends one a little beyond where it is predicted to thin.
         """
-        model = self.branch.model
+        model, least = self.branch.model, 0.0
         if not model.wrinkles:
             return step
-
-        def tension(point: PathPoint) -> float:
-            return model.least_tension(point.state)
-
+        margin, ahead = model.least_tension, self
         with np.errstate(all="ignore"):
-            if not tension(self.point) > 0:
-                lost = self.before is not None and tension(self.before) > 0
-                return min(step, min(arc.first, ArcSettings.first) if lost else arc.loose)
-            root = root_between(lambda at: tension(self.at(at)), 0.0, step, xtol=_SOON * step)
-        return step if root is None else min(step, (1 + _PAST) * root)
+            if not margin(self.point.state) > 0:
+                if self.before is not None and margin(self.before.state) > 0:
+                    step = min(step, arc.first, ArcSettings.first)
+                    ahead = replace(self, before=None)  # no cubic leads across the loss of tension
+                step = min(step, arc.loose)
+                margin, least = model.thinning_margin, _LEAST * step
+            root = root_between(lambda at: min(margin(ahead.at(at).state), _FAR), 0.0, step,
+                                xtol=_SOON * step)
+        return step if root is None else min(step, max((1 + _PAST) * root, least))
 
     def solved(self, step: float) -> PathPoint | None:
         """Find the point at a step; None if Newton's method fails from the prediction.
