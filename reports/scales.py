@@ -77,7 +77,7 @@ def rows_of_panels(count: int, most: int = 3) -> list[range]:
 
     Examples
     --------
-    >>> [list(row) for row in rows_of(5)]
+    >>> [list(row) for row in rows_of_panels(5)]
     [[0, 1, 2], [3, 4]]
     """
     rows = -(-count // most)

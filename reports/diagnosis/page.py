@@ -228,7 +228,7 @@ def cause_label(cause: FoundCause | Attempt) -> str:
 def three_digits(value: float | None) -> str:
     """Write three digits, without a power of ten up to a million; infinity where there is none.
 
-    >>> number(7912.0), number(0.0312)
+    >>> three_digits(7912.0), three_digits(0.0312)
     ('7910', '0.0312')
     """
     return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
