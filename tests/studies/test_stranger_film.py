@@ -401,8 +401,8 @@ file = "film.toml"
     return folder
 
 
-@pytest.mark.parametrize("library", [("sensor_zero", "voltage_sag", "friction", "drift", "strain_stiffening")],
-                         indirect=True)
+@pytest.mark.parametrize("library", [("sensor_zero", "voltage_sag", "friction", "drift",
+                                      "strain_stiffening")], indirect=True)
 @pytest.mark.parametrize("hidden", [0.0, 0.1e-3])
 def test_a_diagnosis_by_it_finds_what_is_hidden(library, hidden: float, tmp_path) -> None:
     found = tympan.diagnose(written_readings(tmp_path, hidden), formula="bare cone")
