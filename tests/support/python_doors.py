@@ -34,6 +34,7 @@ COMMON = {
     "json": "`result.json()`",
     "output": "`result.save(FOLDER)`",
     "refine": "`settings=tympan.Settings(tympan.MeshSettings().refined(2))`",
+    "formula": "`settings=tympan.Settings(formula=\"cone\")`",
     "rig": '`rig=tympan.Rig.read("rig.toml")`, or a `Rig` made in Python',
     "animate": '`result.plot("NAME.gif")`',
 }
@@ -60,6 +61,7 @@ OWN = {
     ("data", "target"): "`tympan.draft(FILE, target=...)`",
     ("data", "json"): "the answer itself",
     ("diagnose", "plan"): "`tympan.plan(DATASET)`",
+    ("diagnose", "formula"): "`formula=\"cone\"`",
     ("material fit", "coupons"): "`tympan.fit_material(FILE, ...)`",
     ("material fit", "mass"): "`film=tympan.Case(specimen, mass=...)`",
     ("material fit", "voltage"): "`film=tympan.Case(specimen, voltage=...)`",
