@@ -27,7 +27,7 @@ from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton, simplified_newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import Outcome
-from tympan.fem.equilibrium.solve import equilibrium, equilibrium_near
+from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.membrane.formula import Formula
 from tympan.fem.membrane.loading import Loading
@@ -244,29 +244,6 @@ class Ground:
             found = solution.converged and solution.stable
         return (model, solution) if found and model.in_tension(solution.state) else None
 
-    def beside(self, row: AnyArray, force: float, squared: float, model: Model, solution: Solution
-               ) -> tuple[Model, Solution] | None:
-        """Solve a finite-element film from another one; None unless it is taut, stable and near.
-
-        The other film's rates of motion predict the effect of other loads. Where mechanisms make
-        plates snap, an equilibrium near another film's need not be the one that loads lead to.
-        """
-        if model.loading.softening:
-            return None
-        motion = solution.state.positions - model.discretisation.reference
-        loads: dict[Load, float] = {"force": force, "voltage": squared}
-        for load, value in loads.items():
-            if (change := value - solution.state.load(load)):
-                there = moved(model, solution.state, solution.rate(model, load), change)
-                motion = motion + (there.positions - solution.state.positions)
-        try:
-            film = self.film(row)
-        except InputError:
-            return None
-        guess = self._near(film, row, motion, force, squared)
-        found = equilibrium_near(film, guess, self.path, _ASIDE)
-        return None if found is None else (film, found)
-
     def _near(self, model: Model, row: AnyArray, motion: AnyArray, force: float, squared: float
               ) -> State:
         freedoms = np.zeros(6)
@@ -275,10 +252,6 @@ class Ground:
         return State(model.discretisation.reference + motion,
                      PlateMotion.rest().moved(freedoms), squared, force, self.gas(row))
 
-
-#: Largest distance of a film's equilibrium from its prediction by another film, relative to its
-#: motion. Beyond pull-in a film would be several motions away.
-_ASIDE = 0.5
 
 #: Largest nonlinearity of the nodes' motions, over the frame's half extent.
 _STRAIGHT = 1e-9
@@ -897,18 +870,12 @@ class _Making:
         return self._scaled(family)
 
     def _first(self, rows: AnyArray, forces: AnyArray, squares: AnyArray) -> list[Snapshot]:
-        solved: dict[int, tuple[Model, Solution]] = {}
-        places = np.column_stack([self.ground.box.scaled(rows), *(
-            value / max(np.ptp(value), np.finfo(float).tiny) for value in (forces, squares))])
-        for number, film in enumerate(zip(rows, forces.tolist(), squares.tolist(), strict=True)):
-            others = sorted(solved, key=lambda other: float(np.linalg.norm(
-                places[other] - places[number])))
-            near = self.ground.beside(*film, *solved[others[0]]) if others else None
-            if (found := near or self.ground.solved(*film)) is not None:
-                solved[number] = found
-        if len(solved) < 2:
+        solved = [self.ground.solved(row, force, squared) for row, force, squared in
+                  zip(rows, forces.tolist(), squares.tolist(), strict=True)]
+        shots = [self._shot(*pair) for pair in solved if pair is not None]
+        if len(shots) < 2:
             raise self._empty()
-        return [self._shot(*pair) for pair in solved.values()]
+        return shots
 
     def _empty(self) -> InputError:
         return InputError("hardly any film like it has an equilibrium in tension under these "

@@ -16,7 +16,6 @@ from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import PowerStrength
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.biases import (
-    Bistable,
     BuckledBeam,
     Spring,
 )
@@ -25,7 +24,7 @@ from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Patch, Plate, Specimen
 from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.films.box import Box
-from tympan.studies.films.family import FamilySettings, FilmFamily, Ground
+from tympan.studies.films.family import FamilySettings, FilmFamily
 from tympan.studies.films.film import FilmLoads
 from tympan.studies.limits import limits
 from tympan.studies.modes import heave_frequency
@@ -60,34 +59,6 @@ def drawn(box: Box, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.n
     generator = np.random.default_rng(seed)
     rows = box.low + generator.random((count, len(box.names))) * (box.high - box.low)
     return rows, generator.uniform(*FORCE, count), generator.uniform(*VOLTAGE, count)
-
-
-def test_a_film_solved_beside_another_is_the_one_solved_from_the_flat_film() -> None:
-    ground = Ground.of(Box.around(OVAL, SCATTER), Rig(), Settings())
-    rows, forces, voltages = drawn(ground.box, 8, 5)
-    begun = ground.solved(rows[0], float(forces[0]), float(voltages[0]) ** 2)
-    assert begun is not None
-    near = 0
-    for row, force, voltage in zip(rows[1:], forces.tolist()[1:], voltages.tolist()[1:],
-                                   strict=True):
-        beside = ground.beside(row, force, voltage**2, *begun)
-        from_flat = ground.solved(row, force, voltage**2)
-        assert from_flat is not None
-        if beside is not None:
-            near += 1
-            (model, solution), (_, expected) = beside, from_flat
-            assert model.deflection(solution.state) == pytest.approx(
-                model.deflection(expected.state), rel=1e-7)
-    assert near >= 5
-
-
-def test_no_film_is_solved_beside_another_where_mechanisms_make_plates_snap() -> None:
-    rig = Rig(biases=(Bistable(force=0.05, travel=6e-3),))
-    ground = Ground.of(Box.around(OVAL, SCATTER), rig, Settings())
-    (row, other), forces, _ = drawn(ground.box, 2, 5)
-    begun = ground.solved(row, float(forces[0]), 0.0)
-    assert begun is not None
-    assert ground.beside(other, float(forces[0]), 0.0, *begun) is None
 
 
 def exact(box: Box, row: np.ndarray, force: float, voltage: float) -> tuple[float, float]:
