@@ -71,6 +71,8 @@ _OFF = 10.0
 _CLOSING = 8
 #: Accuracy of the first prediction, which is corrected, over the distance of the two points.
 _ROUGH = 1e-4
+#: Largest distance of a root by a secant, over the secant's interval: the function may jump.
+_SECANT = 5.0
 #: Interval of a secant, over the distance of the points around it.
 _NEARBY = 1e-3
 #: Ratio of the steps from a point in the search for a root near it.
@@ -330,7 +332,8 @@ class Between:
         """
         if needs != "tangent" and (step := self._predicted(value, needs)) is not None:
             if step not in self._renewed:
-                self._renewed[step] = self.branch.renewed(self.found[step])
+                # Its own direction makes later cubics that end here accurate.
+                self._renewed[step] = self.found[step] = self.branch.renewed(self.found[step])
             return self._renewed[step]
         return _Search(self.branch, self.before, value, needs == "state").where(self.after)
 
@@ -402,7 +405,7 @@ class Between:
             aside = _NEARBY * (end - start)
             change = at(start + aside) - begun
             share = -begun / change if change else np.inf
-            if 0 <= share <= 1 / _NEARBY:
+            if 0 <= share <= _SECANT:
                 return segment.at(start + share * aside)
         while step < abs(segment.span):
             place = start + np.sign(end - start) * step
