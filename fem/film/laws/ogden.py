@@ -32,7 +32,7 @@ class Ogden:
     --------
     Neo-Hooke is one term with α = 2; its true stress at λ₁ = λ₂ = 2 is μ (λ² − λ⁻⁴):
 
-    >>> 2 * Ogden((16e3,), (2.0,)).derivatives(2.0, 2.0)[1]
+    >>> float(2 * Ogden((16e3,), (2.0,)).derivatives(2.0, 2.0)[1])
     63000.0
     """
 
