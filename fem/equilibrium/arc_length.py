@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from tympan.fem.equilibrium.newton import (
 )
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.membrane.model import Model, Parts
-from tympan.fem.membrane.state import Load, State
+from tympan.fem.membrane.state import Load, Needs, State
 from tympan.fem.roots import NoValueHere, root_between
 
 #: Accuracy of the point where a function vanishes, relative to the frame. It is far below the
@@ -78,10 +77,6 @@ _NEARBY = 1e-3
 #: Ratio of the steps from a point in the search for a root near it.
 _WIDER = 30.0
 _ASIDE = 0.01
-
-#: What a function along a branch needs of a point: the state alone, also the direction and rate, or
-#: a tangent of its own.
-Needs = Literal["state", "direction", "tangent"]
 
 #: Positions between two points, as shares of the interval, at which further points are tried in
 #: turn. These points are closer to the one that is searched.

@@ -19,6 +19,10 @@ HEAVE = FREEDOMS.index("z")
 #: lifts film and plate against the force.
 Load = Literal["force", "voltage", "pressure"]
 
+#: What a function along a branch needs of a point: the state alone, also the direction and rate, or
+#: a tangent of its own.
+Needs = Literal["state", "direction", "tangent"]
+
 _UNIT = np.eye(3)
 
 _FIELD = {"force": "force", "voltage": "voltage_squared", "pressure": "pressure"}

@@ -14,7 +14,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray
 from tympan.base.fields import Registry
-from tympan.fem.equilibrium.arc_length import Needs
+from tympan.fem.membrane.state import Needs
 from tympan.fem.results.fields import Fields
 
 
