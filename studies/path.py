@@ -77,7 +77,7 @@ UNFOLLOWED = "the branch could not be followed further"
 _AHEAD = 0.05
 _THINS = "followed until the film, wrinkled, thins without bound"
 
-#: Difference of two deflections, relative to the frame, below which they count as equal.
+#: Distance of two points along a branch, relative to the frame, below which they count as one.
 _SAME = 1e-6
 
 #: Quantity that may grow along a branch.
@@ -285,9 +285,11 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     falls to 0. ``step``: the longest one, relative to the frame's half extent.
     """
     settings = settings.bounded(model, followed=True)
-    longest = step * max(abs(model.deflection(start)) / model.high, 1.0)
+    far = max(abs(model.deflection(start)) / model.high, 1.0)
+    longest, loose = step * far, SMOOTH * far
     first_step = min(longest, max(step * _BEGUN, settings.arc.first))
-    stepping = replace(settings, arc=replace(settings.arc, first=first_step, longest=longest))
+    arc = replace(settings.arc, first=first_step, longest=longest, loose=loose)
+    stepping = replace(settings, arc=arc)
     load = _GROWING[along][0]
     # A search has its own bound, because no check of user inputs applies to it.
     highest = min(most, case.rig.most_film_voltage(case.direction)) ** 2
@@ -422,15 +424,16 @@ def _passed(case: Case, branch: Branch, along: Along, points: tuple[Stop, Stop, 
         point = between.where(lambda point: sign.value(at(point)), sign.needs)
         return None if point is None else at(point)
 
+    def step(film: FilmPoint) -> float:
+        return between.step(film.point)
+
     films, events = list[FilmPoint](), list[Stop]()
-    same = _SAME * branch.model.size
     for state, sign, found in passed(before, after, where):
-        here = next((film for film in films if abs(film.deflection - found.deflection) <= same),
-                    found)
+        here = next((film for film in films if abs(step(film) - step(found)) <= _SAME), found)
         films.append(here)
         low, high = map(at, between.beside(here.point, SMOOTH / 2))
         events.append(_happening(case, along, Passage(state, sign, first, low, here, high)))
-    return sorted(events, key=lambda stop: abs(stop.film.deflection - before.deflection))
+    return sorted(events, key=lambda stop: step(stop.film))
 
 
 def _to_thinning(events: list[Stop]) -> Iterator[Stop]:

@@ -338,7 +338,7 @@ class Between:
         The search ends where the next prediction is next to the last one. None if that is not the
         case soon.
         """
-        ends = {0.0: self.before, self._step(self.after): self.after, **self.found}
+        ends = {0.0: self.before, self.step(self.after): self.after, **self.found}
         values = {step: value(point) for step, point in ends.items()}
         begun = values[0.0]
         last: float | None = None
@@ -353,7 +353,7 @@ class Between:
                                    near=last is not None or bool(self.found))
             if following is None:
                 return None
-            last = self._step(following)
+            last = self.step(following)
             close = min(self.found, key=lambda step: abs(step - last), default=np.inf)
             if abs(close - last) <= _SHARP + _SHARP_SHARE * max(ends):
                 return close
@@ -365,7 +365,7 @@ class Between:
 
     def beside(self, point: PathPoint, aside: float) -> tuple[PathPoint, PathPoint]:
         """Predict the points at a distance on both sides of one; the ends where they are nearer."""
-        step, whole = self._step(point), self._step(self.after)
+        step, whole = self.step(point), self.step(self.after)
         model, load = self.branch.model, self.branch.load
         first = (self.before if step <= aside else
                  Segment(model, load, self.before, point).at(step - aside))
@@ -373,7 +373,7 @@ class Between:
                 Segment(model, load, point, self.after).at(aside))
         return first, last
 
-    def _step(self, point: PathPoint) -> float:
+    def step(self, point: PathPoint) -> float:
         """Compute the step from ``before`` to a point."""
         return product(self.branch.model, self.before.direction,
                        self.branch.motion(self.before, point))
