@@ -49,8 +49,8 @@ from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
 from tympan.studies.rows import rows_of
 from tympan.studies.walk.film_point import FilmPoint
 
-#: Longest step to a limit, relative to the frame's half extent: a cubic joins its ends. Steps of 0.1
-#: miss instabilities that last for a short way.
+#: Longest step to a limit, relative to the frame's half extent: a cubic joins its ends. Steps of
+#: 0.1 miss instabilities that last for a short way.
 _LONG = 0.03
 
 #: Test voltage [V] for a film that no voltage moves; its value is arbitrary.
