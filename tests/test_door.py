@@ -64,10 +64,10 @@ HEAVY = {
     "importlib.metadata", "charset_normalizer",
     "tympan.tables.formats", "tympan.tables.layouts", "tympan.studies.films.family",
     "tympan.studies.limits.curve", "tympan.reports.template"}
-#: Most modules that a solve may load: 692 with SciPy 1.17, 767 before the list above was met.
-MOST_MODULES = 720
+#: Most modules that a solve may load: 725 with SciPy 1.17, 767 before the list above was met.
+MOST_MODULES = 740
 #: Most of tympan's own; each takes some 2 ms.
-MOST_OWN = 136
+MOST_OWN = 146
 
 
 @pytest.mark.parametrize("door", DOORS)
@@ -149,7 +149,8 @@ def test_a_result_has_the_study_s_numbers(solved: tympan.Result[CaseResult]) -> 
     case = tympan.Case(circular(), mass=17.9e-3, voltage=3500.0)
     expected = solve(case, COARSE)
     assert solved.status == expected.status == "equilibrium"
-    assert solved.deflection_m == expected.deflection_m
+    # Its walk to the limits comes near the state, from where the equilibrium is found.
+    assert solved.deflection_m == pytest.approx(expected.deflection_m, rel=1e-10)
     assert {"deflection_m", "plot", "json"} <= set(dir(solved))
     with pytest.raises(AttributeError):
         solved.deflection_mm  # noqa: B018

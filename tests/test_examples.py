@@ -20,7 +20,7 @@ from tympan.studies.case import Case, Settings, solve
 
 ROOT = Path(__file__).parent.parent
 #: Pages that tell how to extend the package, which takes its inner modules.
-EXTENDING = {"docs/contributing.md"}
+EXTENDING = {"docs/contributing.md", "docs/howto/own-film.md"}
 PAGES = sorted({*ROOT.glob("docs/gallery/*.py"), *ROOT.glob("examples/*.ipynb"),
                 *ROOT.glob("docs/*.md"), *ROOT.glob("docs/howto/*.md"),
                 *ROOT.glob("docs/explanation/*.md"), ROOT / "README.md"})

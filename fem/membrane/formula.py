@@ -18,7 +18,7 @@ from scipy.sparse import csc_matrix
 from tympan.base.arrays import AnyArray
 from tympan.base.errors import InputError
 from tympan.base.fields import Registry
-from tympan.base.plugins import load_plugins
+from tympan.base.plugins import load_later
 from tympan.fem.complex_step import complex_step
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.loading import GUIDES
@@ -302,4 +302,4 @@ def _along(force: Any) -> AnyArray:
     return forces
 
 
-load_plugins("tympan.formulas", FORMULAS)
+load_later("tympan.formulas", FORMULAS)

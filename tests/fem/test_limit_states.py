@@ -17,7 +17,7 @@ def point(tension: float = 1.0, share: float = 0.5, firmness: float = 1.0, growt
     pressed = SimpleNamespace(stress_2=np.array([2.0, tension]))
     fields = SimpleNamespace(breakdown_share=np.array([0.1, share]))
     return SimpleNamespace(pressed=pressed, fields=fields, firmness=np.array([2.0, firmness]),
-                           growth=growth, given_way=given_way)
+                           least_stress=min(2.0, tension), growth=growth, given_way=given_way)
 
 
 @pytest.mark.parametrize(("change", "kinds"), [

@@ -231,7 +231,8 @@ def loosened(run: StudyView, state: int) -> StudyView:
         met = item.curves[-1].limits
         curve = replace(item.curves[-1], limits=replace(met, by_kind={**met.by_kind, **limits}))
         changed.append(replace(item, film=film,
-                               result=replace(item.result, slack_share=0.5, breakdown_margin=1.5),
+                               result=item.result.showing(slack_share=0.5,
+                                                          breakdown_margin=1.5),
                                curves=(*item.curves[:-1], curve)))
     return replace(run, specimens=tuple(changed))
 

@@ -21,7 +21,7 @@ from tympan.reports.sweep.page import keep_page, render_sweep
 from tympan.reports.sweep.view import SweepView
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import dataset
-from tympan.studies.sweep.task import COLUMNS, SweepTask, TaskResult, without_result
+from tympan.studies.sweep.task import SweepTask, TaskResult, columns, without_result
 
 TEXT = """
 specimen = "oval.toml"
@@ -39,7 +39,7 @@ def made_up(task: SweepTask) -> TaskResult:
     radius, rows = task.specimen.plate.outline.radius, []
     for number, case_id in enumerate(task.ids):
         mass, volts = task.masses[number // 3], task.voltages[number % 3]
-        row = dict.fromkeys(COLUMNS) | {"id": case_id, "warnings": []}
+        row = dict.fromkeys(columns()) | {"id": case_id, "warnings": []}
         rows.append(row | {"status": "no_equilibrium"} if radius > 9e-3 and volts > 3e3 else row | {
             "status": "equilibrium", "deflection_m": mass / radius * (1e-3 + 1e-7 * volts)})
     weights = ({"warnings": ["has no <circle>"]} if radius > 9e-3

@@ -21,6 +21,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
 from tympan.studies.design.ranges import Ranges
 from tympan.studies.design.requirements import Requirements
+from tympan.studies.variables import Variable
 
 #: Tension of the film without voltage [N/m], and what a voltage takes from it [N/m/V²].
 TAUT, SOFTER = 20.0, 4e-7
@@ -64,6 +65,16 @@ class ClosedFilms:
     @property
     def deflection(self) -> AnyArray:
         return self.load * self._compliance
+
+    @property
+    def stroke(self) -> AnyArray:
+        return self.deflection[:, 1] - self.deflection[:, 0]
+
+    def shown(self, variable: Variable) -> AnyArray:
+        """A variable of the states, of those that these films have."""
+        states: Any = self
+        assert variable.of is not None
+        return variable.of(states)
 
     @property
     def capacitance(self) -> AnyArray:

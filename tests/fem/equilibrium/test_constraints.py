@@ -79,7 +79,7 @@ def test_charge_passes_the_voltage_s_limit() -> None:
     """
     film = model(circular(SOFT))
     smooth = SmoothSubspace.of(film, 0)
-    points = branch_points(film, smooth)
+    points = branch_points(film, smooth, longest=6e-3)
     last = next(index for index, point in enumerate(points) if point.rate < 0)
     below = points[last - 2].state
     voltage = np.sqrt(below.voltage_squared)

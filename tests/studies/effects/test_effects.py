@@ -266,7 +266,8 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
     printed = json.loads(capsys.readouterr().out)["reading_m"]
     load = Reading(20e-3, 3e3, 1800.0, -1.0)
     here = solve(case_of(setup, specimen, load), HALF).reading_m
-    assert printed == here
+    # The command comes from its walk to the limits.
+    assert printed == pytest.approx(here, rel=1e-10)
     assert here != taken_alone(specimen.name, load)
 
 

@@ -20,7 +20,7 @@ from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import dataset, frame
-from tympan.studies.sweep.task import COLUMNS, SweepTask, TaskResult
+from tympan.studies.sweep.task import SweepTask, TaskResult, columns
 
 TEXT = """
 specimen = "oval.toml"
@@ -39,7 +39,7 @@ def made_up(task: SweepTask) -> TaskResult:
     rows: list[dict[str, Any]] = []
     for number, case_id in enumerate(task.ids):
         mass, volts = task.masses[number // 3], task.voltages[number % 3]
-        row = dict.fromkeys(COLUMNS) | {"id": case_id, "warnings": []}
+        row = dict.fromkeys(columns()) | {"id": case_id, "warnings": []}
         if radius > 10.5e-3 and thick < 0.95e-3 and volts > 3e3:
             rows.append(row | {"status": "no_equilibrium"})
             continue
@@ -175,7 +175,7 @@ def test_voltages_of_their_own_are_compared_as_they_are(tmp_path: Path) -> None:
     made: dict[str, TaskResult] = {}
     for entry in sweep.entries:
         assert entry.task is not None
-        row = dict.fromkeys(COLUMNS) | {
+        row = dict.fromkeys(columns()) | {
             "id": entry.task.ids[0], "warnings": [], "status": "equilibrium",
             "deflection_m": 1e-3 + 1e-7 * entry.voltages[0]}
         made[entry.task.id] = TaskResult([row], {})
