@@ -29,8 +29,11 @@ RADII = (Vary("frame.radius", ("frame.radius",), 30e-3, 60e-3, "length"),
          Vary("plate.radius", ("plate.outline.radius",), 6e-3, 15e-3, "length"))
 VOLTAGE = Vary("voltage", (), 2e3, 8e3, "voltage")
 #: Both senses of what can be searched for; a margin has a least value alone.
+#: Variables that films in closed form do not have.
+LACKING = {"max_stretch", "slack_area", "slack_share", "tilt", "energy"}
 SENSES = [(name, least) for name in sought() for least in (True, False)
-          if least or name not in (TENSION, BREAKDOWN)]
+          if name not in LACKING
+          and (least or name not in (TENSION, BREAKDOWN))]
 
 
 def space(bounds: Sequence[Bound], best: str = "", voltage: float | None = None,
