@@ -401,9 +401,9 @@ def test_a_script_compares_two_films(ran: Ran) -> None:
 
 
 #: Processor time of the script by that of the command for the same films, at most. Both solve each
-#: film once and seek its limits, which is most of it; the script also draws, half as much again. Limits
-#: sought again for the line or the picture would be more than twice. On a loaded machine times of
-#: equal work differ by a fifth.
+#: film once and seek its limits, which is most of it; the script also draws, half as much again.
+#: Limits sought again for the line or the picture would be more than twice. On a loaded machine
+#: times of equal work differ by a fifth.
 SLOWER = 1.9
 
 
