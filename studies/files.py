@@ -223,7 +223,7 @@ def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: st
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a value of a JSON file stands: file and key; ``unit`` is that of the whole result."""
+    """Place of a value in a JSON file: file and key; ``unit`` is that of the whole result."""
 
     file: Path | str | None
     key: str

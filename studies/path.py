@@ -16,7 +16,8 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.base.progress import Progress
 from tympan.base.units import BENCH
-from tympan.fem.equilibrium.arc_length import Branch, PathPoint
+from tympan.fem.equilibrium.arc_length import Branch
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.equilibrium.ramp import without_mechanism
@@ -115,7 +116,7 @@ class Station(ShowsState):
 
 @dataclass(frozen=True, kw_only=True)
 class Happening:
-    """What happens at one point of a branch, and where in the film."""
+    """Limit at one point of a branch, and its place in the film."""
 
     what: Annotated[str, Key("what happens there, a kind of limit"), OF_LIMITS]
     value: Annotated[float, Key("value of what grows along the path")]

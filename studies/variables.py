@@ -78,7 +78,7 @@ class States(Protocol):
 
 @dataclass(frozen=True)
 class Variable:
-    """What a state shows: its ``key`` in results, which ends in its SI unit, and its meaning.
+    """Quantity of a state: its ``key`` in results, which ends in its SI unit, and its meaning.
 
     ``dimension``: of :data:`~tympan.base.units.DIMENSIONS`, "" for plain numbers. ``of`` computes
     its values for :class:`States`; None where a state alone does not show it, and the study that

@@ -31,7 +31,7 @@ from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.quantities import Functional, firmness_at
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.shape import lengthened, moved_by, velocity
-from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.equilibrium.subspace import FULL

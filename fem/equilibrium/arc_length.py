@@ -9,8 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.fem.equilibrium.arc_segment import PathPoint as PathPoint
-from tympan.fem.equilibrium.arc_segment import Segment
+from tympan.fem.equilibrium.arc_segment import PathPoint, Segment
 from tympan.fem.equilibrium.constraints import Constraint, arc_length, difference, length, product
 from tympan.fem.equilibrium.newton import (
     NewtonSettings,
@@ -25,9 +24,9 @@ from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, Needs, State
 from tympan.fem.roots import NoValueHere, root_between
 
-#: Accuracy of the point where a function vanishes, relative to the frame. It is far below the
-#: discretisation error of a mesh.
-_SHARP = 1e-7
+#: Accuracy of the point where a function vanishes, relative to the frame. A stiff film hardly
+#: moves: where it is 1e-7 from a point, its voltage may be 1e-3 off.
+_SHARP = 1e-9
 
 #: Accuracy of that point, relative to its distance from the previous one. Loads are printed with a
 #: relative accuracy of 1e-3.
@@ -44,8 +43,8 @@ _LONGER = 2.0
 _SHORTER = 0.3
 #: Turn that a step aims at, over the largest one.
 _TURNED = 0.6
-#: Largest number of iterations of a step longer than the usual first one, and its smallest damping
-#: factor.
+#: Largest number of iterations, and smallest damping factor, of a taut film's step that is longer
+#: than the usual first one. A film that wrinkles needs more iterations and damping.
 _FEW = 5
 _DAMPED = 0.3
 #: Accuracy of a predicted loss of tension, relative to the step.
@@ -65,9 +64,11 @@ _STILL = 1e-9
 #: relative to the other state's distance over the step. A margin for curved branches.
 _OFF = 10.0
 
-#: Largest number of corrections of a predicted point, and its largest distance from the prediction,
-#: relative to that from the point before.
+#: Largest number of predictions of a root, each of which is corrected.
 _CLOSING = 8
+#: Largest distance of a corrected point from its prediction, relative to that from the point
+#: before: one that is further away may be on another branch.
+_ASIDE = 0.01
 #: Accuracy of the first prediction, which is corrected, over the distance of the two points.
 _ROUGH = 1e-4
 #: Largest distance of a root by a secant, over the secant's interval: the function may jump.
@@ -76,7 +77,6 @@ _SECANT = 5.0
 _NEARBY = 1e-3
 #: Ratio of the steps from a point in the search for a root near it.
 _WIDER = 30.0
-_ASIDE = 0.01
 
 #: Positions between two points, as shares of the interval, at which further points are tried in
 #: turn. These points are closer to the one that is searched.
@@ -263,18 +263,25 @@ class _Ahead:
         cosine = product(self.branch.model, self.before.direction, self.point.direction)
         return self._segment.at(self._segment.span + step * cosine)
 
+    @cached_property
+    def taut(self) -> bool:
+        """Whether the film has its tension at the last point."""
+        model = self.branch.model
+        with np.errstate(all="ignore"):
+            return not model.wrinkles or model.least_tension(self.point.state) > 0
+
     def short(self, step: float, arc: ArcSettings) -> float:
         """Shorten a step to end a little beyond where the film is predicted to lose its tension.
 
         A film that has lost it takes the short steps of a wrinkled one, from the first one on, and
         ends one a little beyond where it is predicted to thin.
         """
-        model, least = self.branch.model, 0.0
+        model, least = self.branch.model, min(step, ArcSettings.first)
         if not model.wrinkles:
             return step
         margin, ahead = model.least_tension, self
         with np.errstate(all="ignore"):
-            if not margin(self.point.state) > 0:
+            if not self.taut:
                 if self.before is not None and margin(self.before.state) > 0:
                     step = min(step, arc.first, ArcSettings.first)
                     ahead = replace(self, before=None)  # no cubic leads across the loss of tension
@@ -287,11 +294,11 @@ class _Ahead:
     def solved(self, step: float) -> PathPoint | None:
         """Find the point at a step; None if Newton's method fails from the prediction.
 
-        A long step that Newton's method finds hard is better halved.
+        A long step of a taut film that Newton's method finds hard is better halved.
         """
         self.point.solution.release()
         branch, arc = self.branch, arc_length(self.point.state, self.point.direction, step)
-        if step > ArcSettings.first:
+        if self.taut and step > ArcSettings.first:
             newton = branch.newton
             branch = replace(branch, newton=replace(
                 newton, iterations=min(newton.iterations, _FEW),

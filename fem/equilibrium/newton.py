@@ -165,23 +165,23 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     shorter than the correction that led there. The test compares displacements with displacements,
     so it does not depend on units or on the stiffness of the film.
     """
-    search = _Search(model, free, constraints, settings, subspace)
+    problem = _Problem(model, free, constraints, settings, subspace)
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     damping = 1.0
-    full: _Correction | None = None
+    full: _Full | None = None
     for iteration in range(1, settings.iterations + 1):
         if not settings.spend(tangent_work(model, subspace)):
             return Solution(state, False, iteration, None, EXHAUSTED)
         full = None  # two tangents would double the memory
         try:
-            full = search.correction(state)
+            full = problem.correction(state)
         except _Stuck as reason:
             return Solution(state, False, iteration, None, str(reason))
         if full.length < settings.correction:
-            reached, forces = search.last(state, full)
-            if search.balanced(reached, forces):
+            reached, forces = problem.last(state, full)
+            if problem.balanced(reached, forces):
                 return Solution(reached, True, iteration, full.tangent)
-        step = search.damped(state, full, min(1.0, 4 * damping))
+        step = problem.damped(state, full, min(1.0, 4 * damping))
         if step is None:
             return Solution(state, False, iteration, full.tangent, "no step reduces the error: a "
                             "limit point or a loss of tension is near")
@@ -190,7 +190,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                 or _left(step.length, full.length) < _LEFT * settings.correction)
         if damping == 1.0 and near:
             state = moved(model, state, step.motion, 1.0, step.loads)
-            if search.balanced(state, model.nodal_forces(state)):
+            if problem.balanced(state, model.nodal_forces(state)):
                 return Solution(state, True, iteration, full.tangent)
     return Solution(state, False, settings.iterations, None if full is None else full.tangent,
                     "the iteration limit was reached: start closer or take smaller steps")
@@ -202,29 +202,32 @@ class _Stuck(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class _Correction:
-    """Newton's correction of a state: motion, loads and its length; nodal forces at the state."""
+    """Correction of a state: motion, changes of loads, and the length of the motion."""
+
+    motion: Parts
+    loads: Mapping[Load, float]
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Full(_Correction):
+    """Correction by the state's own tangent, with the nodal forces at the state."""
 
     tangent: Tangent
     forces: Array
-    motion: Parts
-    loads: Mapping[Load, float]
-    length: float
 
 
 @dataclass(frozen=True, eq=False)
-class _Step:
-    """Accepted step to a state, and the simplified correction there: motion, loads, length."""
+class _Step(_Correction):
+    """Accepted step to a state, with the correction there by the tangent of the state before."""
 
     state: State
     damping: float
-    motion: Parts
-    loads: Mapping[Load, float]
-    length: float
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
-    """Question that Newton's method answers, as :func:`newton` is called."""
+class _Problem:
+    """Equations that Newton's method solves, as :func:`newton` is called."""
 
     model: Model
     free: tuple[Load, ...]
@@ -236,7 +239,7 @@ class _Search:
         """Check whether the forces at the nodes balance."""
         return _unbalanced(self.model, self.subspace, state, forces) < self.settings.residual
 
-    def correction(self, state: State) -> _Correction:
+    def correction(self, state: State) -> _Full:
         """Compute the correction of a state by its own tangent.
 
         Raises
@@ -256,15 +259,15 @@ class _Search:
                                             [equation.miss for equation in equations])
         except (RuntimeError, ValueError, np.linalg.LinAlgError):
             raise _Stuck("the tangent is singular: a limit point is near") from None
-        return _Correction(tangent, part.forces, motion, loads, length(model, motion))
+        return _Full(motion, loads, length(model, motion), tangent, part.forces)
 
-    def last(self, state: State, full: _Correction) -> tuple[State, Array]:
+    def last(self, state: State, full: _Full) -> tuple[State, Array]:
         """Apply a short correction as a whole; return the state with its nodal forces."""
         reached = moved(self.model, state, full.motion, 1.0, full.loads)
         still = full.length < _STILL and set(self.free) <= {"force"}
         return reached, full.forces if still else self.model.nodal_forces(reached)
 
-    def damped(self, state: State, full: _Correction, damping: float) -> _Step | None:
+    def damped(self, state: State, full: _Full, damping: float) -> _Step | None:
         """Take the largest part of a correction that brings the state nearer to the equilibrium.
 
         The part is at most ``damping``. None if every part is too small.
@@ -285,7 +288,7 @@ class _Search:
                 after = length(model, motion)
                 if (after <= (1 - damping / 4) * before or after < settings.correction
                         or self._descends(state, residual, full.motion)):
-                    return _Step(trial, damping, motion, loads, after)
+                    return _Step(motion, loads, after, trial, damping)
             damping /= 2
         return None
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, dropwhile
 
 from tympan.base.errors import InputError
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import (
     EXHAUSTED,

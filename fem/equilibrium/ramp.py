@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import EXHAUSTED, LIGHTER, STRAINED, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch

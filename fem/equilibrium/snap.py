@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.held_path import HeldInterval, crossings, held_path, with_tangent
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings

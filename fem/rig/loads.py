@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Self
 
+from tympan.base.constants import STANDARD_GRAVITY
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, changed, number, takes_units
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
@@ -33,7 +34,7 @@ GAS_SIGN = ("positive gas pressure now lifts film and plate, against the weight:
 class Ambient:
     """Gravity, gas and air; they act on a film without plate, too."""
 
-    gravity: Annotated[float, Key("fall acceleration", "acceleration", POSITIVE)] = 9.80665
+    gravity: Annotated[float, Key("fall acceleration", "acceleration", POSITIVE)] = STANDARD_GRAVITY
     gas_pressure: Annotated[float, Key(
         "of the gas below film and plate, which follows them: positive lifts them against the "
         "weight", "stress", PRESSURES)] = 0.0

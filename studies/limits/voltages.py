@@ -11,7 +11,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
-from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.equilibrium.solve import equilibrium

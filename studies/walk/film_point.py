@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from tympan.base.arrays import Array
-from tympan.fem.equilibrium.arc_length import PathPoint
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.constraints import length
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.membrane.model import Model

@@ -6,7 +6,8 @@ from tests.oracles.axisymmetric import Film as Reference
 from tests.oracles.axisymmetric import RitzExpansion
 from tests.oracles.unstable import shape_at
 from tympan.base.arrays import Array
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.subspace import Subspace
 from tympan.fem.film.laws import Ogden

@@ -17,7 +17,8 @@ from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_a
 from tests.support.models import pressed_model
 from tests.support.specimens import circular, elliptical, reference_film
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch
+from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.path_following import PathSettings

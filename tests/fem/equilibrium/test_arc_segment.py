@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from tests.oracles.unstable_branch import SOFT, WEIGHT
 from tests.support.models import pressed_model
 from tests.support.specimens import circular
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
-from tympan.fem.equilibrium.arc_segment import Segment
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch
+from tympan.fem.equilibrium.arc_segment import PathPoint, Segment
 from tympan.fem.equilibrium.constraints import arc_length, difference, length
 from tympan.fem.equilibrium.newton import tangent_at
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.equilibrium.tangent import Tangent
-from tympan.studies.case import Case, Settings
+from tympan.fem.film.breakdown import ConstantStrength
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.results.solved_states import SolvedStates
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits import rise
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.path import SMOOTH
 
 #: Tangents that the walk of a round film to its end took when steps were short.
@@ -105,3 +112,20 @@ def test_long_steps_find_the_limits_of_short_ones_for_less_than_half_of_the_tang
         assert one.kind == other.kind
         assert one.voltage_V == pytest.approx(other.voltage_V, rel=1e-5)
         assert (one.x_m, one.y_m) == pytest.approx((other.x_m, other.y_m), abs=1e-4)
+
+
+def test_a_stiff_film_breaks_down_where_a_root_of_equilibria_says() -> None:
+    """It hardly moves, so that a small step along its branch is a large one of the voltage."""
+    film = circular(NeoHooke(1e6), prestretch=(1.2, 1.2), strength=ConstantStrength(20e6))
+    case = Case(film, mass=17.9e-3)
+    settings = Settings(MeshSettings().refined(0.5))
+
+    def beyond(voltage: float) -> float:
+        model, outcome = equilibrate(replace(case, voltage=voltage), settings)
+        return float(SolvedStates(model, [outcome.state]).breakdown[0]) - 1
+
+    limit = first_limit(case, settings)
+    assert limit is not None
+    assert limit.kind == "breakdown"
+    found = brentq(beyond, 0.9 * limit.voltage_V, 1.1 * limit.voltage_V, rtol=1e-8)
+    assert limit.voltage_V == pytest.approx(found, rel=1e-4)
