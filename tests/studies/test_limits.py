@@ -154,7 +154,8 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     assert beyond.limits.pull_in is None
     whole = limits(Case(film, mass=20e-3), Settings(), beyond=True)
     assert whole.pull_in is not None
-    assert whole.pull_in.voltage_V == pytest.approx(2992, rel=1e-3)
+    # On this mesh the branch turns early at one place, as its spread says; on finer ones it does not.
+    assert whole.pull_in.voltage_V == pytest.approx(2992, rel=2 * whole.pull_in.spread)
     assert replace(whole, by_kind={**whole.by_kind, "pull_in": None}) == beyond.limits
     assert beyond.warnings == (beyond.limits.ended,)
     below = solve_within(Case(film, mass=20e-3, voltage=2000.0), Settings())
@@ -179,8 +180,9 @@ def test_solve_says_what_it_leaves_out_without_a_direction(
 
 
 def test_curves_pass_through_what_solve_finds_and_end_at_the_limit(film: Specimen) -> None:
-    result = curve(film, (20e-3,), Settings(), voltages=(1000.0, 2000.0, 4000.0), beyond=True)
-    table, reached = result.table, limits(Case(film, mass=20e-3), Settings(), beyond=True)
+    fine = Settings(MeshSettings().refined(1.5))
+    result = curve(film, (20e-3,), fine, voltages=(1000.0, 2000.0, 4000.0), beyond=True)
+    table, reached = result.table, limits(Case(film, mass=20e-3), fine, beyond=True)
     asked = table["asked"] == 1
     assert table["status"][asked].tolist() == ["equilibrium"] * 2 + ["no_equilibrium"]
     voltage, deflection = table["voltage"][~asked], table["deflection"][~asked]
@@ -191,7 +193,8 @@ def test_curves_pass_through_what_solve_finds_and_end_at_the_limit(film: Specime
     assert reached.pull_in is not None
     assert voltage[-1] == pytest.approx(pull_in.voltage_V)
     assert pull_in.voltage_V == pytest.approx(reached.pull_in.voltage_V, rel=1e-4)
-    shorter = curve(film, (20e-3,), Settings())
+    assert pull_in.voltage_V == pytest.approx(2992, rel=1e-4)  # as on a mesh half as fine
+    shorter = curve(film, (20e-3,), fine)
     assert reached.instability is not None
     assert shorter.table["voltage"][-1] == pytest.approx(reached.instability.voltage_V)
 
@@ -218,8 +221,20 @@ def test_usual_voltages_stay_on_a_mechanism_that_ends_before_the_film(film: Spec
     assert deflection < 3e-3
     beyond = solve(replace(case, voltage=1.05 * highest / 0.6), coarse)
     assert beyond.status != "equilibrium"
+
+
+def test_usual_voltages_of_a_held_plate_follow_from_its_film(film: Specimen) -> None:
+    fixed = Rig(guide="fixed")
+    first = limits(Case(film, mass=5e-3, rig=fixed), COARSE).limit
+    assert first is not None
+    assert first.kind == "tension"
+    highest = max(usual_voltages(film, 5e-3, COARSE, fixed))
+    assert highest == pytest.approx(0.6 * first.voltage_V, rel=0.05)
+
+
+def test_no_voltage_is_chosen_for_a_film_that_its_weight_pulls_in() -> None:
     with pytest.raises(InputError, match="no voltage can be chosen"):
-        usual_voltages(film, 5e-3, coarse, Rig(guide="fixed"))
+        usual_voltages(SOFT, 1.0, COARSE)
 
 
 def test_limits_are_nominal_voltages(soft: Limits) -> None:

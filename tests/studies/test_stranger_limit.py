@@ -92,7 +92,7 @@ def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> Non
     assert met is not None
     branch = path(Case(SOFT, mass=MASS), COARSE, "voltage")
     event, = (each for each in branch.events if each.what == "stranger")
-    assert event.value == pytest.approx(met.voltage_V, rel=1e-9)
+    assert event.value == pytest.approx(met.voltage_V, rel=1e-7)  # found from other steps
     assert event.station.max_stretch == pytest.approx(LARGEST, abs=1e-4)
     branch.save(tmp_path)
     assert PathResult.load(tmp_path).events == branch.events

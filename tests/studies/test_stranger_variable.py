@@ -92,17 +92,17 @@ def test_they_are_in_all_that_solve_writes(solved: CaseResult, folder: Path, tmp
     words = ["solve", str(folder / "soft.toml"), *REFINE, "--mass", "17.9 g", "--voltage", "3 kV"]
     assert main([*words, "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed[MEAN] == pytest.approx(solved.mean_thickness_m, rel=1e-12)
+    assert printed[MEAN] == pytest.approx(solved.mean_thickness_m, rel=1e-7)
     solved.save(tmp_path)
     assert CaseResult.load(tmp_path) == solved
     assert main(words) == 0
     shown = f"mean thickness +{1e3 * solved.mean_thickness_m:.5g} mm"
     assert re.search(shown, capsys.readouterr().out)
     found = tympan.solve(SOFT, COARSE, mass="17.9 g", voltage="3 kV")
-    assert found.mean_thickness_m == pytest.approx(printed[MEAN], rel=1e-12)
+    assert found.mean_thickness_m == pytest.approx(printed[MEAN], rel=1e-7)
     assert found.to_xarray()[MEAN].attrs["units"] == "m"
     rows = pd.read_csv(found.save(tmp_path / "soft.csv"))
-    assert rows[APART][0] == pytest.approx(solved.stretches_apart, rel=1e-11)
+    assert rows[APART][0] == pytest.approx(solved.stretches_apart, rel=1e-7)
     for result in (CaseResult, Station):
         key, = (key for key in class_keys(result) if key.path == MEAN)
         assert (key.meaning, key.unit) == ("mean thickness of the film under the electrode", "m")
@@ -116,7 +116,7 @@ def test_a_path_s_stations_have_them(solved: CaseResult, tmp_path: Path) -> None
     branch.save(tmp_path)
     assert PathResult.load(tmp_path) == branch
     rows = pd.read_csv(tmp_path / "circle-path.csv")
-    assert rows[MEAN].to_numpy() == pytest.approx(branch.rows[MEAN], rel=1e-11)
+    assert rows[MEAN].to_numpy() == pytest.approx(branch.rows[MEAN], rel=1e-7)
 
 
 def test_a_motion_has_them_at_its_samples(solved: CaseResult, folder: Path, tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_a_motion_has_them_at_its_samples(solved: CaseResult, folder: Path, tmp_
     assert rows["mean_thickness_mm"][5] == pytest.approx(1e3 * solved.mean_thickness_m, rel=1e-7)
     found = tympan.transient(SOFT, "ramp", mass="17.9 g", high="3 kV", duration="10 s",
                              interval="1 s", states=True, settings=COARSE)
-    assert found.responses[0].states[MEAN].min() == pytest.approx(top[MEAN], rel=1e-11)
+    assert found.responses[0].states[MEAN].min() == pytest.approx(top[MEAN], rel=1e-7)
 
 
 @pytest.mark.parametrize("by", ["finite elements", "reduced"])

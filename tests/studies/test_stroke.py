@@ -27,7 +27,8 @@ def rest() -> float:
 def test_limits_have_the_stroke_of_the_curve_and_of_a_film_solved_there(rest: float) -> None:
     found = tympan.limits(FILM, COARSE, mass=MASS)
     followed, = tympan.curve(FILM, MASS, settings=COARSE).curves
-    assert found.stroke_m == found.json()["stroke_m"] == followed.stroke_m
+    assert found.stroke_m == found.json()["stroke_m"]
+    assert followed.stroke_m == pytest.approx(found.stroke_m, rel=1e-7)  # by shorter steps
     first = tympan.solve(FILM, COARSE, mass=MASS, voltage=found.limits.limit.voltage_V * (1 - 1e-9))
     assert found.stroke_m == pytest.approx(first.deflection_m - rest, rel=1e-3)
 
