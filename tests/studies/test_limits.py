@@ -154,7 +154,7 @@ def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
     assert beyond.limits.pull_in is None
     whole = limits(Case(film, mass=20e-3), Settings(), beyond=True)
     assert whole.pull_in is not None
-    # On this mesh the branch turns early at one place, as its spread says; on finer ones it does not.
+    # On this mesh the branch turns early at one place; on finer ones it does not.
     assert whole.pull_in.voltage_V == pytest.approx(2992, rel=2 * whole.pull_in.spread)
     assert replace(whole, by_kind={**whole.by_kind, "pull_in": None}) == beyond.limits
     assert beyond.warnings == (beyond.limits.ended,)
@@ -232,9 +232,11 @@ def test_usual_voltages_of_a_held_plate_follow_from_its_film(film: Specimen) -> 
     assert highest == pytest.approx(0.6 * first.voltage_V, rel=0.05)
 
 
-def test_no_voltage_is_chosen_for_a_film_that_its_weight_pulls_in() -> None:
+def test_no_voltage_is_chosen_for_a_film_without_equilibrium() -> None:
+    """Its weight pulls it beyond the end of the mechanism's table."""
+    rig = Rig(biases=(ForceTable((-5e-3, 0.0, 3e-3), (-0.1, 0.0, 0.02)),))
     with pytest.raises(InputError, match="no voltage can be chosen"):
-        usual_voltages(SOFT, 1.0, COARSE)
+        usual_voltages(SOFT, 1.0, COARSE, rig)
 
 
 def test_limits_are_nominal_voltages(soft: Limits) -> None:
