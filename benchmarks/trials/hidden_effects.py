@@ -1,7 +1,7 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
     python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE]
-    [--minutes M] [--only POPULATION ...] [--strata NAME=COUNT,...] [--whole]
+    [--minutes M] [--only POPULATION ...] [--strata NAME=COUNT,...] [--whole] [--against FILE]
     [-o docs/hidden-effects.md]
 
 Trials that FILE has already are not run again, so that a study may be stopped and taken up. Each
@@ -11,6 +11,9 @@ those published are of hidden-trials.jsonl in this folder. With --only, trials o
 alone are run; with --strata those with more evidence than readings at rest, of these kinds, so many
 of each. Their page and that of messy benches are beside the other one, and each is written only if
 some of its trials were run; with --whole only if all were.
+
+With --against the verdicts are compared with those of the same trials in a file that another
+version made: those that differ are printed, and how many are the same.
 """
 
 from __future__ import annotations
@@ -190,6 +193,29 @@ def told(records: Sequence[Record], seed: int, counts: dict[str, int],
     return "\n".join(lines)
 
 
+def changed(records: Sequence[Record], before: Sequence[Record]) -> list[str]:
+    """Compare verdicts and causes with those of the same trials before: a line for each change."""
+    known = {(record.population, record.number): record for record in before}
+    pairs = [(known[record.population, record.number], record) for record in records
+             if (record.population, record.number) in known]
+    if not pairs:
+        return ["no trial of both"]
+    others = [(old, new) for old, new in pairs if _verdict(old) != _verdict(new)]
+    lines = [f"{new.population} {new.number}, {'+'.join(new.truth) or 'nothing'} hidden: "
+             f"{_verdict(old)} (p {old.p_value:.3g}) before, {_verdict(new)} (p {new.p_value:.3g}) "
+             "now" for old, new in others]
+    wrong = [sum(record.misnamed for record in each) for each in zip(*pairs, strict=True)]
+    right = [sum(bool(record.truth) and {*record.named} == {*record.truth} for record in each)
+             for each in zip(*pairs, strict=True)]
+    return [*lines, f"{len(pairs) - len(others)} of {len(pairs)} verdicts are the same; named: "
+                    f"right {' before, '.join(map(str, right))} now, wrong "
+                    f"{' before, '.join(map(str, wrong))} now"]
+
+
+def _verdict(record: Record) -> str:
+    return " ".join([record.verdict, *sorted(record.named)])
+
+
 def main() -> None:
     """Run the study and print its rates."""
     parser = argparse.ArgumentParser(description="Hide effects in readings and have them found.")
@@ -206,6 +232,8 @@ def main() -> None:
                         help=f"run these alone: {', '.join(STRATA)}; counts may be left out")
     parser.add_argument("--whole", action="store_true",
                         help="write those pages alone of which all trials are there")
+    parser.add_argument("--against", type=Path,
+                        help="file of trials to compare the verdicts with")
     parser.add_argument("-o", "--output", type=Path,
                         help="Markdown file to put the rates in; pictures and strata beside it")
     options = parser.parse_args()
@@ -229,6 +257,8 @@ def main() -> None:
     print(about(asked), *(rate.row() for rate in (
         *rates(records), *bench_rates(records), *strata_rates(records))
                           if rate.count), sep="\n")
+    if options.against:
+        print(*changed(records, kept(options.against)[0]), sep="\n")
     sys.stdout.flush()
 
 

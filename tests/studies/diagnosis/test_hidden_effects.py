@@ -15,6 +15,7 @@ from benchmarks.trials.axisymmetric_readings import deflections
 from benchmarks.trials.hidden_effects import (
     COUNTS,
     PUBLISHED,
+    changed,
     kept,
     lab_of,
     of_whole_pages,
@@ -449,6 +450,20 @@ def test_a_page_is_written_of_all_its_trials_or_not_at_all() -> None:
     messy = of_whole_pages(every, {(name, 0) for name in bench}, counts)
     assert [record.population for record in messy] == [*BENCH]
     assert of_whole_pages(every, done - {(bench[0], 0), (tidy[1], 0), ("lines", 0)}, counts) == []
+
+
+def test_trials_of_two_versions_are_compared_by_verdict_and_cause() -> None:
+    """Of three trials one has another verdict; one that the first version did not run is left out.
+    """
+    found = Record("single", 0, "elements", ("drift",), 0, 50.0, 20.0, "named", ("drift",))
+    null = Record("null", 0, "elements", (), 0, 0.0, 0.0, "nothing", p_value=0.5)
+    before = [found, replace(found, number=1), null]
+    now = [replace(found, named=("sensor_zero",)), replace(found, number=1, p_value=0.3), null,
+           replace(null, number=1)]
+    assert changed(now, before) == [
+        "single 0, drift hidden: named drift (p 1) before, named sensor_zero (p 1) now",
+        "2 of 3 verdicts are the same; named: right 2 before, 1 now, wrong 0 before, 1 now"]
+    assert changed(now, []) == ["no trial of both"]
 
 
 @pytest.mark.parametrize("number", [0, 1])
