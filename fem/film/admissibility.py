@@ -111,25 +111,23 @@ def acoustic_margin(c: tuple[Array, Array, Array], stress: Array, tangent: Array
     """
     c11, c22, c12 = c
     s11, s22, s12 = stress[..., 0], stress[..., 1], stress[..., 2]
-    det = c11 * c22 - c12**2
+    det, zero = c11 * c22 - c12**2, np.zeros_like(c11)
+    # A jump u of the material's own components strains it by the symmetric part of (C u) ⊗ N. That
+    # is linear in the line's normal N = (a, b): a row for each of its components and each of u's.
+    strain = np.array([[[c11, zero, c12], [c12, zero, c22]],
+                       [[zero, c12, c11], [zero, c22, c12]]])
+    stress_of = np.einsum("...ij,mvj...->mvi...", tangent, strain)
+    of_a, of_b, of_both = (sum(np.einsum("uip,vip->uvp", strain[n].reshape(2, 3, -1),
+                                         stress_of[m].reshape(2, 3, -1)) for n, m in pairs)
+                           for pairs in (((0, 0),), ((1, 1),), ((0, 1), (1, 0))))
     result = np.full(np.shape(c11), np.inf)
     for angle in np.pi * np.arange(_LINES) / _LINES:
         a, b = np.cos(angle), np.sin(angle)
-        # A jump u of the material's own components strains it by the symmetric part of (C u) ⊗ N.
-        strain = np.empty((*np.shape(c11), 3, 2), dtype=np.result_type(c11, c22, c12, float))
-        strain[..., 0, 0] = a * c11
-        strain[..., 0, 1] = a * c12
-        strain[..., 1, 0] = b * c12
-        strain[..., 1, 1] = b * c22
-        strain[..., 2, 0] = b * c11 + a * c12
-        strain[..., 2, 1] = b * c12 + a * c22
-        along = s11 * a * a + s22 * b * b + 2 * s12 * a * b
-        q = strain.swapaxes(-1, -2) @ tangent @ strain
-        q11, q22, q12 = q[..., 0, 0], q[..., 1, 1], q[..., 0, 1]
-        mean = (q11 * c22 + q22 * c11 - 2 * q12 * c12) / (2 * det)
-        product = (q11 * q22 - q12**2) / det
-        least = mean - np.sqrt(np.maximum(mean**2 - product, 0.0)) + along
-        result = np.minimum(result, least)
+        q = (a * a * of_a + a * b * of_both + b * b * of_b).reshape(2, 2, *det.shape)
+        mean = (q[0, 0] * c22 + q[1, 1] * c11 - 2 * q[0, 1] * c12) / (2 * det)
+        product = (q[0, 0] * q[1, 1] - q[0, 1] ** 2) / det
+        least = mean - np.sqrt(np.maximum(mean**2 - product, 0.0))
+        result = np.minimum(result, least + s11 * a * a + s22 * b * b + 2 * s12 * a * b)
     return result
 
 
