@@ -77,6 +77,7 @@ UNFOLLOWED = "the branch could not be followed further"
 #: named as the reason. A step is hardly longer.
 _AHEAD = 0.05
 _THINS = "followed until the film, wrinkled, thins without bound"
+_ENDS = f"{_THINS}; \"beyond\" follows it on as one kept from wrinkling"
 
 #: Distance of two points along a branch, relative to the frame, below which they count as one.
 _SAME = 1e-6
@@ -200,11 +201,13 @@ class PathResult(CaseRecord):
 
 
 def path(case: Case, settings: Settings, along: Along,
-         progress: Progress = lambda words: None, films: bool = False) -> PathResult:
+         progress: Progress = lambda words: None, films: bool = False,
+         beyond: bool = False) -> PathResult:
     """Follow the equilibria of a case while one quantity grows, through its limit points.
 
     The path starts at the case's mass and voltage; InputError if there is no equilibrium.
-    ``films``: include the film of every station.
+    ``films``: include the film of every station. ``beyond``: if a wrinkled film thins without
+    bound, follow it on as one that cannot wrinkle; no real film gets there.
     """
     plate = case.specimen.needed_plate() if along == "mass" else case.specimen.plate
     if plate is not None and along == "mass" and case.rig.guide == "fixed":
@@ -221,7 +224,10 @@ def path(case: Case, settings: Settings, along: Along,
     way = []
     for stop in _with_snaps(stops(case, model, start.state, along, settings.path), settings.path):
         progress(f"{stop.film.deflection * 1e3:.2f} mm")
-        way.append(stop)
+        gone = stop.happens(INSTABILITY) and stop.film.thins and not beyond
+        way.append(replace(stop, ended=_ENDS) if gone else stop)
+        if gone:
+            break
     stations = [stop.station for stop in apart(way)]
     happenings = [(stop, stop.event) for stop in way if stop.event is not None]
     rest = None

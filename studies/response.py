@@ -30,8 +30,9 @@ from tympan.studies.case import (
 from tympan.studies.modes import carried
 from tympan.studies.rows import lists_of
 
-#: Number of frequencies where none are given.
-USUAL_COUNT = 241
+#: Number of frequencies where none are given. The natural one is not among them: there the amplitude
+#: of a plate that nothing damps has no bound.
+USUAL_COUNT = 240
 
 #: Lowest default frequency over the slowest branch's rate: there the branch follows at once.
 _SLOW = 0.01
@@ -41,11 +42,18 @@ _FAST = 10.0
 #: Lowest default frequency for a film without branches, relative to the plate's own.
 _LOWEST = 1e-3
 
+#: Damping ratio below which nothing damps the plate, but for rounding.
+_UNDAMPED = 1e-9
+
 #: tr C_v at which a viscosity is tested for growth with stretch.
 _STRETCHED = 6.0
 
 #: Difference of voltages for a derivative [V].
 _SLOPE = 1e-2
+
+
+_UNBOUNDED = ("nothing damps the plate: towards its natural frequency the amplitude grows without "
+              "bound; plate_damping of the rig or branches of the film bound it")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,8 +127,9 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     supplied = (rig.source.film_voltage(case.voltage + _SLOPE)
                 - rig.source.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
     reading = deflection * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
+    unbounded = s is not None and -s.real < _UNDAMPED * abs(s)
     return replace(
-        result, deflection_m=model.deflection(outcome.state),
+        result, warnings=(*result.warnings, *[_UNBOUNDED] * unbounded), deflection_m=model.deflection(outcome.state),
         natural_Hz=None if s is None else abs(s.imag) / (2 * pi),
         damping=None if s is None else -s.real / abs(s),
         frequency_Hz=tuple(asked.tolist()), amplitude_m_per_V=_listed(np.abs(reading)),

@@ -347,18 +347,18 @@ def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None
 @one_thread()
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
          settings: Settings = Settings(), *, rate: float | str | None = None,
-         to: float | str | None = None, fields: bool = False, **loads: Unpack[Loads]
-         ) -> Result[PathResult | Responses]:
+         to: float | str | None = None, fields: bool = False, beyond: bool = False,
+         **loads: Unpack[Loads]) -> Result[PathResult | Responses]:
     """Follow equilibria while one quantity grows from the loads on, through limit points.
 
     With a ``rate`` such as "100 V/s": a loop in time, up to a voltage ``to`` and down again, of a
     film with viscous branches; by default it turns at 95 % of the film's first limit. ``fields``:
-    include the film of every state, or at 25 moments of a loop.
+    include the film of every state, or at 25 moments of a loop. ``beyond`` as for :func:`limits`.
     """
     from tympan import solving
 
     return Result(solving.follow(_case(specimen, loads, settings), settings, along, rate, to,
-                                 fields))
+                                 fields, beyond))
 
 
 @names_arguments(Waves)

@@ -35,18 +35,22 @@ def solve(case: Case, settings: Settings, after: float | str | None, film: bool)
 
 
 def follow(case: Case, settings: Settings, along: Literal["voltage", "charge", "mass", "pressure"],
-           rate: float | str | None, to: float | str | None, fields: bool,
+           rate: float | str | None, to: float | str | None, fields: bool, beyond: bool,
            progress: Progress = lambda words: None) -> PathResult | Responses:
     """Follow equilibria from a case on, or at a ``rate`` a loop in time to a voltage ``to``.
 
-    ``fields``: include the film of every state, or at moments of the loop.
+    ``fields``: include the film of every state, or at moments of the loop. ``beyond``: follow a
+    wrinkled film that thins without bound on as one that cannot wrinkle; a loop does not.
     """
     if rate is None:
         from tympan.studies.path import path
 
         if to is not None:
             raise InputError("is where a loop turns: rate must be given too", key="to", given=to)
-        return path(case, settings, along, progress, fields)
+        return path(case, settings, along, progress, fields, beyond)
+    if beyond:
+        raise InputError("is for films at rest: a loop turns within its limits", key="beyond",
+                         given=beyond)
     from tympan.studies.transient import MOMENTS_OF_LOOP, loop
 
     turn = None if to is None else number(to, "voltage", "to")

@@ -165,6 +165,21 @@ def test_a_swing_dies_away_as_its_natural_frequency_says() -> None:
     assert sigma == pytest.approx(decay, rel=1e-2)
 
 
+def test_a_plate_that_nothing_damps_is_asked_beside_its_natural_frequency() -> None:
+    """It is one oscillator: static amplitude over |1 - (f/f₀)²| up to the resonance and beyond."""
+    bare = swung(film())
+    natural, asked = bare.natural_Hz, np.array(bare.frequency_Hz)
+    assert natural is not None
+    assert asked[0] < natural < asked[-1]
+    static = bare.amplitude_m_per_V[0]
+    expected = static / np.abs(1 - (asked / natural) ** 2)
+    assert np.array(bare.amplitude_m_per_V) == pytest.approx(expected, rel=1e-4)
+    assert max(bare.amplitude_m_per_V) < 100 * static
+    assert [words for words in bare.warnings if "without bound" in words]
+    damped = swung(film(), rig=Rig(plate_damping=0.05))
+    assert not [words for words in damped.warnings if "without bound" in words]
+
+
 def test_no_voltage_has_no_response() -> None:
     with pytest.raises(InputError, match="square of the voltage"):
         swung(film(), 1.0, voltage=0.0)

@@ -270,7 +270,7 @@ decay = "1 mm"
 
 def happening(case: Case, what: str, refine: float) -> Event:
     """What happens along a film's branch, whether or not it has ended before."""
-    events = path(case, refined(refine), "voltage").events
+    events = path(case, refined(refine), "voltage", beyond=True).events
     return next(event for event in events if event.what == what)
 
 

@@ -31,7 +31,8 @@ SOFT_TOML = specimen_toml("soft", ROUND, 'material = { law = "neo_hooke", mu = "
 
 @pytest.fixture(scope="module")
 def voltage_branch() -> PathResult:
-    return path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), "voltage")
+    """Followed beyond where the film thins, as the equations follow a film that cannot wrinkle."""
+    return path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), "voltage", beyond=True)
 
 
 def event(result: PathResult, what: str):  # type: ignore[no-untyped-def]
@@ -65,10 +66,24 @@ def test_stations_beyond_pull_in_are_the_unstable_branch(voltage_branch) -> None
     assert voltage_branch.warnings[0].startswith("followed to")
 
 
+@pytest.mark.parametrize("along", ["voltage", "charge"])
+def test_a_path_ends_where_the_film_thins_unless_it_is_asked_what_lies_beyond(
+        voltage_branch, along) -> None:
+    """Up to there the two are the same; a film kept from wrinkling is not what the film does."""
+    ends = path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), along)
+    assert [each.what for each in ends.events] == ["tension", "instability"]
+    gone = ends.events[-1].station
+    assert ends.stations[-1] == gone
+    assert gone.voltage_V == pytest.approx(event(voltage_branch, "instability").station.voltage_V,
+                                           rel=1e-6)
+    assert all(station.stable for station in ends.stations[:-1])
+    assert ends.warnings[0].endswith('"beyond" follows it on as one kept from wrinkling')
+
+
 def test_voltage_and_charge_follow_the_same_branch(voltage_branch) -> None:
     """Cutting off the source removes the limit point: along the charge the voltage passes its
     largest value."""
-    charged = path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), "charge")
+    charged = path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), "charge", beyond=True)
     assert [item.what for item in charged.events] == ["tension", "instability"]
     charges = [station.charge_C for station in charged.stations]
     assert charges == sorted(charges)
@@ -119,7 +134,8 @@ def test_files_and_json(tmp_path: Path, capsys) -> None:
     specimen = tmp_path / "soft.toml"
     specimen.write_text(SOFT_TOML)
     out = tmp_path / "out"
-    assert main(["path", str(specimen), "--mass", "17.9 g", "-o", str(out), "--json"]) == 0
+    assert main(["path", str(specimen), "--mass", "17.9 g", "--beyond", "-o", str(out),
+                 "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert json.loads((out / "soft-path.json").read_text()) == printed
     rows = list(csv.DictReader((out / "soft-path.csv").read_text().splitlines()))
@@ -134,8 +150,8 @@ def test_files_and_json(tmp_path: Path, capsys) -> None:
     assert np.abs(mode[at_frame]).max() < 1e-12 * np.abs(mode).max()
 
 
-def test_the_load_rests_along_the_critical_mode_while_the_plate_sinks() -> None:
-    result = path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), "voltage")
+def test_the_load_rests_along_the_critical_mode_while_the_plate_sinks(voltage_branch) -> None:
+    result = voltage_branch
     film, = result.limits
     rim = np.hypot(*film.mounted[:, :2].T) < 10.01e-3
     assert film.values["critical_mode"][rim, 2].min() > 0
@@ -153,7 +169,7 @@ def test_fields_of_every_station_are_a_series(tmp_path: Path) -> None:
     result = PathResult.load(tmp_path / "out")
     series = pv.PVDReader(tmp_path / "out" / "soft-path.pvd")
     assert series.time_values == list(range(len(result.stations)))
-    assert len(result.films) == len(result.stations) > 10
+    assert len(result.films) == len(result.stations) > 8
     for number, (station, film) in enumerate(zip(result.stations, result.films, strict=True)):
         series.set_active_time_value(number)
         assert series.read()[0].points == pytest.approx(film.turned_over.points)

@@ -313,6 +313,7 @@ def tolerance(options: argparse.Namespace) -> None:
          argument("--fields", action="store_true",
                   help="also store the film at every station, or at 25 moments of a loop, as a "
                        "series for ParaView (VTU, PVD)"),
+         _BEYOND,
          output("also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
                 "critical mode at each limit point (VTU)"), JSON,
          example='oval.toml --mass "17.9 g" -o path')
@@ -326,7 +327,7 @@ def path(options: argparse.Namespace) -> None:
         raise InputError("must be given to say where the fields go", key="-o")
     with naming_options(options), bar(1) as progress:
         result = solving.follow(case, read_settings(options), options.along, options.rate,
-                                options.to, options.fields, progress)
+                                options.to, options.fields, options.beyond, progress)
     if options.rate is not None:
         options.command = "transient"  # stored, drawn and printed as one
     finish(options, result)
