@@ -30,8 +30,8 @@ from tympan.studies.case import (
 from tympan.studies.modes import carried
 from tympan.studies.rows import lists_of
 
-#: Number of frequencies where none are given. The natural one is not among them: there the amplitude
-#: of a plate that nothing damps has no bound.
+#: Number of frequencies where none are given. The natural one is not among them: there the
+#: amplitude of a plate that nothing damps has no bound.
 USUAL_COUNT = 240
 
 #: Lowest default frequency over the slowest branch's rate: there the branch follows at once.
@@ -129,7 +129,8 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     reading = deflection * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
     unbounded = s is not None and -s.real < _UNDAMPED * abs(s)
     return replace(
-        result, warnings=(*result.warnings, *[_UNBOUNDED] * unbounded), deflection_m=model.deflection(outcome.state),
+        result, warnings=(*result.warnings, *[_UNBOUNDED] * unbounded),
+        deflection_m=model.deflection(outcome.state),
         natural_Hz=None if s is None else abs(s.imag) / (2 * pi),
         damping=None if s is None else -s.real / abs(s),
         frequency_Hz=tuple(asked.tolist()), amplitude_m_per_V=_listed(np.abs(reading)),
