@@ -14,7 +14,7 @@ family was not made from. The estimate is scaled so that it covers the errors of
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -76,8 +76,8 @@ class FamilySettings:
     """
 
     error: float = 2e-5
-    first: int = 12
-    more: int = 2
+    first: int = 6
+    more: int = 1
     batch: int = 8
     rounds: int = 6
     candidates: int = 256
@@ -145,6 +145,7 @@ class Ground:
     model: Model
     settings: Settings
     pressure: float = 0.0
+    _kept: dict[bytes, AnyArray] = field(default_factory=dict, repr=False)
 
     @property
     def path(self) -> PathSettings:
@@ -166,7 +167,7 @@ class Ground:
         """Build the film with given parameters on the moved mesh."""
         specimen, mesh = self.box.member(row), self.model.discretisation
         if self.box.lengths:
-            mesh = mesh.moved(self._motion(specimen))
+            mesh = mesh.moved(self._moved(row))
         return replace(self.model, discretisation=mesh, specimen=specimen,
                        loading=self._loading(row))
 
@@ -184,8 +185,22 @@ class Ground:
         """Compute the gas pressure below a film [Pa]."""
         return float(self.box.pressures(row[None], self.pressure)[0])
 
-    def _motion(self, specimen: Specimen) -> AnyArray:
-        return motion_between(self.model.discretisation, self.box.specimen, specimen)
+    def _motion(self, row: AnyArray) -> AnyArray:
+        return motion_between(self.model.discretisation, self.box.specimen, self.box.member(row))
+
+    def _moved(self, row: AnyArray) -> AnyArray:
+        """Compute the motion of the mesh's nodes to a film, (nodes, 2) [m]; some are kept."""
+        key = row[self._lengths].tobytes()
+        if key not in self._kept:
+            if len(self._kept) >= 2 * BLOCK:
+                self._kept.clear()
+            self._kept[key] = self._motion(row)
+        return self._kept[key]
+
+    @cached_property
+    def _lengths(self) -> list[int]:
+        """Columns of the films' parameters that are lengths."""
+        return [self.box.names.index(name) for name in self.box.lengths]
 
     def nodes(self, rows: AnyArray) -> AnyArray:
         """Compute the nodes of the films' meshes [m], (films, nodes, 2)."""
@@ -193,9 +208,8 @@ class Ground:
         if not self.box.lengths:
             return np.broadcast_to(flat, (len(rows), *flat.shape))
         if self._straight is None:
-            return np.array([flat + self._motion(self.box.member(row)) for row in rows])
-        numbers = [self.box.names.index(name) for name in self.box.lengths]
-        change = rows[:, numbers] - self.box.row(self.box.specimen)[numbers]
+            return np.array([flat + self._moved(row) for row in rows])
+        change = (rows - self.box.row(self.box.specimen))[:, self._lengths]
         return np.asarray(flat + np.tensordot(change, self._straight, 1))
 
     @cached_property
@@ -207,11 +221,11 @@ class Ground:
         mesh, box = self.model.discretisation, self.box
         by_length = np.array([velocity(mesh, box.specimen, tuple(name.split(".")))
                               for name in box.lengths])
-        numbers = [box.names.index(name) for name in box.lengths]
+        numbers = self._lengths
         for share in (0.0, 0.3, 1.0):
             row = box.row(box.specimen)
             row[numbers] = (box.low + share * (box.high - box.low))[numbers]
-            motion = self._motion(box.member(row))
+            motion = self._motion(row)
             change = row[numbers] - box.row(box.specimen)[numbers]
             if np.abs(motion - np.tensordot(change, by_length, 1)).max() > _STRAIGHT * self.size:
                 return None
