@@ -27,19 +27,35 @@ from benchmarks.compose.questions import questions
 ROOT = Path(__file__).parents[2]
 #: Questions whose times are compared unless others are named.
 _ASKED = ("solve", "limits", "curve")
-#: Program of a server. It imports what its checkout has, and answers command lines with the status
-#: and the processor seconds of a process forked for each.
+#: Program of a server. It imports what its checkout has, which need not have these benchmarks, and
+#: answers command lines with the status and the processor seconds of a process forked for each.
 _SERVER = """
-import json, os, sys
+import importlib, json, os, pkgutil, sys
 from pathlib import Path
-from benchmarks.compose.ask import _answer, preload
-preload()
+for name in ("base", "tables", "geometry", "fem", "studies", "commands"):
+    try:
+        package = importlib.import_module(f"tympan.{name}")
+    except ImportError:  # a version without this package
+        continue
+    for module in pkgutil.walk_packages(package.__path__, f"tympan.{name}."):
+        importlib.import_module(module.name)
+from tympan.cli import main
 for line in sys.stdin:
     words, folder = json.loads(line)
     Path(folder).mkdir(parents=True, exist_ok=True)
     process = os.fork()
     if not process:
-        _answer(words, Path(folder))
+        status = 1
+        try:
+            os.chdir(folder)
+            for number, name in ((1, "out"), (2, "err")):
+                os.dup2(os.open(name, os.O_CREAT | os.O_WRONLY | os.O_TRUNC), number)
+            status = main(words)
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else 1
+        finally:
+            sys.stdout.flush()
+            os._exit(status or 0)
     _, ended, used = os.wait4(process, 0)
     print(json.dumps([os.waitstatus_to_exitcode(ended), used.ru_utime + used.ru_stime]), flush=True)
 """
