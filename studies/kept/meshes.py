@@ -13,7 +13,7 @@ from tympan.geometry.mesh import CurvedTriangles, from_bytes, from_flat, to_byte
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Specimen
-from tympan.studies.kept.store import Store, digest
+from tympan.studies.kept.store import MESHING, Store, digest
 
 #: Store of meshes: about 10 MB at the default fineness.
 MESHES = Store("meshes", 400)
@@ -47,7 +47,7 @@ def _key(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> 
     shape = specimen.frame, specimen.plate, specimen.electrode
     with suppress(TypeError):
         return digest("mesh", *shape, *(outline.curve.pieces for outline in _outlines(specimen)),
-                      settings, planes)
+                      settings, planes, sources=MESHING)
     return None
 
 

@@ -51,10 +51,11 @@ _ELSEWHERE = frozenset({
     sqlite3.SQLITE_AUTH, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_INTERRUPT,
     sqlite3.SQLITE_IOERR, sqlite3.SQLITE_NOMEM, sqlite3.SQLITE_PERM, sqlite3.SQLITE_READONLY})
 
-#: Root of tympan's packages, and the packages whose sources decide a film's mesh and solution:
+#: Root of tympan's packages, and the packages whose sources decide a film's mesh, and its solution:
 #: tympan's own, and distributions of others, by the names of their folders of metadata.
 _ROOT = Path(__file__).parents[2]
-_SOLVERS = ("base", "fem", "geometry")
+MESHING = ("base", "geometry")
+_SOLVING = (*MESHING, "fem")
 _MESHERS = re.compile(r"(cadquery[-_]ocp|gmsh)-.*\.(dist|egg)-info")
 
 
@@ -172,12 +173,12 @@ def cache_file() -> Path | None:
     return Path(folder) / "films.sqlite" if folder else None
 
 
-def digest(*parts: object) -> bytes:
-    """Compute a key of everything a solution depends on, and of the solvers' sources.
+def digest(*parts: object, sources: tuple[str, ...] = _SOLVING) -> bytes:
+    """Compute a key of everything a solution depends on, and of the ``sources`` of packages.
 
     A TypeError where a part has a type that may hold more than its known value.
     """
-    whole = sha256(_sources())
+    whole = sha256(_sources(sources))
     for part in parts:
         for piece in _pieces(part):
             whole.update(len(piece).to_bytes(8, "big") + piece)
@@ -185,9 +186,9 @@ def digest(*parts: object) -> bytes:
 
 
 @lru_cache
-def _sources() -> bytes:
+def _sources(packages: tuple[str, ...]) -> bytes:
     whole = sha256()
-    for package in _SOLVERS:
+    for package in packages:
         for file in sorted((_ROOT / package).rglob("*.py")):
             whole.update(file.read_bytes())
     for name in _meshers():
