@@ -142,9 +142,12 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None
     if not case.direction:
         idle |= {field.name for field in fields_of(type(case.rig)) if HYSTERESIS in field.marks}
     rig = [name for name in numbers(case.rig, "rig") if name.split(".")[1] not in idle]
+    made = set(_MAKE[limited]) if limited else set()
+    if np.any(model.pull):  # gravity pulls the film, too
+        made.discard("rig.gravity")
     for name in ("mass", "voltage", *rig):
         path = tuple(name.split("."))
-        if isfinite(at(case, path)) and (limited is None or name not in _MAKE[limited]):
+        if isfinite(at(case, path)) and name not in made:
             result[name] = _case_number(case, path, limited)
     return result
 

@@ -144,6 +144,23 @@ def test_past_pull_in_it_is_the_pull_in_pressure() -> None:
     assert "rig.gas_pressure" not in elasticities
 
 
+def test_at_a_force_s_limit_gravity_still_pulls_a_film_with_mass() -> None:
+    """Against limits at other gravities; the weight of the plate is the force itself."""
+    def case(density: float, gravity: float) -> Case:
+        rig = Rig(biases=(Magnet(0.3, 6e-3, 6e-3),), gravity=gravity)
+        return Case(circular(NEO_HOOKE, density=density), mass=50e-3, rig=rig)
+
+    coarse = Settings(MeshSettings(order=3).refined(0.6))
+    (quantity, answers), = sensitivity(case(960.0, 9.81), coarse).quantities.items()
+    low, high = (equilibrate(case(960.0, gravity), coarse)[1].limit for gravity in (8.81, 10.81))
+    assert quantity == "pull_in_force"
+    assert low is not None
+    assert high is not None
+    assert answers.by["rig.gravity"].derivative == pytest.approx((high - low) / 2, rel=1e-3)
+    (_, massless), = sensitivity(case(0.0, 9.81), coarse).quantities.items()
+    assert "rig.gravity" not in massless.by
+
+
 def test_what_cannot_be_said_ends_with_status_two(specimen: str,
                                                   capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensitivity", specimen, "--mass", "17.9 g", "--of", "tilt"]) == 2
