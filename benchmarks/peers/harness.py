@@ -38,6 +38,24 @@ PROBLEM = Problem()
 
 
 @dataclass(frozen=True)
+class Limit:
+    """Voltage at which the film of :data:`PROBLEM` first loses its tension under a weight.
+
+    ``permittivity`` [N/V²], ``weight`` [N], ``voltage`` by the axisymmetric equations [V]. A ramp
+    has increments of ``increment`` [V] and finds the limit to the relative ``accuracy``.
+    """
+
+    permittivity: float = 4.7 * 8.8541878128e-12
+    weight: float = 17.9e-3 * 9.80665
+    voltage: float = 9095.627
+    increment: float = 500.0
+    accuracy: float = 1e-4
+
+
+LIMIT = Limit()
+
+
+@dataclass(frozen=True)
 class Row:
     """One measurement; the field names are those of the printed JSON object."""
 

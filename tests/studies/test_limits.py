@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.constants import epsilon_0
 
+from benchmarks.first_limit import own_rows, table
+from benchmarks.peers.harness import LIMIT
 from tests.oracles import axisymmetric, inflation
 from tests.oracles.laws import gent
 from tests.oracles.unstable import slack_voltage
@@ -68,6 +70,15 @@ def test_a_share_of_the_first_limit_is_that_of_the_equations() -> None:
     for wrong in ("120 %", "-1 %", "some %", "%"):
         with pytest.raises(InputError, match="from 0 to 100 %"):
             charged(case, wrong, Settings())
+
+
+def test_the_limit_that_peers_are_asked_for_is_that_of_the_equations() -> None:
+    """``benchmarks.first_limit`` measures errors against it, tympan's at most 1e-3."""
+    film = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(25e3), 4.7)
+    assert slack_voltage(film, LIMIT.weight, 9200.0) == pytest.approx(LIMIT.voltage, rel=1e-6)
+    row, = own_rows([0.5])
+    assert row.error < 1e-3
+    assert "| 9088.7 V |" in table([row])[-1]
 
 
 def test_the_first_loss_of_tension_is_where_the_rim_is(soft: Limits) -> None:
