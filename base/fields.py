@@ -105,6 +105,12 @@ class Key:
     repeats: bool = False
     made: Rule | None = None
 
+    def __post_init__(self) -> None:
+        if self.dimension and self.dimension not in DIMENSIONS:
+            raise ValueError(f"{self.dimension!r} is no dimension: add it to "
+                             "tympan.base.units.DIMENSIONS, or take one of these: "
+                             f"{', '.join(sorted(DIMENSIONS))}")
+
 
 @dataclass(frozen=True, eq=False)
 class Printed:

@@ -313,18 +313,21 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
 @names_arguments()
 @one_thread()
 def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
-                 mass: Masses = 0.0, voltage: float | str, films: int = 1000, seed: int = 1,
-                 rig: Rig = Rig(), settings: Settings = Settings()) -> Population:
+                 mass: Masses = 0.0, voltage: float | str | None = None, films: int = 1000,
+                 seed: int = 1, rig: Rig = Rig(), settings: Settings = Settings()) -> Population:
     """Draw random films within tolerances, for questions of one's own; they are reduced films.
 
     ``tolerances`` as for :func:`tolerance`, whose films these are. They bear the nominal ``mass``,
-    or masses between a lowest and a highest one, and voltages up to ``voltage``.
+    or masses between a lowest and a highest one, and voltages up to ``voltage``. It must be above
+    all limits that are asked for; by default it is 1.4 times the nominal film's first limit, and
+    one film in 300 has a higher limit.
 
     ``films.under(mass, voltage)`` loads them: there ``shown("max_stretch")`` and so on are arrays
     (films, 2) of any variable of a state, without and under the voltage; ``deflection``,
-    ``blocked_force``, ``frequency`` and ``first_limit`` are there, too. ``films.ends(mass)`` has
-    the voltages of their limits. Each load is one for all films, or an array with one for each.
-    Numbers are in SI, and nan where a film has no state.
+    ``blocked_force`` and ``frequency`` are there, too. ``films.first_limits(mass)`` has the voltage
+    and the kind of each film's first limit, ``films.ends(mass)`` the voltages of all. Each load is
+    one for all films, or an array with one for each. Numbers are in SI, and nan where a film has no
+    state.
     """
     from tympan.base.points import drawn_points
     from tympan.studies.tolerance.drawn import Scattered
@@ -332,7 +335,9 @@ def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None
 
     given = Tolerances() if tolerances is None else _tolerances(tolerances)
     scattered = Scattered.of(specimen, given)
-    masses, highest = numbers(mass, "mass", "mass"), number(voltage, "voltage", "voltage")
+    masses = numbers(mass, "mass", "mass")
+    highest = (number(voltage, "voltage", "voltage") if voltage is not None else
+               _above_limits(Case(specimen, mass=min(masses), rig=rig), settings))
     Case.greatest(specimen, masses, [highest], rig)  # refuses loads that no film bears
     if not 1 <= films <= _MOST_FILMS:
         raise InputError(f"must be a whole number from 1 to {_MOST_FILMS}", key="films",
@@ -341,6 +346,18 @@ def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None
         raise InputError("must be a whole number, 0 or more", key="seed", given=seed)
     return scattered.population((min(masses), max(masses)), highest,
                                 drawn_points(scattered.inputs, films, seed), rig, settings)
+
+
+def _above_limits(case: Case, settings: Settings) -> float:
+    """Choose a voltage [V] above the first limits of films like a case's."""
+    from tympan.studies.limits.voltages import first_limit
+    from tympan.studies.tolerance.tolerance import ABOVE
+
+    first = first_limit(case, settings)
+    if first is None:
+        raise InputError("must be given: the film without scatter has no first limit to choose it "
+                         "by", key="voltage")
+    return ABOVE * first.voltage_V
 
 
 @names_arguments(Loads)

@@ -164,8 +164,9 @@ FILES: dict[str, tuple[Column, ...]] = {
     "static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
     "coupon.csv": coupon.COLUMNS, "frequency.csv": FREQUENCY, "field.csv": FIELD,
     "force.csv": FORCE}
-#: Files that have a field of their own in a dataset.
-_WITH_FIELD = tuple(FILES)
+#: Files whose sheets have names of their own below; further ones are read by their kinds alone.
+_WITH_FIELD = ("static.csv", "range.csv", "transient.csv", "coupon.csv", "frequency.csv",
+               "field.csv", "force.csv")
 
 #: How far outside the frame places may lie, as shares of the frame's larger half extent: when read
 #: at the film's edge, and when counted from a plate that may be off centre.

@@ -499,7 +499,8 @@ class Conclusions:
                 if one.kind == "outlier" and {(one.file, line) for line in one.lines} <= off}
         words = [one for one in dict.fromkeys([*dataset_warnings(self.dataset),
                                                *self.readings.remarks]) if one not in said]
-        noise = float(np.median(self.films.table.sigma))
+        lengths = self.films.table.sigma[self.films.table.lengths]
+        noise = float(np.median(lengths)) if len(lengths) else np.inf
         scatter = self.judgement.noise_over(self.readings.table)
         if self.readings.assumed:
             words.append(WORDS["assumed"])

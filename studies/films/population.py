@@ -169,11 +169,14 @@ class Population:
     def first_limits(self, mass: Any) -> tuple[Array, AnyArray]:
         """Find the nominal voltages [V] of the first limits, and their kinds, (films,).
 
-        A voltage is infinite if the family reaches no limit, or if the supply does not reach it.
+        The mass is as for :meth:`ends`. A voltage is infinite, and its kind "", if the film reaches
+        no limit up to the highest voltage of the films, or if the supply does not reach it.
         """
-        found = self.family.first_limits(self.films, self.forces(mass), self.strength)
-        nominal = self.rig.nominal_voltage(found.voltage / self.amplifier)
-        return np.asarray(nominal), found.kind
+        forces = self.forces(_in_si(mass, "mass"))
+        found = self.family.first_limits(self.films, np.broadcast_to(forces, len(self)),
+                                         self.strength)
+        nominal = np.asarray(self.rig.nominal_voltage(found.voltage / self.amplifier))
+        return nominal, np.where(np.isinf(nominal), "", found.kind)
 
     def ends(self, mass: Any) -> FilmEnds:
         """Find the nominal voltages [V] at which films under a mass break down, go slack, pull in.
@@ -190,11 +193,13 @@ class Population:
               ) -> LoadedFilms:
         """Load the films with nominal masses [kg] and voltages [V], or texts with their unit.
 
-        Each is one value for all films, or one per film. ``margin``: a third state is that at the
+        Each is one value for all films, or one per film; a film without a finite voltage has no
+        state. ``margin``: a third state is that at the
         voltage times a margin above 1. ``swings``: frequencies may be asked for.
         """
         every = len(self)
-        mass, voltage = _in_si(mass, "mass"), _in_si(voltage, "voltage")
+        mass, voltage = _in_si(mass, "mass"), np.asarray(_in_si(voltage, "voltage"), dtype=float)
+        voltage = np.where(np.isfinite(voltage), voltage, np.nan)
         return LoadedFilms(self, np.broadcast_to(mass, every), np.broadcast_to(voltage, every),
                            margin, swings)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -27,6 +27,7 @@ from tympan.fem.results.limit_states import (
     SNAP_BACK,
     SNAP_THROUGH,
     TENSION,
+    LimitState,
     begun,
 )
 from tympan.fem.results.solved_states import mounted_place
@@ -324,11 +325,34 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
              BREAKDOWN.kind: _TRIED / np.where(share > 0, share, 1e-300)}
     reached = {kind: _flat_limit(case, flat, kind, float(voltages.min()), int(voltages.argmin()))
                for kind, voltages in first.items() if not _highest(case, float(voltages.min()))}
+    reached |= _flat_states(case, flat, max((limit.voltage_V for limit in reached.values()),
+                                            default=case.rig.most_film_voltage(case.direction)))
     gone = _flat_instability(case, flat, float(tension.min()))
     still = "no pull-in was found: the film stays flat, the voltage moves nothing"
     if gone is not None:
         reached[INSTABILITY.kind] = gone
     return Limits(reached, ended=still if reached else above_words(case))
+
+
+def _flat_states(case: Case, flat: FilmPoint, highest: float) -> dict[str, Limit]:
+    """Find where a flat film reaches further local limit states, up to a voltage [V]."""
+    found = {}
+    for kind, state in LIMIT_STATES.items():
+        if not state.local or kind in (TENSION.kind, BREAKDOWN.kind, INSTABILITY.kind):
+            continue
+
+        def field(voltage: float, state: LimitState = state) -> Array:
+            charged = flat.point.state.under(voltage=voltage**2)
+            solution = replace(flat.point.solution, state=charged)
+            return state.field(replace(flat, point=replace(flat.point, solution=solution)))
+
+        def margin(voltage: float, field: Callable[[float], Array] = field) -> float:
+            return float(field(voltage).min(initial=np.inf))
+
+        voltage = root_between(margin, 0.0, highest) if margin(0.0) > 0 else 0.0
+        if voltage is not None:
+            found[kind] = _flat_limit(case, flat, kind, voltage, int(np.argmin(field(voltage))))
+    return found
 
 
 def _away(model: Model, state: State) -> float:

@@ -55,7 +55,7 @@ _MISSED = 0.05
 _LIMITED = 1 / 8
 #: Highest voltage at which films' limits are sought, over the nominal film's first limit. With the
 #: library's scatter of VHB, which is large, 1 film in 300 has a limit this high.
-_ABOVE = 1.4
+ABOVE = 1.4
 #: Relative difference of the first limit of the film without scatter from that by finite elements,
 #: above which there is a warning: films scatter by about 5 %.
 _ASTRAY = 0.01
@@ -213,7 +213,7 @@ class DrawnFilms:
         first = first_limit(Case(case.specimen, mass=mass, rig=rig), settings)
         asked = [bound.value for bound in case.wanted if bound.name == LIMIT]
         highest = max(case.margin * voltage, *asked,
-                      0.0 if first is None else _ABOVE * first.voltage_V)
+                      0.0 if first is None else ABOVE * first.voltage_V)
         films = scattered.population((mass, mass), highest,
                                      scattered.with_nominal(design.points), rig, settings)
         return cls(films, found, design, mass, voltage, case, first)

@@ -18,6 +18,7 @@ from tests.support.tolerances import STILL
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.results.limit_states import LIMIT_STATES, BranchPoint, LimitState, least
+from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.reports.schema import class_keys
 from tympan.studies.case import Case, CaseResult, Settings
@@ -48,6 +49,15 @@ LARGEST = 2.5
 def left(point: BranchPoint) -> np.ndarray:
     """What the stretch lacks of the largest one."""
     return LARGEST - point.fields.stretch_1
+
+
+#: Electric field that another limit forbids [V/m].
+HIGH = 5e6
+
+
+def weak(point: BranchPoint) -> np.ndarray:
+    """What the field lacks of the highest one."""
+    return HIGH - point.fields.electric_field
 
 
 @pytest.fixture(autouse=True)
@@ -104,6 +114,28 @@ def test_paths_and_force_curves_pass_it_at_the_same_state(tmp_path: Path) -> Non
     assert passed.force_N == pytest.approx(MASS * 9.80665, rel=1e-5)
     pulled.save(tmp_path)
     assert ForceResult.load(tmp_path).curves[0].limits == pulled.curves[0].limits
+
+
+@pytest.mark.parametrize("prestretch", [2.0, 2.6])
+def test_flat_films_that_no_voltage_moves_have_it_where_they_are(
+        prestretch: float) -> None:
+    """Without plate, or with a fixed one: beyond the stretch already when mounted, or never. A
+    limit of the field is reached where the field of a flat film is that high."""
+    field = LimitState("high_field", "high-field", "field of 5 MV/m", weak, weak, (least(weak),),
+                       "P")
+    LIMIT_STATES.register(field)
+    try:
+        film = replace(SOFT, membrane=replace(SOFT.membrane, prestretch=(prestretch, prestretch)))
+        for case in (Case(replace(film, plate=None)), Case(film, mass=MASS,
+                                                           rig=Rig(guide="fixed"))):
+            found = limits(case, COARSE)
+            met = found.by_kind.get("stranger")
+            assert (None if met is None else met.voltage_V) == (0.0 if prestretch > 2.5 else None)
+            assert found.first == ("stranger" if prestretch > 2.5 else "high_field")
+            thickness = 1e-3 / prestretch**2
+            assert found.high_field.voltage_V == pytest.approx(HIGH * thickness, rel=1e-6)
+    finally:
+        del LIMIT_STATES["high_field"]
 
 
 def test_curves_are_read_back_beyond_it(tmp_path: Path) -> None:
