@@ -142,6 +142,13 @@ def table(found: Iterable[Times]) -> list[str]:
     return lines
 
 
+def commit(tree: Path) -> str:
+    """Name the commit of a working tree and its day."""
+    words = ["git", "log", "-1", "--format=%h of %cs"]
+    return subprocess.run(words, cwd=tree, check=True, capture_output=True,
+                          text=True).stdout.strip()
+
+
 def main() -> int:
     """Print the table, or write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.compose.paired",
@@ -158,7 +165,9 @@ def main() -> int:
     text = "\n".join([
         "# Times of questions, before and now", "",
         "Processor seconds of a command, imports and meshing left out, over films and rigs of "
-        "every kind (`python -m benchmarks.compose.paired`). Both versions were asked in turn.", "",
+        "every kind (`python -m benchmarks.compose.paired`). Both versions were asked in turn: "
+        f"before is {commit(options.tree)}, now {commit(ROOT)}. Of each question the table has the "
+        "median film, and the one that took longest.", "",
         *table(found), ""])
     if options.output:
         options.output.write_text(text, encoding="utf-8")
