@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar
 
 import pytest
 
-from tests.support.specimens import circular
+from tests.support.specimens import circular, specimen_toml
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Registry
 from tympan.base.paths import with_change
@@ -235,12 +235,14 @@ def test_every_signal_is_in_the_help_and_in_the_message(capsys: pytest.CaptureFi
         assert Wave(kind).signal().end > 0
 
 
-def test_every_file_and_column_of_readings_is_documented(capsys: pytest.CaptureFixture[str]
-                                                         ) -> None:
-    """In the how-to, and each file in the command's help; and its rows have a unit."""
-    with pytest.raises(SystemExit):
-        main(["data", "--help"])
-    told = capsys.readouterr().out
+def test_every_file_and_column_of_readings_is_documented(capsys: pytest.CaptureFixture[str],
+                                                         tmp_path: Path) -> None:
+    """In the how-to, and each file in what a folder without readings is told; rows have units."""
+    (tmp_path / "film.toml").write_text(specimen_toml(), encoding="utf-8")
+    (tmp_path / "dataset.toml").write_text('name = "empty"\n[[specimen]]\nfile = "film.toml"\n',
+                                           encoding="utf-8")
+    assert main(["data", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
     page = (Path(__file__).parent.parent / "docs" / "howto" / "data.md").read_text("utf-8")
     lines = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
     for file, columns in FILES.items():

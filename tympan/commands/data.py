@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 @command("data",
          argument("dataset", type=Path, metavar="DATASET", nargs="?",
-                  help="folder with dataset.toml and static.csv, range.csv, transient.csv, "
-                       "coupon.csv, frequency.csv, field.csv or force.csv"),
+                  help="folder with dataset.toml and files of readings, such as static.csv or "
+                       "force.csv; a folder without any is told which there are"),
          argument("--draft", type=Path, metavar="FILE",
                   help="write a first dataset.toml for a table of yours, beside it or to -o: every "
                        "line is a guess with its reason, for you to correct"),
