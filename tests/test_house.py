@@ -109,7 +109,8 @@ def test_every_contract_would_catch_a_breach(tmp_path: Path) -> None:
 def test_no_test_is_imported() -> None:
     """Tests import no tests, benchmarks nothing of tests/ but the oracles, oracles no benchmark."""
     allowed = {"tests": ("tests.", "benchmarks.compose", "benchmarks.explore.",
-                         "benchmarks.external", "benchmarks.trials.",
+                         "benchmarks.external", "benchmarks.first_limit",
+                         "benchmarks.peers.harness", "benchmarks.trials.",
                          "benchmarks.verification"),
                "benchmarks": ("tests.oracles.", "benchmarks."),
                "tests/oracles": ("tests.oracles.",),
