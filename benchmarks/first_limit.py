@@ -24,13 +24,12 @@ from pathlib import Path
 
 from benchmarks.peers.harness import LIMIT
 from benchmarks.tympan_rows import specimen
+from tympan.base.constants import STANDARD_GRAVITY
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.limits import limits
 
 SCRIPT = Path(__file__).parent / "peers" / "felupe_limit.py"
-#: Standard gravity [m/s²], by which the weight in newtons becomes a mass.
-_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Row:
 
 def own_rows(refine: list[float]) -> Iterator[Row]:
     """Find the limit with tympan on meshes of several finenesses; the faster of two runs counts."""
-    film, mass = specimen(), LIMIT.weight / _GRAVITY
+    film, mass = specimen(), LIMIT.weight / STANDARD_GRAVITY
     limits(Case(specimen(outer=40.0), mass=mass), Settings(MeshSettings().refined(0.5)))
     for factor in refine:
         settings, seconds = Settings(MeshSettings().refined(factor)), []

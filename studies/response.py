@@ -44,16 +44,14 @@ _LOWEST = 1e-3
 
 #: Damping ratio below which nothing damps the plate, but for rounding.
 _UNDAMPED = 1e-9
+_UNBOUNDED = ("nothing damps the plate: towards its natural frequency the amplitude grows without "
+              "bound; plate_damping of the rig or branches of the film bound it")
 
 #: tr C_v at which a viscosity is tested for growth with stretch.
 _STRETCHED = 6.0
 
 #: Difference of voltages for a derivative [V].
 _SLOPE = 1e-2
-
-
-_UNBOUNDED = ("nothing damps the plate: towards its natural frequency the amplitude grows without "
-              "bound; plate_damping of the rig or branches of the film bound it")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +127,7 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
     reading = deflection * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
     unbounded = s is not None and -s.real < _UNDAMPED * abs(s)
     return replace(
-        result, warnings=(*result.warnings, *[_UNBOUNDED] * unbounded),
+        result, warnings=(*[_UNBOUNDED] * unbounded, *result.warnings),
         deflection_m=model.deflection(outcome.state),
         natural_Hz=None if s is None else abs(s.imag) / (2 * pi),
         damping=None if s is None else -s.real / abs(s),

@@ -15,7 +15,8 @@ import sys
 import time
 from pathlib import Path
 
-from benchmarks.compose.ask import Log, ask, preload
+from benchmarks.compose.answering import preload
+from benchmarks.compose.ask import Log, ask
 from benchmarks.compose.concepts import alone, concepts, drawn, missing, write_drawings
 from benchmarks.compose.doors import differences
 from benchmarks.compose.questions import questions

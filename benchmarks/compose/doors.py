@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks.compose.ask import OUTPUT
+from benchmarks.compose.answering import OUTPUT
 from benchmarks.compose.questions import MADE
 
 #: Numbers of an actuator by quantity; None where a door has none.

@@ -27,38 +27,8 @@ from benchmarks.compose.questions import questions
 ROOT = Path(__file__).parents[2]
 #: Questions whose times are compared unless others are named.
 _ASKED = ("solve", "limits", "curve")
-#: Program of a server. It imports what its checkout has, which need not have these benchmarks, and
-#: answers command lines with the status and the processor seconds of a process forked for each.
-_SERVER = """
-import importlib, json, os, pkgutil, sys
-from pathlib import Path
-for name in ("base", "tables", "geometry", "fem", "studies", "commands"):
-    try:
-        package = importlib.import_module(f"tympan.{name}")
-    except ImportError:  # a version without this package
-        continue
-    for module in pkgutil.walk_packages(package.__path__, f"tympan.{name}."):
-        importlib.import_module(module.name)
-from tympan.cli import main
-for line in sys.stdin:
-    words, folder = json.loads(line)
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    process = os.fork()
-    if not process:
-        status = 1
-        try:
-            os.chdir(folder)
-            for number, name in ((1, "out"), (2, "err")):
-                os.dup2(os.open(name, os.O_CREAT | os.O_WRONLY | os.O_TRUNC), number)
-            status = main(words)
-        except SystemExit as end:
-            status = end.code if isinstance(end.code, int) else 1
-        finally:
-            sys.stdout.flush()
-            os._exit(status or 0)
-    _, ended, used = os.wait4(process, 0)
-    print(json.dumps([os.waitstatus_to_exitcode(ended), used.ru_utime + used.ru_stime]), flush=True)
-"""
+#: Program of a server: this version's, also for a checkout that has none.
+_SERVER = Path(__file__).with_name("answering.py")
 
 
 class Server:
@@ -67,7 +37,7 @@ class Server:
     def __init__(self, tree: Path, folder: Path) -> None:
         self.folder = folder
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _SERVER], cwd=tree, text=True, stdin=subprocess.PIPE,
+            [sys.executable, "-P", str(_SERVER)], cwd=tree, text=True, stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": str(tree), "TYMPAN_CACHE": str(folder / "cache")})
 

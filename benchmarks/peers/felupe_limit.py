@@ -21,6 +21,8 @@ from scipy.optimize import root_scalar
 
 #: Difference of two travels [mm] at the same voltage, over which the force's secant is taken first.
 _NUDGE = 1e-3
+#: Largest eigenvalue along the normal [N/mm], which is 0 but for rounding.
+_ROUNDING = 1e-12
 
 
 class ChargedMembrane(PrestretchedMembrane):
@@ -51,8 +53,8 @@ class ChargedMembrane(PrestretchedMembrane):
         stress, _ = self.gradient([f, np.zeros(0)])
         tension = np.einsum("iJ...,kJ...->...ik", stress, f)
         # One of the three eigenvalues is 0, along the normal.
-        values = np.sort(np.linalg.eigvalsh(tension), axis=-1)
-        return float(np.where(values[..., 0] < -1e-12, values[..., 0], values[..., 1]).min())
+        least, middle, _ = np.moveaxis(np.linalg.eigvalsh(tension), -1, 0)
+        return float(np.where(least < -_ROUNDING, least, middle).min())
 
 
 class Actuator:

@@ -194,8 +194,8 @@ class Population:
         """Load the films with nominal masses [kg] and voltages [V], or texts with their unit.
 
         Each is one value for all films, or one per film; a film without a finite voltage has no
-        state. ``margin``: a third state is that at the
-        voltage times a margin above 1. ``swings``: frequencies may be asked for.
+        state. ``margin``: a third state is that at the voltage times a margin above 1. ``swings``:
+        frequencies may be asked for.
         """
         every = len(self)
         mass, voltage = _in_si(mass, "mass"), np.asarray(_in_si(voltage, "voltage"), dtype=float)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -336,23 +336,26 @@ def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Li
 
 def _flat_states(case: Case, flat: FilmPoint, highest: float) -> dict[str, Limit]:
     """Find where a flat film reaches further local limit states, up to a voltage [V]."""
-    found = {}
-    for kind, state in LIMIT_STATES.items():
-        if not state.local or kind in (TENSION.kind, BREAKDOWN.kind, INSTABILITY.kind):
-            continue
+    others = [state for kind, state in LIMIT_STATES.items()
+              if state.local and kind not in (TENSION.kind, BREAKDOWN.kind, INSTABILITY.kind)]
+    found = {state.kind: _flat_state(case, flat, state, highest) for state in others}
+    return {kind: limit for kind, limit in found.items() if limit is not None}
 
-        def field(voltage: float, state: LimitState = state) -> Array:
-            charged = flat.point.state.under(voltage=voltage**2)
-            solution = replace(flat.point.solution, state=charged)
-            return state.field(replace(flat, point=replace(flat.point, solution=solution)))
 
-        def margin(voltage: float, field: Callable[[float], Array] = field) -> float:
-            return float(field(voltage).min(initial=np.inf))
+def _flat_state(case: Case, flat: FilmPoint, state: LimitState, highest: float) -> Limit | None:
+    """Find where a flat film reaches one limit state, up to a voltage [V]; None if it does not."""
+    def field(voltage: float) -> Array:
+        charged = flat.point.state.under(voltage=voltage**2)
+        solution = replace(flat.point.solution, state=charged)
+        return state.field(replace(flat, point=replace(flat.point, solution=solution)))
 
-        voltage = root_between(margin, 0.0, highest) if margin(0.0) > 0 else 0.0
-        if voltage is not None:
-            found[kind] = _flat_limit(case, flat, kind, voltage, int(np.argmin(field(voltage))))
-    return found
+    def margin(voltage: float) -> float:
+        return float(field(voltage).min(initial=np.inf))
+
+    voltage = root_between(margin, 0.0, highest) if margin(0.0) > 0 else 0.0
+    if voltage is None:
+        return None
+    return _flat_limit(case, flat, state.kind, voltage, int(np.argmin(field(voltage))))
 
 
 def _away(model: Model, state: State) -> float:

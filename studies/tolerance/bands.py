@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
 from typing import Any
@@ -65,11 +65,16 @@ def bands(values: Array) -> tuple[Band | None, ...]:
 
 
 def quantity_bands(films: Population, mass: float, voltage: float) -> dict[str, Band]:
-    """Compute bands of films under a nominal mass [kg] and voltage [V], by a result's keys.
+    """Compute bands of films under a nominal mass [kg] and voltage [V], by a result's keys."""
+    return told_bands(films.numbers(mass, voltage))
+
+
+def told_bands(numbers: Mapping[str, Array]) -> dict[str, Band]:
+    """Compute bands of variables of films at one load by their keys, (films, 1) each.
 
     Variables in which all films are equal have none, but for :data:`_ALWAYS`.
     """
-    found = {key: band for key, values in films.numbers(mass, voltage).items()
+    found = {key: band for key, values in numbers.items()
              if VARIABLES[key].bounded for band in bands(values) if band is not None}
     return {key: band for key, band in found.items()
             if band.low < band.high or key in _ALWAYS}

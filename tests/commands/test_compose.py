@@ -10,7 +10,8 @@ from typing import Annotated, Any, ClassVar
 import pytest
 
 from benchmarks.compose import concepts as composed
-from benchmarks.compose.ask import ERRORS, OUTPUT, Log, Row, ask
+from benchmarks.compose.answering import ERRORS, OUTPUT
+from benchmarks.compose.ask import Log, Row, ask
 from benchmarks.compose.concepts import Asked, Combination, alone, concepts, drawn, missing
 from benchmarks.compose.doors import differences
 from benchmarks.compose.questions import (

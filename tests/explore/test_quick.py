@@ -219,9 +219,11 @@ def test_bands_about_a_view_are_those_of_solve_and_curve(
     case = banded(solve(view.case, settings), view.actuator, TOLERANCES, view.rig, settings)
     for key, band in found.numbers.items():
         expected = case.bands[key]
+        # Stresses of reduced films are less exact than what the plate shows.
+        exact = 5e-3 if "stress" in key else 2e-3
         for name in ("low", "median", "high", "share"):
-            assert getattr(band, name) == pytest.approx(getattr(expected, name), rel=2e-3)
-    assert found.numbers.keys() == {"deflection_m", "stroke_m", "capacitance_F"}
+            assert getattr(band, name) == pytest.approx(getattr(expected, name), rel=exact)
+    assert found.numbers.keys() == case.bands.keys() > {"deflection_m", "stroke_m", "capacitance_F"}
     line, = voltage_curves(banded(curve(view.actuator, [view.mass], settings, view.rig),
                                   view.actuator, TOLERANCES, view.rig, settings))
     places, *edges = answer.curve.banded(found).line.band

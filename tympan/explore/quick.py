@@ -26,7 +26,7 @@ from tympan.studies.films.family import FamilySettings, FilmFamily, require_redu
 from tympan.studies.films.population import Population
 from tympan.studies.films.rise import FamilyRise, rise
 from tympan.studies.limits.curve import CURVES, CurveResult, MassCurve
-from tympan.studies.tolerance.bands import bands, points
+from tympan.studies.tolerance.bands import bands, points, told_bands
 from tympan.studies.tolerance.drawn import Scattered
 from tympan.studies.tolerance.given import Tolerances
 
@@ -143,9 +143,7 @@ class _Scatter:
         films = scattered.films(self.family, row, points(scattered), view.rig)
         found = Bands(view, *((), ()) if known is None else (known.voltages, known.deflections))
         for solved in _growing(films, view.mass, np.array([view.voltage])):
-            here = {key: band for key, values in solved.items()
-                    if (band := bands(values)[0]) is not None}
-            found = replace(found, numbers=here)
+            found = replace(found, numbers=told_bands(solved))
             yield found
             yield Pause()
         if known is not None:
