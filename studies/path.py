@@ -18,7 +18,7 @@ from tympan.base.progress import Progress
 from tympan.base.units import BENCH
 from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.arc_segment import PathPoint
-from tympan.fem.equilibrium.newton import Solution, moved
+from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
 from tympan.fem.equilibrium.ramp import without_mechanism
 from tympan.fem.equilibrium.snap import snapped
@@ -36,11 +36,11 @@ from tympan.fem.results.limit_states import (
     Sign,
     passed,
 )
-from tympan.fem.rig import MOST_VOLTAGE
 from tympan.studies.case import (
     OF_LIMITS,
     Case,
     CaseRecord,
+    Limit,
     Settings,
     UnknownCount,
     WallTime,
@@ -60,6 +60,7 @@ from tympan.studies.film_surface import (
 from tympan.studies.rows import cells_of, rows_of
 from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
+from tympan.studies.walk.flat_film import above_words, at_point, flat_limits
 from tympan.studies.walk.spread import Passage, spread
 
 #: Longest step along a branch, relative to the frame's half extent, for a smooth curve.
@@ -69,7 +70,12 @@ _BEGUN = 0.2
 #: Largest stretch at a branch's end, beyond the range of most laws. Set by trial.
 _STRETCH = 6.0
 
-#: Deflection and stretch at a branch's end, relative to its start, if they are large there already.
+#: Electric field at a branch's end, over the film's strength. Strengths of one material differ by
+#: a factor of two between sources; no film is known to bear three times the one that it states.
+_WITHSTOOD = 3.0
+
+#: Deflection, stretch and field at a branch's end, relative to its start, if they are large there
+#: already.
 _FURTHER = 2.0
 
 UNFOLLOWED = "the branch could not be followed further"
@@ -206,8 +212,9 @@ def path(case: Case, settings: Settings, along: Along,
     """Follow the equilibria of a case while one quantity grows, through its limit points.
 
     The path starts at the case's mass and voltage; InputError if there is no equilibrium.
-    ``films``: include the film of every station. ``beyond``: if a wrinkled film thins without
-    bound, follow it on as one that cannot wrinkle; no real film gets there.
+    ``films``: include the film of every station. ``beyond``: follow it on where no real film gets:
+    a wrinkled film that thins without bound as one that cannot wrinkle, and a film far beyond its
+    electric strength.
     """
     plate = case.specimen.needed_plate() if along == "mass" else case.specimen.plate
     if plate is not None and along == "mass" and case.rig.guide == "fixed":
@@ -222,7 +229,10 @@ def path(case: Case, settings: Settings, along: Along,
                          given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
     asked = replace(case, voltage=0.0) if along in ("voltage", "charge") else case
     way = []
-    for stop in _with_snaps(stops(case, model, start.state, along, settings.path), settings.path):
+    held = along == "voltage" and HEAVE not in model.plate_freedoms
+    branch = _flat_stops(case, settings) if held else None
+    branch = branch or stops(case, model, start.state, along, settings.path, beyond=beyond)
+    for stop in _with_snaps(branch, settings.path):
         progress(f"{stop.film.deflection * 1e3:.2f} mm")
         gone = stop.happens(INSTABILITY) and stop.film.thins and not beyond
         way.append(replace(stop, ended=_ENDS) if gone else stop)
@@ -248,6 +258,38 @@ def path(case: Case, settings: Settings, along: Along,
                          if event.what in _LIMIT_POINTS),
         films=_surfaces(film_surface(stop.film.model, stop.film.point.state)
                         for stop in apart(way) if films))
+
+
+def _flat_stops(case: Case, settings: Settings) -> Iterator[Stop] | None:
+    """Yield a flat film that no voltage moves at its voltage and its limits; None for others."""
+    model, rest = equilibrate(replace(case, voltage=0.0), settings)
+    limits = flat_limits(case, model, rest, settings)
+    if limits is None:
+        return None
+    flat = FilmPoint(model, at_point(rest))
+    ahead = sorted((limit for limit in limits.reached if limit.voltage_V > case.voltage),
+                   key=lambda limit: limit.voltage_V)
+    return _charged(case, flat, ahead, limits.ended)
+
+
+def _charged(case: Case, flat: FilmPoint, limits: Sequence[Limit], ended: str) -> Iterator[Stop]:
+    """Yield a flat film at a case's voltage and at limits, as far as it is in equilibrium."""
+    last: Stop | None = None
+    for limit in (None, *limits):
+        voltage = limit.voltage_V if limit is not None else case.voltage
+        across = replace(case, voltage=voltage).film_voltage
+        solution = newton(flat.model, flat.point.state.under(voltage=across**2))
+        if not solution.converged:
+            break
+        if last is not None:
+            yield last
+        happening = None if limit is None else Happening(
+            what=limit.kind, value=across, unit=_GROWING["voltage"][1], x_m=limit.x_m,
+            y_m=limit.y_m, spread=limit.spread)
+        point = replace(flat.point, solution=solution)
+        last = Stop(replace(flat, point=point), happening)
+    assert last is not None
+    yield replace(last, ended=ended)
 
 
 def _surfaces(found: Iterable[FilmSurface | None]) -> tuple[FilmSurface, ...]:
@@ -284,12 +326,14 @@ def apart(way: Sequence[Stop]) -> list[Stop]:
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
-          most: float = np.inf, falling: bool = False, step: float = SMOOTH) -> Iterator[Stop]:
+          most: float = np.inf, falling: bool = False, step: float = SMOOTH,
+          beyond: bool = False) -> Iterator[Stop]:
     """Yield the equilibria of a case from a state of its model, while one quantity grows.
 
     An event between two points of the branch is a separate stop, so that curves pass through it. A
     voltage grows up to ``most`` across the film [V], if the supply gives that. With ``falling`` it
-    falls to 0. ``step``: the longest one, relative to the frame's half extent.
+    falls to 0. ``step``: the longest one, relative to the frame's half extent. ``beyond``: continue
+    far beyond the film's electric strength.
     """
     settings = settings.bounded(model, followed=True)
     far = max(abs(model.deflection(start)) / model.high, 1.0)
@@ -325,7 +369,7 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
                 return
             yield from events
         first = first or here
-        ended = _ended(here, first, along, settings)
+        ended = _ended(here, first, along, settings) or (not beyond and _broken_down(here, first))
         yield replace(here, ended=ended or _end_of_mechanism(here.film) or UNFOLLOWED)
         if ended:
             return
@@ -373,15 +417,6 @@ class Stop:
         return snapped(model, self.film.point, settings) if model.wrinkles else None
 
 
-def above_words(case: Case) -> str:
-    """Explain why the voltage of a case is not raised further: its supply gives no more."""
-    if case.rig.sag_voltage < MOST_VOLTAGE:
-        most = case.rig.most_film_voltage(case.direction)
-        return (f"the limit is above {most / 1e3:.4g} kV across the film, the most that the "
-                "amplifier gives, since it sags")
-    return f"the limit is above {MOST_VOLTAGE / 1e3:g} kV"
-
-
 def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str:
     """Explain why a branch is not followed further; "" if it continues.
 
@@ -403,6 +438,16 @@ def _ended(stop: Stop, first: Stop, along: Along, settings: PathSettings) -> str
     if checked and film.model.unbalanced(point.state) > settings.unbalanced:
         return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "
                 "branch; --refine may")
+    return ""
+
+
+def _broken_down(stop: Stop, first: Stop) -> str:
+    """Explain that the field is far beyond the film's strength; "" if it is not."""
+    share, begun = (float(film.fields.breakdown_share.max(initial=0.0))
+                    for film in (stop.film, first.film))
+    if share > max(_WITHSTOOD, _FURTHER * begun):
+        return (f"followed until the electric field was {share:.2g} times the film's strength; "
+                "\"beyond\" follows it on")
     return ""
 
 

@@ -237,7 +237,8 @@ class _Problem:
 
     def balanced(self, state: State, forces: Array) -> bool:
         """Check whether the forces at the nodes balance."""
-        return _unbalanced(self.model, self.subspace, state, forces) < self.settings.residual
+        residual = self.model.residual(forces, state)
+        return _unbalanced(self.model, self.subspace, residual, forces) < self.settings.residual
 
     def correction(self, state: State) -> _Full:
         """Compute the correction of a state by its own tangent.
@@ -322,13 +323,12 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         else:
             tangent = tangent.adapted(model, [each(model, state) for each in constraints])
             forces = model.nodal_forces(state)
-    before = settings.longest
+    if tangent is None or not np.isfinite(forces).all():
+        return None
+    before, residual = settings.longest, model.residual(forces, state)
     for iteration in range(1, _SIMPLIFIED + 1):
-        if tangent is None or not np.isfinite(forces).all():
-            return None
         settings.spend(_CORRECTION * tangent_work(model))
         misses = [constraint(model, state).miss for constraint in constraints]
-        residual = model.residual(forces, state)
         motion, loads = tangent.correct(residual, misses)
         if second is not None:
             motion = _mean(motion, second[0].correct(residual, misses)[0], second[1])
@@ -338,9 +338,12 @@ def simplified_newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         state = moved(model, state, motion, 1.0, loads)
         with np.errstate(all="ignore"):
             forces = model.nodal_forces(state)
+        if not np.isfinite(forces).all():
+            return None
+        residual = model.residual(forces, state)
         rest = after if iteration == 1 else _left(after, before)
         if (rest < settings.correction
-                and _unbalanced(model, tangent.subspace, state, forces) < settings.residual):
+                and _unbalanced(model, tangent.subspace, residual, forces) < settings.residual):
             return Solution(state, True, iteration, tangent)
         before = after
     return None
@@ -385,13 +388,13 @@ def _work(residual: Parts, motion: Parts) -> float:
     return float(residual[0] @ motion[0] + residual[1] @ motion[1])
 
 
-def _unbalanced(model: Model, subspace: Subspace, state: State, forces: Array) -> float:
+def _unbalanced(model: Model, subspace: Subspace, residual: Parts, forces: Array) -> float:
     """Compute the largest unbalanced force relative to the largest nodal force.
 
     Moments are divided by the half extent. The rounding error of a moving plate's inertia force is
     subtracted: in a very short time step it has no bound.
     """
-    inner, plate = subspace.project(model.residual(forces, state))
+    inner, plate = subspace.project(residual)
     push = np.abs(plate)
     if model.loading.swing is not None:
         rounding = model.loading.swing.rounding(model.size)[list(model.plate_freedoms)]

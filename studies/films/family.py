@@ -130,6 +130,10 @@ _LARGE = 1e-4
 #: mechanisms hold may be flat.
 _LEVEL = 0.3
 
+#: Step, relative to the load reached, below which the search for a first film's state is given up
+#: and the last one counts: it bears half of its load or three quarters, and to find more is dear.
+_GIVEN_UP = 0.6
+
 #: Number of random films that are solved on meshes of their own.
 _REMESHED = 4
 
@@ -241,22 +245,26 @@ class Ground:
         """Solve a finite-element film; None unless it is taut and stable.
 
         The start is the flat film, or a guess of its nodes' displacements, (nodes, 3). A close
-        guess takes one tangent.
+        guess takes one tangent. From the flat film, a state at a lower load is found where there is
+        none at these.
         """
         try:
             model = self.film(row)
         except InputError:
             return None
         if motion is None:
-            outcome = equilibrium(model, force, squared**0.5, self.gas(row), settings=self.path,
+            # Of a plate that may snap, a state at half the loads may be on the other side.
+            settings = (self.path if model.loading.softening else
+                        replace(self.path, handover=max(self.path.handover, _GIVEN_UP)))
+            outcome = equilibrium(model, force, squared**0.5, self.gas(row), settings=settings,
                                   ends=False)
-            solution, found = outcome.solution, outcome.status == "equilibrium"
+            solution = outcome.solution
         else:
             near = self._near(model, row, motion, force, squared)
             solution = (simplified_newton(model, near, settings=self.path.newton)
                         or newton(model, near, settings=self.path.newton))
-            found = solution.converged and solution.stable
-        return (model, solution) if found and model.in_tension(solution.state) else None
+        found = solution.converged and solution.stable and model.in_tension(solution.state)
+        return (model, solution) if found else None
 
     def _near(self, model: Model, row: AnyArray, motion: AnyArray, force: float, squared: float
               ) -> State:
@@ -870,17 +878,18 @@ class _Making:
         count = settings.first + settings.more * len(self.ground.box.names)
         shots = self._first(*self.drawn(count, settings.seed))
         rows, forces, squares = self.drawn(settings.candidates, settings.seed + 1)
-        family = self._family(shots, rows, forces, squares)
+        family, balance = self._family(shots, rows, forces, squares)
         for _ in range(settings.rounds):
-            worst, estimates = self._worst(family, rows, forces, squares)
+            held = np.flatnonzero(balance.sound)
+            worst, estimates = self._worst(family, rows[held], forces[held], squares[held])
             if not len(worst) or estimates[0] <= settings.error:
                 break
-            more = [shot for number in worst if (shot := self._refined(
+            more = [shot for number in held[worst] if (shot := self._refined(
                 family, rows[number], forces[number], squares[number])) is not None]
             if not more:
                 break
             shots = [*shots, *more]
-            family = self._family(shots, rows, forces, squares)
+            family, balance = self._family(shots, rows, forces, squares, (family, balance))
         return self._scaled(family)
 
     def _first(self, rows: AnyArray, forces: AnyArray, squares: AnyArray) -> list[Snapshot]:
@@ -916,24 +925,39 @@ class _Making:
             found = self._found(family, states.q[0, 0], row, force, squared)
         return None if found is None else self._shot(*found)
 
-    def _family(self, shots: Sequence[Snapshot], rows: AnyArray, forces: AnyArray, squares: AnyArray
-                ) -> ReducedFamily:
+    def _family(self, shots: Sequence[Snapshot], rows: AnyArray, forces: AnyArray,
+                squares: AnyArray, before: tuple[ReducedFamily, Balance] | None = None
+                ) -> tuple[ReducedFamily, Balance]:
+        """Make a family of snapshots; return also the states of films with given parameters.
+
+        ``before``: the same of fewer snapshots; what had no state then is not sought again.
+        """
         motion = _MOTION * (self.settings.error / FamilySettings.error) ** 0.5
         reduction = Reduction.of(shots, motion, _WORK, _MOST, _SOFTENING, turning=True)
         films = films_of(self.ground, reduction, rows)
-        number = np.arange(len(rows))
-        balance = (films.first_rests(number, forces, squares) if films.loading.softening else
-                   films.carried(number, forces, squares, np.zeros((len(rows), films.count)),
-                                 _STEPS))
+        number, flat = np.arange(len(rows)), np.zeros((len(rows), films.count))
+        if films.loading.softening:
+            balance = films.first_rests(number, forces, squares)
+        elif before is None:
+            balance = films.carried(number, forces, squares, flat, _STEPS)
+        else:
+            family, known = before
+            near = known.q @ reduction.along(family.reduction)
+            balance = films.balanced(number, forces, squares, near)
+            again = np.flatnonzero(known.sound & ~balance.sound)
+            balance.sound[~known.sound] = False
+            balance.put(again, films.carried(again, forces[again], squares[again], flat[again],
+                                             _STEPS))
         some = np.flatnonzero(balance.sound)
         if not len(some):
             raise self._empty()
         guess = Guess.of(self.force, self.squared, self.ground.box.scaled(rows[some]),
                          forces[some], squares[some], balance.q[some])
         check = ResidualCheck.of(shots[0], reduction)
-        return ReducedFamily(self.ground, self.force, self.voltage, reduction, guess, check,
-                          self._places(films, some, balance.q[some], squares[some]),
-                          snapshots=len(shots))
+        made = ReducedFamily(self.ground, self.force, self.voltage, reduction, guess, check,
+                             self._places(films, some, balance.q[some], squares[some]),
+                             snapshots=len(shots))
+        return made, balance
 
     def _places(self, films: Films, number: AnyArray, q: AnyArray, squared: AnyArray) -> Sites:
         """Find element nodes at which some film has nearly its largest strain or field."""
@@ -959,10 +983,10 @@ class _Making:
     def _scaled(self, family: ReducedFamily) -> ReducedFamily:
         """Scale the family's estimate so that it covers the errors of random films."""
         rows, forces, squares = self.drawn(self.settings.checks, self.settings.seed + 2)
-        voltages = squares[:, None] ** 0.5
-        usual = float(np.nanmean(_relative(family.states(rows, forces[:, None], voltages))))
+        states = family.states(rows, forces[:, None], squares[:, None] ** 0.5)
+        usual = float(np.nanmean(_relative(states)))
+        error = states.error + (usual - family.usual) * np.abs(states.deflection)
         family = replace(family, usual=usual)
-        states = family.states(rows, forces[:, None], voltages)
         ratios, solved, stresses = [], list[tuple[int, float]](), [0.0]
         for number in np.flatnonzero(states.holds[:, 0]).tolist():
             found = self._found(family, states.q[number, 0], rows[number], forces[number],
@@ -970,8 +994,7 @@ class _Making:
             if found is not None:
                 deflection, stress = _moved(*found)
                 solved.append((number, deflection))
-                ratios.append(abs(deflection - states.deflection[number, 0])
-                              / states.error[number, 0])
+                ratios.append(abs(deflection - states.deflection[number, 0]) / error[number, 0])
                 stresses.append(abs(stress / states.stress[number, 0] - 1))
         remeshed = [0.0]
         for number, deflection in self._outermost(rows, solved):

@@ -269,6 +269,11 @@ class Reduction:
                                              for shot in snapshots)])
         return cls(shapes, *_cubature(works, work_left_out), bends)
 
+    def along(self, other: Reduction) -> Array:
+        """Express the shapes of another reduction by these, as nearly as possible, (other, own)."""
+        own, others = (each.shapes.reshape(len(each.shapes), -1) for each in (self, other))
+        return np.asarray(np.linalg.lstsq(own.T, others.T, rcond=None)[0].T)
+
     def film(self, model: Model) -> ReducedFilm:
         """Create a film on the mesh, or on the moved mesh; InputError if it is uneven."""
         _require_even(model.specimen)
@@ -433,8 +438,12 @@ def _cubature(works: Array, precision: float) -> tuple[Numbers, Array]:
     Non-negative least squares on the rows' principal directions: there are at most as many points
     as directions.
     """
-    ways, sizes = _principal(works)
-    matrix = ways[:, sizes > precision * sizes[0]].T @ works
+    if len(works) > len(works.T):  # many rows: directions of the points instead, which are fewer
+        ways, sizes = _principal(works.T)
+        matrix = (ways * sizes)[:, sizes > precision * sizes[0]].T
+    else:
+        ways, sizes = _principal(works)
+        matrix = ways[:, sizes > precision * sizes[0]].T @ works
     count = len(matrix)
     shares, _ = nnls(matrix, matrix.sum(1), maxiter=50 * count)
     points = np.flatnonzero(shares)

@@ -11,27 +11,20 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
-from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome, Status
-from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.admissibility import beyond_range
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import HEAVE, State
-from tympan.fem.results.firmness import firmness, least_firmness
+from tympan.fem.membrane.state import State
 from tympan.fem.results.limit_states import (
-    BREAKDOWN,
     INSTABILITY,
     LIMIT_STATES,
     PULL_IN,
     SNAP_BACK,
     SNAP_THROUGH,
     TENSION,
-    LimitState,
     begun,
 )
-from tympan.fem.results.solved_states import mounted_place
-from tympan.fem.roots import root_between
 from tympan.studies.case import (
     Case,
     CaseResult,
@@ -46,29 +39,17 @@ from tympan.studies.case import (
     solve,
 )
 from tympan.studies.files import to_json
-from tympan.studies.path import UNFOLLOWED, Stop, above_words, apart, stops
+from tympan.studies.path import UNFOLLOWED, Stop, apart, stops
 from tympan.studies.rows import rows_of
 from tympan.studies.walk.film_point import FilmPoint
+from tympan.studies.walk.flat_film import at_point, flat_limits, nominal
 
 #: Longest step to a limit, relative to the frame's half extent: a cubic joins its ends. Steps of
 #: 0.1 miss instabilities that last for a short way.
 _LONG = 0.03
 
-#: Test voltage [V] for a film that no voltage moves; its value is arbitrary.
-_TRIED = 1.0
-
-#: Relative distance from a flat film's loss of tension up to which instability is checked.
-_TAUT = 1e-6
-
 #: Relative difference below which two voltages count as equal.
 _SAME = 1e-6
-
-#: Largest motion by a voltage that moves nothing, relative to the frame and to the share of the
-#: stress that the voltage takes. Where an electrode covers a part, the motion is about that share.
-_STIRS = 1e-3
-
-#: Largest distance from flat of a film that counts as flat, relative to the frame.
-_FLAT = 1e-6
 
 
 #: Field of several results: the stroke up to the first limit.
@@ -197,16 +178,16 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
     if start.status != "equilibrium":
         ended = Limits({}, ended=_before_voltage(case, start, settings))
         return Rise(model, start.status, (), (), ended)
-    if (still := _unmoved(case, model, start, settings)) is not None:
+    if (flat := flat_limits(case, model, start, settings)) is not None:
         return Rise(model, start.status, (replace(case, voltage=0.0),),
-                    (Stop(FilmPoint(model, _still(start))),), still)
+                    (Stop(FilmPoint(model, at_point(start))),), flat)
     passed = list(_to_limit(case, model, start.state, settings, first, beyond, step))
     reached = _limits(case, passed)
     if reached.snap_through is not None and not first:
         back = _snap_back(case, model, passed, settings)
         reached = replace(reached, by_kind={**reached.by_kind, SNAP_BACK.kind: back})
     way = tuple(apart(passed))
-    cases = tuple(replace(case, voltage=_nominal(case, stop.film.voltage)) for stop in way)
+    cases = tuple(replace(case, voltage=nominal(case, stop.film.voltage)) for stop in way)
     return Rise(model, start.status, cases, way, replace(reached, ended=_told(reached)))
 
 
@@ -263,7 +244,7 @@ def _to_limit(case: Case, model: Model, start: State, settings: Settings, first:
     """
     # If the mesh does not resolve the branch, the limits state their uncertainty.
     unchecked = replace(settings.path, unbalanced=np.inf)
-    for stop in stops(case, model, start, "voltage", unchecked, step=step):
+    for stop in stops(case, model, start, "voltage", unchecked, step=step, beyond=beyond):
         landed = stop.landed(settings.path) if stop.happens(PULL_IN) else None
         if landed is not None:
             yield stop.at(SNAP_THROUGH)
@@ -295,107 +276,6 @@ def _snap_back(case: Case, model: Model, passed: list[Stop], settings: Settings)
     return None
 
 
-def _highest(case: Case, film_voltage: float) -> bool:
-    """Check whether the supply cannot give a film a higher voltage [V]."""
-    return film_voltage >= (1 - _SAME) * case.rig.most_film_voltage(case.direction)
-
-
-def _unmoved(case: Case, model: Model, start: Outcome, settings: Settings) -> Limits | None:
-    """Find the limits of a flat film, fully covered, that no voltage moves.
-
-    It has no plate, or a fixed one. The Maxwell stress is proportional to U², the field to U. None
-    for any other film.
-    """
-    if HEAVE in model.plate_freedoms or _away(model, start.state) > _FLAT * model.size:
-        return None
-    flat = FilmPoint(model, _still(start))
-    charged = equilibrium(model, 0.0, _TRIED, start.state.pressure, settings=settings.path)
-    if charged.status != "equilibrium":
-        return None
-    pressed = FilmPoint(model, _still(charged))
-    fall = flat.pressed.stress_2 - pressed.pressed.stress_2
-    if not (fall > 0).all():
-        return None
-    taken = float((fall / np.maximum(flat.pressed.stress_2, fall)).max())
-    if _away(model, charged.state) > _away(model, start.state) + _STIRS * taken * model.size:
-        return None
-    share = pressed.fields.breakdown_share
-    tension = _TRIED * np.sqrt(np.maximum(flat.pressed.stress_2, 0.0) / fall)
-    first = {TENSION.kind: tension,
-             BREAKDOWN.kind: _TRIED / np.where(share > 0, share, 1e-300)}
-    reached = {kind: _flat_limit(case, flat, kind, float(voltages.min()), int(voltages.argmin()))
-               for kind, voltages in first.items() if not _highest(case, float(voltages.min()))}
-    reached |= _flat_states(case, flat, max((limit.voltage_V for limit in reached.values()),
-                                            default=case.rig.most_film_voltage(case.direction)))
-    gone = _flat_instability(case, flat, float(tension.min()))
-    still = "no pull-in was found: the film stays flat, the voltage moves nothing"
-    if gone is not None:
-        reached[INSTABILITY.kind] = gone
-    return Limits(reached, ended=still if reached else above_words(case))
-
-
-def _flat_states(case: Case, flat: FilmPoint, highest: float) -> dict[str, Limit]:
-    """Find where a flat film reaches further local limit states, up to a voltage [V]."""
-    others = [state for kind, state in LIMIT_STATES.items()
-              if state.local and kind not in (TENSION.kind, BREAKDOWN.kind, INSTABILITY.kind)]
-    found = {state.kind: _flat_state(case, flat, state, highest) for state in others}
-    return {kind: limit for kind, limit in found.items() if limit is not None}
-
-
-def _flat_state(case: Case, flat: FilmPoint, state: LimitState, highest: float) -> Limit | None:
-    """Find where a flat film reaches one limit state, up to a voltage [V]; None if it does not."""
-    def field(voltage: float) -> Array:
-        charged = flat.point.state.under(voltage=voltage**2)
-        solution = replace(flat.point.solution, state=charged)
-        return state.field(replace(flat, point=replace(flat.point, solution=solution)))
-
-    def margin(voltage: float) -> float:
-        return float(field(voltage).min(initial=np.inf))
-
-    voltage = root_between(margin, 0.0, highest) if margin(0.0) > 0 else 0.0
-    if voltage is None:
-        return None
-    return _flat_limit(case, flat, state.kind, voltage, int(np.argmin(field(voltage))))
-
-
-def _away(model: Model, state: State) -> float:
-    """Compute the largest distance of a node from the flat mounted film [m]."""
-    return float(np.abs(state.positions - model.discretisation.reference).max())
-
-
-def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None:
-    """Find where a flat film becomes unstable before its loss of tension [V]; else None."""
-    def state(voltage: float) -> State:
-        return flat.point.state.under(voltage=voltage**2)
-
-    def margin(voltage: float) -> float:
-        return least_firmness(flat.model, state(voltage))
-
-    taut = slack * (1 - _TAUT)
-    if not margin(taut) < 0:
-        return None
-    voltage = root_between(margin, 0.0, taut) if margin(0.0) > 0 else 0.0
-    if voltage is None or _highest(case, voltage):
-        return None
-    place = int(np.argmin(firmness(flat.model, state(voltage))))
-    return _flat_limit(case, flat, INSTABILITY.kind, voltage, place)
-
-
-def _flat_limit(case: Case, flat: FilmPoint, kind: str, voltage: float, place: int) -> Limit:
-    x, y = mounted_place(flat.fields.position[place])
-    return Limit(kind=kind, voltage_V=_nominal(case, voltage), x_m=x, y_m=y,
-                 ring=case.axisymmetric)
-
-
-def _still(outcome: Outcome) -> PathPoint:
-    return PathPoint(outcome.solution, (np.zeros(0), np.zeros(0)), np.inf)
-
-
-def _nominal(case: Case, film_voltage: float) -> float:
-    """Find the nominal voltage for a film voltage [V]."""
-    return case.rig.shown_voltage(film_voltage, case.direction)
-
-
 def _limits(case: Case, passed: list[Stop]) -> Limits:
     """Collect the first limit of each type on the way."""
     reached: dict[str, Limit] = {}
@@ -413,7 +293,7 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
             thins |= kind == INSTABILITY.kind and stop.film.thins
     ended = passed[-1].ended if passed else UNFOLLOWED
     if passed and ended == UNFOLLOWED:
-        followed = _nominal(case, passed[-1].film.voltage)
+        followed = nominal(case, passed[-1].film.voltage)
         ended = f"the film could not be followed beyond {followed / 1e3:.4g} kV"
     tension, gone = reached.get(TENSION.kind), reached.get(INSTABILITY.kind)
     if gone is not None and thins:
@@ -430,7 +310,7 @@ def _limit(case: Case, stop: Stop) -> Limit:
     assert stop.event is not None
     kind = stop.event.what
     state = LIMIT_STATES[kind]
-    return Limit(kind=kind, voltage_V=_nominal(case, stop.film.voltage), x_m=stop.event.x_m,
+    return Limit(kind=kind, voltage_V=nominal(case, stop.film.voltage), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
                  at_edge=stop.film.on_electrode_edge(state),
                  at_corner=stop.film.at_sharp_corner(state), ring=case.axisymmetric)

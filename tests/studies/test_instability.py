@@ -149,7 +149,7 @@ def test_every_command_has_the_end_of_a_wrinkled_film_at_one_voltage(mass: float
     voltages = [*(np.sqrt(end.limit) for end in ends), branch.events[-1].value,
                 drawn.table["voltage"][~asked].max()]
     assert voltages == pytest.approx(6 * [gone.voltage_V], rel=1e-6)
-    assert branch.warnings[0] == "followed until the film, wrinkled, thins without bound"
+    assert branch.warnings[0].startswith("followed until the film, wrinkled, thins without bound")
     assert branch.stations[-1].voltage_V == branch.events[-1].value
     assert drawn.table["status"][asked].tolist() == ["equilibrium", "no_equilibrium"]
 

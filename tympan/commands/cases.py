@@ -106,8 +106,9 @@ def solve(options: argparse.Namespace) -> None:
 
 #: Option to follow a film beyond the end of any real film.
 _BEYOND = argument("--beyond", action="store_true",
-                   help="where the film, wrinkled, thins without bound, follow it on as one kept "
-                        "from wrinkling, to its pull-in (a few times the work)")
+                   help="follow the film on to where no real one gets: far beyond its electric "
+                        "strength, and, where it thins without bound, as one kept from wrinkling, "
+                        "to its pull-in (a few times the work)")
 
 
 @command("limits", SPECIMEN, argument("--mass", help='of plate, hook and weight, such as "17.9 g" '
