@@ -198,8 +198,9 @@ def limits(specimen: Specimen, settings: Settings = Settings(), *, beyond: bool 
     """Compute limits of the voltage: loss of tension, breakdown, instability, pull-in.
 
     ``result.limits.limit`` is the first of them, with ``kind`` and ``voltage_V``. Without a mass
-    one is chosen that suits the film. ``beyond``: where the wrinkled film gets thinner without
-    limit, continue as if it could not wrinkle, to its pull-in.
+    one is chosen that suits the film. ``beyond``: continue to where no real film gets: far beyond
+    its electric strength, and, where it gets thinner without limit, as if it could not wrinkle, to
+    its pull-in.
     """
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.loads import usual_masses

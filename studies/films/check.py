@@ -23,7 +23,8 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
 from tympan.studies.films.many_films import Films, FilmsAt
-from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
+from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
+from tympan.studies.films.tilting import TURNS, each_of
 
 #: Force [N] that replaces zero, to avoid a division by 0.
 _NOTHING = 1e-12
@@ -97,7 +98,9 @@ class ResidualCheck(FieldsAlone):
         if films.gas:
             pressure = films.pressure[number]
             nodal -= pressure[:, None, None] * self._swept(films, number, q)
-            by_deflection, by_turns = films.volume.of_plates(number, q[:, 0], q @ films.turns.T)
+            by_deflection, by_turns = films.volume.of_plates(number, q[:, 0],
+                                                             films.tilts(number, q))
+            by_turns = (by_turns[:, None] @ each_of(films.tilting.slants, number))[:, 0]
             on_plate[:, HEAVE] -= pressure * by_deflection
             on_plate[:, TURNS] -= pressure[:, None] * by_turns
         mesh = self.model.discretisation
@@ -109,14 +112,13 @@ class ResidualCheck(FieldsAlone):
             bends = films.whole.shapes[films.count:]
             nodes = mesh.plate_nodes
             on_edge = np.einsum("snc,mnc->sm", nodal[:, nodes], bends[:, nodes])
-            x, y = (q @ films.turns.T).T
-            first, second, both = on_edge.T
-            for turn, pushed in enumerate((2 * x * first + y * both, 2 * y * second + x * both)):
+            slopes = films.tilting.slopes(number, q @ films.turns.T)
+            for turn, pushed in enumerate(np.einsum("sm,smi->is", on_edge, slopes)):
                 if (freedom := TURNS.start + turn) in freedoms:
                     edge[:, freedoms.index(freedom)] += pushed
             on_bends = inner @ np.array([bend[mesh.free] for bend in bends]).T
         whole = np.concatenate([inner, edge], 1)
-        on_shapes = whole @ self.motions.T + films.by_bends(q, on_bends)
+        on_shapes = whole @ self.motions.T + films.by_bends(number, q, on_bends)
         _, tangent = films.pull(number, q, squared)
         first = np.linalg.solve(tangent, on_shapes[..., None])[:, 0, 0]
         film, plate = self.tangent.respond((inner.T / mesh.mirrored, edge.T / mesh.mirrored))
@@ -133,7 +135,7 @@ class ResidualCheck(FieldsAlone):
         """
         sites, shapes = films.whole.sites, films.whole.shapes
         x = films.nodes[number].copy()
-        moved = np.tensordot(films.along(q), shapes, 1)
+        moved = np.tensordot(films.along(number, q), shapes, 1)
         x += moved[..., :2]
         a, b, c, d = sites.tangents(x).transpose(1, 0, 2)
         weights = sites.weights * sites.turns

@@ -58,9 +58,10 @@ from tympan.studies.films.many_films import (
     ShapesAt,
     positive_definite,
 )
-from tympan.studies.films.reduction import TURNS, Reduction, Snapshot, plate_freedoms
+from tympan.studies.films.reduction import Reduction, Snapshot, plate_freedoms
 from tympan.studies.films.sites import Sites
 from tympan.studies.films.states import FilmEnds, FilmStates
+from tympan.studies.films.tilting import TURNS, Tilting
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,9 @@ _WORK = 2e-5
 _SOFTENING = 0.02
 #: Largest number of shapes: the cost of a tangent grows with its square.
 _MOST = 24
+#: Largest ratio of the largest estimate to that of the round before for which a family of that many
+#: shapes gets further films: it hardly gains by them.
+_GAINED = 0.5
 
 #: Part of a load's range that scales the rate of a state's motion to a motion.
 _RATE = 0.3
@@ -240,6 +244,16 @@ class Ground:
         """Larger half extent of the frame [m]."""
         return self.model.size
 
+    def tilting(self, reduction: Reduction, rows: AnyArray, nodes: AnyArray) -> Tilting:
+        """Find how the films' plates tilt by shapes; ``nodes`` of their meshes [m]."""
+        arms, columns = self.model.arms[None, :, :2], self.box.columns(rows)
+        if any(name.startswith(_SIZES) for name in columns):
+            centre = np.column_stack([
+                np.broadcast_to(columns.get(f"plate.offset.{axis}", own), len(rows))
+                for axis, own in enumerate(self.box.specimen.centre)])
+            arms = nodes[:, self.model.discretisation.plate_nodes] - centre[:, None]
+        return Tilting.of(reduction.arms[:, :2], arms)
+
     def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None
                ) -> tuple[Model, Solution] | None:
         """Solve a finite-element film; None unless it is taut and stable.
@@ -274,6 +288,11 @@ class Ground:
         return State(model.discretisation.reference + motion,
                      PlateMotion.rest().moved(freedoms), squared, force, self.gas(row))
 
+
+#: Paths of lengths and angles of which plates of other sizes, or turned ones, have others.
+_SIZES = ("plate.outline", "plate.rotation")
+#: Number of the only film.
+_ALONE = np.zeros(1, dtype=np.int64)
 
 #: Largest nonlinearity of the nodes' motions, over the frame's half extent.
 _STRAIGHT = 1e-9
@@ -480,7 +499,7 @@ class FilmFamily:
             squared = voltages[part][number] ** 2
             balance = films.balanced(number, np.zeros(len(number)), squared, q[part][number],
                                      held=True)
-            forces = films.forces(number, balance.q, squared)[:, 0] / films.lever
+            forces = films.forces(number, balance.q, squared)[:, 0] / films.lever(number)
             result[part][number] = np.where(balance.sound, forces, np.nan)
         return result
 
@@ -509,7 +528,8 @@ class FilmFamily:
                   "error": error, "stretch": extremes.stretch, "stress": extremes.stress,
                   "tension": extremes.tension, "electric": extremes.electric,
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
-                  "weakest_strength": extremes.weakest_strength, "tilt": self._tilt(q),
+                  "weakest_strength": extremes.weakest_strength,
+                  "tilt": self._tilt(films, number, q),
                   "frequency": _frequency(films, number, q, squared, mass),
                   "stress_error": self.restressed * extremes.stress}
         masked: dict[str, Any] = {name: np.where(holds, value, np.nan).reshape(shape)
@@ -623,7 +643,7 @@ class FilmFamily:
         """Solve for equilibria of films, by their numbers, under loads of each."""
         return films.first_rests(number, force, squared)
 
-    def _tilt(self, q: AnyArray) -> AnyArray:
+    def _tilt(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
         """Compute the tilts of the plates [rad]."""
         return np.zeros(len(q))
 
@@ -682,9 +702,11 @@ class ReducedFamily(FilmFamily):
 
     def films(self, rows: AnyArray) -> Films:
         """Build the films with given parameters, rows of (films, names)."""
-        return replace(self._one, rows=rows, columns=self.box.columns(rows),
-                       nodes=self.ground.nodes(rows), spring=self.box.springs(rows),
-                       pressure=self.box.pressures(rows, self.ground.pressure))
+        nodes = self.ground.nodes(rows)
+        return replace(self._one, rows=rows, columns=self.box.columns(rows), nodes=nodes,
+                       spring=self.box.springs(rows),
+                       pressure=self.box.pressures(rows, self.ground.pressure),
+                       tilting=self.ground.tilting(self.reduction, rows, nodes))
 
     @cached_property
     def _one(self) -> Films:
@@ -714,11 +736,11 @@ class ReducedFamily(FilmFamily):
                                             squared)
         return near
 
-    def _tilt(self, q: AnyArray) -> AnyArray:
+    def _tilt(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
         """Compute the tilts of the plates [rad]."""
         if self.ground.model.discretisation.planes == {"x", "y"}:
             return np.zeros(len(q))
-        return np.asarray(np.arcsin(np.minimum(np.hypot(*(q @ self._one.turns.T).T), 1.0)))
+        return np.asarray(np.arcsin(np.minimum(np.hypot(*films.tilts(number, q).T), 1.0)))
 
     def error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray,
               stiffness: AnyArray) -> AnyArray:
@@ -782,14 +804,16 @@ def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, m
 def films_of(ground: Ground, reduction: Reduction, rows: AnyArray) -> Films:
     """Build the films with given parameters."""
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.every
-    turns = [plate_freedoms(ground.model, shape)[TURNS] for shape in reduction.shapes]
+    turns = [plate_freedoms(ground.model, shape, reduction.arms)[TURNS]
+             for shape in reduction.shapes]
     few = whole.some(reduction.points, reduction.shares)
-    box = ground.box
+    box, nodes = ground.box, ground.nodes(rows)
     return Films(specimen=box.specimen, rows=rows, columns=box.columns(rows),
-                 nodes=ground.nodes(rows), points=ShapesAt(few, shapes),
+                 nodes=nodes, points=ShapesAt(few, shapes),
                  whole=ShapesAt(whole, shapes), loading=ground.model.loading,
                  spring=box.springs(rows), pressure=box.pressures(rows, ground.pressure),
-                 gap=np.array([box.specimen.gap]), turns=np.array(turns).T)
+                 gap=np.array([box.specimen.gap]), turns=np.array(turns).T,
+                 tilting=ground.tilting(reduction, rows, nodes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -879,11 +903,15 @@ class _Making:
         shots = self._first(*self.drawn(count, settings.seed))
         rows, forces, squares = self.drawn(settings.candidates, settings.seed + 1)
         family, balance = self._family(shots, rows, forces, squares)
+        last = np.inf
         for _ in range(settings.rounds):
             held = np.flatnonzero(balance.sound)
             worst, estimates = self._worst(family, rows[held], forces[held], squares[held])
             if not len(worst) or estimates[0] <= settings.error:
                 break
+            if len(family.reduction.shapes) == _MOST and estimates[0] > _GAINED * last:
+                break
+            last = estimates[0]
             more = [shot for number in held[worst] if (shot := self._refined(
                 family, rows[number], forces[number], squares[number])) is not None]
             if not more:
@@ -1007,7 +1035,8 @@ class _Making:
     def _found(self, family: ReducedFamily, q: AnyArray, row: AnyArray, force: float, squared: float
                ) -> tuple[Model, Solution] | None:
         """Solve the finite-element film near a state of the family."""
-        motion = np.tensordot(family.films(row[None]).along(q[None])[0], family.reduction.every, 1)
+        along = family.films(row[None]).along(_ALONE, q[None])[0]
+        motion = np.tensordot(along, family.reduction.every, 1)
         return self.ground.solved(row, force, squared, motion)
 
     def _outermost(self, rows: AnyArray, solved: list[tuple[int, float]]) -> list[tuple[int,

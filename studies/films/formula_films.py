@@ -24,6 +24,7 @@ from tympan.studies.films.many_films import (
     ShapesAt,
 )
 from tympan.studies.films.sites import Sites
+from tympan.studies.films.tilting import Tilting
 
 #: Paths of the frame's numbers.
 _FRAME = "frame."
@@ -45,11 +46,11 @@ class FormulaFilms(Films):
            ) -> FormulaFilms:
         """Make the films of a box with given parameters, rows of (films, names)."""
         point = ShapesAt(_point(), np.array([[[0.0, 0.0, 1.0]]]))
-        centre = np.array([box.specimen.centre])
+        centre, none = np.array([box.specimen.centre]), np.zeros((0, 2))
         return cls(box.specimen, rows, box.columns(rows),
                    np.broadcast_to(centre, (len(rows), *centre.shape)), point, point, loading,
                    box.springs(rows), box.pressures(rows, pressure),
-                   np.array([box.specimen.gap]), np.zeros((2, 1)),
+                   np.array([box.specimen.gap]), np.zeros((2, 1)), Tilting.of(none, none[None]),
                    formula=formula, step=step_of(box.specimen))
 
     def some(self, films: Any) -> Any:

@@ -26,8 +26,8 @@ from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.box import plate_areas
-from tympan.studies.films.reduction import squares_of
 from tympan.studies.films.sites import Sites
+from tympan.studies.films.tilting import Tilting, each_of
 
 #: Number of states times points that are computed together: some 60 arrays of this size stay in a
 #: core's cache. With 8192, films of a tolerance take 7 % more time, those of a sweep the same.
@@ -168,9 +168,10 @@ class Films:
     ``rows``: parameters of their family, (films, names). ``nodes`` of their meshes [m], (films,
     nodes, 2). ``points`` and ``whole``: shapes at the representative points and at all points.
     ``loading``: actions on all films. ``spring``: additional spring on each plate [N/m], (films,).
-    ``pressure``: gas pressure below each film [Pa], (films,). ``turns``: tilts of the plates about
-    x and y by the shapes [rad/m], (2, shapes). The films move along the last shapes of ``points``
-    and ``whole``, their bends, by squares of these tilts.
+    ``pressure``: gas pressure below each film [Pa], (films,). ``turns``: tilts about x and y of the
+    plate that the shapes belong to, by the shapes [rad/m], (2, shapes). The films move along the
+    last shapes of ``points`` and ``whole``, their bends, by squares of these tilts. ``tilting``:
+    how plates of other sizes tilt and bend by them.
     """
 
     specimen: Specimen
@@ -184,6 +185,7 @@ class Films:
     pressure: AnyArray
     gap: AnyArray
     turns: AnyArray
+    tilting: Tilting
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -203,57 +205,64 @@ class Films:
         """Whether there is gas below some of the films."""
         return bool(self.pressure.any())
 
-    @cached_property
-    def lift(self) -> AnyArray:
-        """Derivative by q of the deflection of the point where the force acts, (shapes,)."""
+    def lift(self, films: AnyArray) -> AnyArray:
+        """Differentiate the deflection where the force acts by q, (states, shapes)."""
         x, y = self.loading.arm
-        lift: AnyArray = y * self.turns[0] - x * self.turns[1]
-        lift[0] += float(self.specimen.plate is not None)
+        tilts = each_of(self._tilts, films)
+        lift: AnyArray = y * tilts[:, 0] - x * tilts[:, 1]
+        lift[:, 0] += float(self.specimen.plate is not None)
         return lift
 
+    def leverage(self, films: AnyArray) -> AnyArray:
+        """Divide the lift by that of the plate's deflection, (states, shapes)."""
+        return self.lift(films) / self.lever(films)[:, None]
+
+    def lever(self, films: AnyArray) -> AnyArray:
+        """Differentiate that point's deflection by the plate's, (states,); 1 without a plate."""
+        lever = self.lift(films)[:, 0]
+        return np.where(lever == 0, 1.0, lever)
+
+    def tilts(self, films: AnyArray, q: AnyArray) -> AnyArray:
+        """Compute the sines of the plates' tilts about x and y in states q, (states, 2)."""
+        return np.asarray((each_of(self._tilts, films) @ q[..., None])[..., 0])
+
     @cached_property
-    def leverage(self) -> AnyArray:
-        """The lift over that of the plate's deflection, (shapes,)."""
-        return self.lift / self.lever
+    def _tilts(self) -> AnyArray:
+        """Tilts of the films' plates by the shapes [rad/m], (films, 2, shapes)."""
+        return np.asarray(self.tilting.slants @ self.turns)
 
-    @property
-    def lever(self) -> float:
-        """Derivative of that point's deflection by the plate's; 1 without a plate."""
-        return float(self.lift[0]) or 1.0
-
-    def along(self, q: AnyArray) -> AnyArray:
+    def along(self, films: AnyArray, q: AnyArray) -> AnyArray:
         """Add the bends' amplitudes to states q."""
-        return np.hstack([q, squares_of(q @ self.turns.T)]) if self.bends else q
+        if not self.bends:
+            return q
+        return np.hstack([q, self.tilting.amplitudes(films, q @ self.turns.T)])
 
-    def _by_turn(self, q: AnyArray) -> AnyArray:
-        """Compute derivatives of the bends' amplitudes by q, (states, 3, shapes)."""
-        along, across = self.turns
-        x, y = (q @ self.turns.T).T[..., None]
-        return np.stack([2 * x * along, 2 * y * across, x * across + y * along], 1)
+    def _by_turn(self, films: AnyArray, q: AnyArray) -> AnyArray:
+        """Compute derivatives of the bends' amplitudes by q, (states, bends, shapes)."""
+        return np.asarray(self.tilting.slopes(films, q @ self.turns.T) @ self.turns)
 
-    def _condensed(self, q: AnyArray, forces: AnyArray) -> AnyArray:
+    def _condensed(self, films: AnyArray, q: AnyArray, forces: AnyArray) -> AnyArray:
         """Convert forces against all shapes to forces against q."""
-        return np.asarray(forces[:, :self.count] + self.by_bends(q, forces[:, self.count:]))
+        return np.asarray(forces[:, :self.count]
+                          + self.by_bends(films, q, forces[:, self.count:]))
 
-    def by_bends(self, q: AnyArray, forces: AnyArray) -> AnyArray:
+    def by_bends(self, films: AnyArray, q: AnyArray, forces: AnyArray) -> AnyArray:
         """Convert forces against the bends, (states, bends), to forces against q."""
         if not self.bends:
             return np.zeros(q.shape)
-        return np.asarray(np.einsum("sm,smk->sk", forces, self._by_turn(q)))
+        return np.asarray(np.einsum("sm,smk->sk", forces, self._by_turn(films, q)))
 
-    def _stiffened(self, q: AnyArray, forces: AnyArray, stiffness: AnyArray) -> AnyArray:
+    def _stiffened(self, films: AnyArray, q: AnyArray, forces: AnyArray, stiffness: AnyArray
+                   ) -> AnyArray:
         """Convert derivatives of forces by all shapes to derivatives by q."""
         if not self.bends:
             return stiffness
-        count, by = self.count, self._by_turn(q)
+        count, by = self.count, self._by_turn(films, q)
         mixed = stiffness[:, :count, count:] @ by
-        along, across = self.turns
-        cross = np.multiply.outer(along, across)
-        second = np.stack([2 * np.multiply.outer(along, along),
-                           2 * np.multiply.outer(across, across), cross + cross.T])
+        bent = np.einsum("sm,smij->sij", forces[:, count:], each_of(self.tilting.bends, films))
         return np.asarray(stiffness[:, :count, :count] + mixed + mixed.swapaxes(1, 2)
                           + by.swapaxes(1, 2) @ stiffness[:, count:, count:] @ by
-                          + np.tensordot(forces[:, count:], second, 1))
+                          + self.turns.T @ bent @ self.turns)
 
     def some(self, films: Any) -> Specimen:
         """Build the specimen with the columns of some films, (films, 1) each.
@@ -347,8 +356,8 @@ class Films:
         square = (nodes.swapaxes(1, 2).reshape(len(nodes), -1) @ by_nodes).reshape(
             len(nodes), *2 * (len(cubic),))
         plates = plate_areas(self.specimen, self.columns, len(self))
-        turns = np.zeros((2, len(cubic)))
-        turns[:, :self.count] = self.turns
+        turns = np.zeros((len(self._tilts), 2, len(cubic)))
+        turns[..., :self.count] = self._tilts
         return Volume(linear, square, cubic, plates, turns)
 
     def parts(self, films: AnyArray, points: int) -> Iterator[slice]:
@@ -358,7 +367,7 @@ class Films:
 
     def strain(self, at: FilmsAt, films: AnyArray, q: AnyArray) -> Strained:
         """Compute the deformation of states q of films, (states, shapes), at points."""
-        x = (self.along(q) @ at.shapes.slopes).reshape(len(q), 6, -1)
+        x = (self.along(films, q) @ at.shapes.slopes).reshape(len(q), 6, -1)
         x[:, :4] += at.flat[films]
         frame = at.frame[films].transpose(1, 0, 2)
         x = x.transpose(1, 0, 2)
@@ -378,11 +387,11 @@ class Films:
         whole = self.few.shapes.coupled(strained.moduli(stress, bend))
         if self.gas:
             pressure = share * self.pressure[films]
-            by, second = self.volume.derivatives(films, self.along(q))
+            by, second = self.volume.derivatives(films, self.along(films, q))
             every = every - pressure[:, None] * by
             whole -= pressure[:, None, None] * second
-        stiffness = self._stiffened(q, every, whole)
-        forces = self._condensed(q, every) - self.weight[films]
+        stiffness = self._stiffened(films, q, every, whole)
+        forces = self._condensed(films, q, every) - self.weight[films]
         push, bend = self.acting(films, q[:, 0])
         forces[:, 0] += push
         stiffness[:, 0, 0] += bend
@@ -401,7 +410,7 @@ class Films:
         """
         carried = force - self.acting(films, q[:, 0])[0]
         if self.gas:
-            by_deflection, _ = self.volume.of_plates(films, q[:, 0], q @ self.turns.T)
+            by_deflection, _ = self.volume.of_plates(films, q[:, 0], self.tilts(films, q))
             carried = carried + self.pressure[films] * by_deflection
         return np.asarray(carried)
 
@@ -411,9 +420,9 @@ class Films:
         strained, stress, _ = self._stressed(films, q, squared, tangent=False)
         every = self._forces(strained, stress)
         if self.gas:
-            by = self.volume.first(films, self.along(q))
+            by = self.volume.first(films, self.along(films, q))
             every -= share * self.pressure[films, None] * by
-        forces = self._condensed(q, every) - self.weight[films]
+        forces = self._condensed(films, q, every) - self.weight[films]
         forces[:, 0] += self.acting(films, q[:, 0])[0]
         return forces
 
@@ -540,7 +549,8 @@ class Films:
             pull -= self._carried(pull, some, task)
             turned = stiffness
             if task.held:
-                turned = stiffness - self.leverage[:, None] * stiffness[:, :1]
+                lever = self.leverage(films[some])
+                turned = stiffness - lever[..., None] * stiffness[:, :1]
                 for part in (stiffness, turned):
                     part[:, 0, :], part[:, :, 0], part[:, 0, 0] = 0.0, 0.0, 1.0
             finite = np.isfinite(stiffness).all((1, 2)) & np.isfinite(pull).all(1)
@@ -574,7 +584,10 @@ class Films:
 
         A held plate is carried by the force that holds it, others by the given force.
         """
-        return pull[:, :1] * self.leverage if task.held else task.force[some, None] * self.lift
+        films = task.films[some]
+        if task.held:
+            return np.asarray(pull[:, :1] * self.leverage(films))
+        return np.asarray(task.force[some, None] * self.lift(films))
 
     def charged(self, films: AnyArray, force: AnyArray, q: AnyArray, squared: AnyArray,
                 chords: int = 0
@@ -596,7 +609,7 @@ class Films:
         for correction in range(chords + 1):
             if correction:
                 pull = self.forces(films, q, squared)
-            pull -= force[:, None] * self.lift
+            pull -= force[:, None] * self.lift(films)
             step = (inverse @ pull[..., None])[..., 0]
             squared = squared - step[:, 0]
             step[:, 0] = 0.0
@@ -681,8 +694,8 @@ class Volume:
     times a twice; ``cubic``, (shapes, shapes, shapes), times a three times; and the part of the
     plates. For films on one mesh the first two arrays have only one film. The part of the plates is
     the ``plates``' area [m²], (films,), times the deflection, which is the first amplitude, times
-    the normal's z: 1 minus half the square of the tilts. ``turns``: tilts by the shapes, (2,
-    shapes).
+    the normal's z: 1 minus half the square of the tilts. ``turns``: tilts by the shapes, (films, 2,
+    shapes), of one film where all plates are alike.
     """
 
     linear: AnyArray
@@ -700,7 +713,7 @@ class Volume:
         """Compute volumes [m³], (states,)."""
         linear, square = self._of(films)
         by = linear + ((square + np.tensordot(a, self.cubic, 1)) @ a[..., None])[..., 0]
-        level, _ = self.of_plates(films, a[:, 0], a @ self.turns.T)
+        level, _ = self.of_plates(films, a[:, 0], self._turned(films, a))
         return np.asarray(level * a[:, 0] - (by * a).sum(1))
 
     def first(self, films: AnyArray, a: AnyArray) -> AnyArray:
@@ -716,12 +729,13 @@ class Volume:
         """
         linear, square = self._of(films)
         cubes = 3 * np.tensordot(a, self.cubic, 1)
-        twice, turn = 2 * square, a @ self.turns.T
-        plate, by_turn = self.plates[films], turn @ self.turns
+        twice, turns = 2 * square, each_of(self.turns, films)
+        plate = self.plates[films]
+        by_turn = (self._turned(films, a)[:, None] @ turns)[:, 0]
         second = -(twice + 2 * cubes)
         second[:, 0] += plate[:, None] * by_turn
         second[:, :, 0] += plate[:, None] * by_turn
-        second += (plate * a[:, 0])[:, None, None] * (self.turns.T @ self.turns)
+        second += (plate * a[:, 0])[:, None, None] * (turns.swapaxes(1, 2) @ turns)
         return self._by(linear, twice + cubes, films, a), second
 
     def of_plates(self, films: AnyArray, deflection: AnyArray, turns: AnyArray) -> tuple[AnyArray,
@@ -735,9 +749,13 @@ class Volume:
 
     def _by(self, linear: AnyArray, twice: AnyArray, films: AnyArray, a: AnyArray) -> AnyArray:
         by = -(linear + (twice @ a[..., None])[..., 0])
-        by_deflection, by_turns = self.of_plates(films, a[:, 0], a @ self.turns.T)
+        by_deflection, by_turns = self.of_plates(films, a[:, 0], self._turned(films, a))
         by[:, 0] += by_deflection
-        return np.asarray(by + by_turns @ self.turns)
+        return np.asarray(by + (by_turns[:, None] @ each_of(self.turns, films))[:, 0])
+
+    def _turned(self, films: AnyArray, a: AnyArray) -> AnyArray:
+        """Compute the tilts, (states, 2)."""
+        return np.asarray((each_of(self.turns, films) @ a[..., None])[..., 0])
 
 
 @dataclass(frozen=True, eq=False)

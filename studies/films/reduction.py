@@ -17,7 +17,6 @@ from scipy.optimize import nnls
 
 from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import InputError
-from tympan.fem.derivatives.shape import with_plate
 from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
@@ -31,6 +30,7 @@ from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
+from tympan.studies.films.tilting import TURNS, Tilting, motions_by_tilt
 from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 
@@ -68,6 +68,9 @@ _SAMPLES = 401
 #: Error of the deflection over its range above which a film does not follow its field model: a
 #: third of a motion is useless.
 _ASTRAY = 0.3
+
+#: Number of the only film.
+_ALONE = np.zeros(1, dtype=np.int64)
 
 #: Work to make a film with its motions, in equilibria. It is a few hundred tangents, and the budget
 #: is ten times as large.
@@ -227,14 +230,16 @@ class Reduction:
 
     ``shapes``: motions of the nodes, the deflection's shape first, (shapes, nodes, 3). ``points``:
     numbers of quadrature points that represent all points; each represents ``shares`` times its own
-    volume. ``bends``: motions of the nodes by the squares of the plate's tilts, (3, nodes, 3); the
-    array may be empty.
+    volume. ``bends``: motions of the nodes by the squares of the plate's tilts, (4, nodes, 3); the
+    array may be empty. ``arms``: nodes on the edge of the plate that shapes and bends belong to,
+    relative to its centre [m], (nodes, 3).
     """
 
     shapes: Array
     points: Numbers
     shares: Array
     bends: Array
+    arms: Array
 
     @property
     def every(self) -> Array:
@@ -251,12 +256,13 @@ class Reduction:
         least resistance, to ``work_left_out`` over ``softening`` of the remaining resistance. With
         ``turning`` plates that tilt stay rigid to second order.
         """
-        bends = motions_by_tilt(snapshots[0].model)[: None if turning else 0]
+        bends, arms = motions_by_tilt(snapshots[0].model), snapshots[0].model.arms
+        bends = bends[: None if turning else 0]
         motions = []
         for shot in snapshots:
             motion = shot.state.positions - shot.model.discretisation.reference
-            rest = _rigid(shot.model, motion, bends)
-            others = (_rigid(shot.model, motion + rate, bends) for rate in shot.rates)
+            rest = _rigid(shot.model, motion, bends, arms)
+            others = (_rigid(shot.model, motion + rate, bends, arms) for rate in shot.rates)
             motions += [rest, *((there - rest[0], lifted - rest[1]) for there, lifted in others)]
         moved, deflection = (np.array(part) for part in zip(*motions, strict=True))
         shares = _shapes(snapshots, moved, deflection, motion_left_out, most)
@@ -267,7 +273,7 @@ class Reduction:
         if softening:
             works = np.concatenate([works, *(softening * _softest(shapes, shot, softening)
                                              for shot in snapshots)])
-        return cls(shapes, *_cubature(works, work_left_out), bends)
+        return cls(shapes, *_cubature(works, work_left_out), bends, arms)
 
     def along(self, other: Reduction) -> Array:
         """Express the shapes of another reduction by these, as nearly as possible, (other, own)."""
@@ -292,55 +298,33 @@ def _gradients(model: Model, shapes: Array) -> Array:
                      for shape in shapes])
 
 
-def _rigid(model: Model, motion: Array, bends: Array) -> tuple[Array, float]:
+def _rigid(model: Model, motion: Array, bends: Array, arms: Array) -> tuple[Array, float]:
     """Make the plate's edge rigid to first order in a motion [m]; return its deflection, too.
 
     Without a plate the deflection is that of the film's centre. The ``bends`` due to the plate's
-    tilts are subtracted. Otherwise the square of a tilt would be a shape of its own, in which the
-    plate stretches.
+    tilts, which belong to a plate of some ``arms``, are subtracted. Otherwise the square of a tilt
+    would be a shape of its own, in which the plate stretches.
     """
     if model.specimen.plate is None:
         return motion, float(motion[model.centre_node, HEAVE])
     edge, freedoms = model.discretisation.plate_nodes, plate_freedoms(model, motion)
     moved = motion.copy()
     if len(bends):
-        moved -= np.tensordot(squares_of(freedoms[TURNS]), bends, 1)
+        tilting = Tilting.of(arms[:, :2], model.arms[None, :, :2])
+        turns = np.linalg.solve(tilting.slants[0], freedoms[TURNS])
+        moved -= np.tensordot(tilting.amplitudes(_ALONE, turns[None])[0], bends, 1)
     rigid = PlateMotion.rest().gradient(model.arms)
     moved[edge] = rigid @ freedoms
     return moved, float(freedoms[HEAVE])
 
 
-#: Plate freedoms that are tilts.
-TURNS = slice(3, 5)
+def plate_freedoms(model: Model, motion: Array, arms: Array | None = None) -> Array:
+    """Fit the plate's six freedoms to a motion of the nodes, to first order, (6,) [m, rad].
 
-
-def squares_of(turns: Array) -> Array:
-    """Compute the squares of tilts about x and y, (..., 2), which scale the bends, (..., 3)."""
-    x, y = turns[..., 0], turns[..., 1]
-    return np.stack([x * x, y * y, x * y], -1)
-
-
-def motions_by_tilt(model: Model) -> Array:
-    """Compute motions of the nodes by the squares of the plate's tilts, (3, nodes, 3) [m].
-
-    They are half of ω × (ω × r) on the plate's edge and decrease smoothly to zero at the other
-    edges. Without tilts the shape is (0, nodes, 3).
+    ``arms``: those of the nodes on its edge, (nodes, 3); the default is the model's.
     """
-    mesh, arms = model.discretisation, model.arms[:, :2]
-    if not set(range(6)[TURNS]) & set(model.plate_freedoms):
-        return np.zeros((0, *mesh.reference.shape))
-    bends = np.zeros((3, *mesh.reference.shape))
-    ways = np.array([[[0.0, 0.0], [0.0, -0.5]], [[-0.5, 0.0], [0.0, 0.0]],
-                     [[0.0, 0.5], [0.5, 0.0]]])
-    for bend, way in zip(bends, ways, strict=True):
-        bend[:, :2] = with_plate(mesh, arms @ way.T)
-    return bends
-
-
-def plate_freedoms(model: Model, motion: Array) -> Array:
-    """Fit the plate's six freedoms to a motion of the nodes, to first order, (6,) [m, rad]."""
     edge = model.discretisation.plate_nodes
-    rigid = PlateMotion.rest().gradient(model.arms).reshape(-1, 6)
+    rigid = PlateMotion.rest().gradient(model.arms if arms is None else arms).reshape(-1, 6)
     return np.asarray(np.linalg.lstsq(rigid, motion[edge].ravel(), rcond=None)[0])
 
 

@@ -153,7 +153,8 @@ def limits(case: Case, settings: Settings, beyond: bool = False) -> Limits:
     """Find the limits while the voltage of a case rises from 0; its own voltage is ignored.
 
     Voltages are nominal, as the rig's supply shows them. ``beyond``: if the film thins without
-    bound before its pull-in, also find the pull-in of a film that cannot wrinkle.
+    bound before its pull-in, also find the pull-in of a film that cannot wrinkle, and continue far
+    beyond its electric strength.
     """
     return rise(case, settings, beyond=beyond).limits
 
@@ -168,7 +169,8 @@ def rise(case: Case, settings: Settings, first: bool = False, beyond: bool = Fal
     """Raise the voltage of a case from 0 to pull-in, instability, or a failed step.
 
     ``first``: stop at the first limit of any type. ``beyond``: if a wrinkled film thins without
-    bound, continue to the pull-in of a film that cannot wrinkle; no real film reaches it.
+    bound, continue to the pull-in of a film that cannot wrinkle, and far beyond the film's electric
+    strength; no real film gets there.
     ``step``: the longest step, relative to the frame's half extent.
     """
     case = replace(case, voltage=0.0)

@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from tympan.base.arrays import Array, Mask
+from tympan.base.arrays import AnyArray, Array
 from tympan.base.errors import InputError
+from tympan.base.paths import at
+from tympan.base.points import drawn_points
 from tympan.base.process.threads import one_thread
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -50,6 +52,15 @@ _TOGETHER = 50
 #: Largest relative error of a row by reduced films; other rows are left to finite elements.
 EXACT = 1e-4
 
+#: Why rows come from finite elements though there is a reduced film.
+_SLACK = "the film has lost tension, or nearly so"
+_INEXACT = "the reduced film is not exact enough by its estimated error"
+
+#: Share of random films that must be exact in a family; below it each half gets one of its own.
+_WIDE = 0.7
+#: Number of these random films, and their seed, which is arbitrary.
+_TRIED, _SEED = 64, 5
+
 #: Most batches of one family, which is sent with each of them, before the batches become larger.
 _MOST_BATCHES = 500
 
@@ -80,15 +91,30 @@ class Kin:
         return cls(replace(box.specimen, name="family"), tuple(named), (min(forces), max(forces)),
                    (min(voltages), max(voltages)), tasks[0].rig, tasks[0].settings)
 
-    def made(self) -> FilmFamily | None:
-        """Make the family; None where it cannot be made."""
+    def made(self) -> FilmFamily | str:
+        """Make the family, or say why it cannot be made."""
         names, low, high = zip(*self.box, strict=True)
         box = Box(self.specimen, names, np.array(low), np.array(high))
         try:
             with one_thread():
                 return FilmFamily.over(box, self.force, self.voltage, self.rig, self.settings)
-        except InputError:
-            return None
+        except InputError as error:
+            return f"no reduced film can be made: {InputError(error.allowed, key=error.key)}"
+
+
+    def halved(self, tasks: list[SweepTask]) -> tuple[list[SweepTask], ...]:
+        """Divide tasks at the middle of the widest range; none if a half has too few."""
+        def relative(number: int) -> float:
+            _, low, high = self.box[number]
+            return (high - low) / max(abs(low), abs(high))
+
+        widest = max(range(len(self.box)), key=relative)
+        name, low, high = self.box[widest]
+        values = [at(task.specimen, name.split(".")) for task in tasks]
+        halves = ([task for task, value in zip(tasks, values, strict=True)
+                   if (value > (low + high) / 2) == upper] for upper in (False, True))
+        found = tuple(half for half in halves if half)
+        return found if all(len(half) * _cost(half[0]) >= _WORTH for half in found) else ()
 
 
 def forces_of(task: SweepTask) -> list[float]:
@@ -103,21 +129,23 @@ def film_voltages_of(task: SweepTask) -> list[float]:
 
 
 def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
-    """Add the family to all tasks of a sweep that a reduced film may solve."""
+    """Add the family to all tasks of a sweep that a reduced film may solve, or why none may."""
     groups = defaultdict[object, list[int]](list)
     for number, task in enumerate(tasks):
-        if task is not None and _reducible(task):
+        if task is not None:
             groups[kind_of(task.specimen), task.rig, task.settings].append(number)
     result = list(tasks)
     for numbers in groups.values():
         members = [task for number in numbers if (task := tasks[number]) is not None]
         if len(members) * _cost(members[0]) < _WORTH:
             continue
-        kin = Kin.of(members)
-        if not kin.box:
-            continue
+        alike = [task for task in members if not _irreducible(task)]
+        kin = Kin.of(alike) if alike else None
         for number, task in zip(numbers, members, strict=True):
-            result[number] = replace(task, kin=kin, family=kin_id(kin))
+            if why := _irreducible(task):
+                result[number] = replace(task, why=why)
+            elif kin is not None and kin.box:
+                result[number] = replace(task, kin=kin, family=kin_id(kin))
     return result
 
 
@@ -132,19 +160,22 @@ def kin_id(kin: Kin) -> str:
     return json_digest(repr(kin))
 
 
-def _reducible(task: SweepTask) -> bool:
-    """Test whether a reduced film can answer all questions of a task."""
+def _irreducible(task: SweepTask) -> str:
+    """Say why a reduced film cannot answer all questions of a task; "" if it can."""
     specimen = task.specimen
-    asked = [QUESTIONS[name] for name in task.ask.names]
-    if task.fields or task.figures or any(
-            quantity.of_states and quantity.by_family is None for quantity in asked):
-        return False
+    left = [name for name in task.ask.names
+            if QUESTIONS[name].of_states and QUESTIONS[name].by_family is None]
+    asked = ["fields"] * task.fields + ["figures"] * task.figures + left
+    if asked:
+        return f"{' and '.join(asked)} of a film need its own finite elements"
     try:
         require_reducible(specimen, task.rig)
-    except InputError:
-        return False
-    # At an electrode's edge within the film, the film may become unstable in itself.
-    return specimen.electrode.everywhere
+    except InputError as error:
+        return str(InputError(error.allowed, key=error.key))
+    if not specimen.electrode.everywhere:
+        return ("at an electrode's edge within the film, the film may become unstable in itself, "
+                "which reduced films do not show")
+    return ""
 
 
 @dataclass(frozen=True)
@@ -173,21 +204,25 @@ class Batch:
             answers = {name: answer(grid) for name in self.tasks[0].ask.names
                        if (answer := QUESTIONS[name].by_family) is not None}
             made = _rows(self.tasks, family, grid.states)
-            sure = _sure(grid.states)
-            for films in answers.values():
-                sure &= [[record is not None for record in film] for film in films]
+            why = _unsure(grid.states)
+            for name, films in answers.items():
+                missing = np.array([[record is None for record in film] for film in films])
+                why[missing & (why == "")] = f"{_INEXACT} of {name}"
             took = (time.perf_counter() - began) / len(self.tasks)
         return {task.id: _completed(task, made[number], {
-            name: films[number] for name, films in answers.items()}, sure[number], took)
+            name: films[number] for name, films in answers.items()}, why[number], took)
                 for number, task in enumerate(self.tasks)}
 
 
-def _sure(states: FilmStates) -> Mask:
-    """Find the states with a guaranteed accuracy of the family: a mask."""
+def _unsure(states: FilmStates) -> AnyArray:
+    """Say why states have no guaranteed accuracy of the family, (films, states); "" where sure."""
     # Comparisons with missing states are false.
     exact = states.error <= EXACT * np.abs(states.deflection)
     tense = ~(states.tension <= TENSE * states.stress)  # a film without fields has no stress
-    return states.holds & exact & tense & states.sound
+    return np.select([~states.holds & states.slack, ~states.holds, ~states.sound, ~tense, ~exact],
+                     [_SLACK, "the reduced film finds no equilibrium, or the film is outside its "
+                      "ranges", "the film is outside the range of its law, or soft in itself",
+                      _SLACK, f"{_INEXACT} of the deflection"], "").astype(object)
 
 
 def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
@@ -196,13 +231,38 @@ def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
     for task in tasks.values():
         groups[task.family or task.id].append(task)
     together: dict[str, Batch] = {}
-    for members in groups.values():
-        kin = members[0].kin
-        family = kin.made() if isinstance(kin, Kin) else None
-        size = max(_TOGETHER, len(members) // _MOST_BATCHES) if family else 1
-        together |= {members[start].id: Batch(tuple(members[start:start + size]), family)
-                     for start in range(0, len(members), size)}
+    for every in groups.values():
+        for family, members in _of_families(every[0].kin, every):
+            size = max(_TOGETHER, len(members) // _MOST_BATCHES) if family else 1
+            together |= {members[start].id: Batch(tuple(members[start:start + size]), family)
+                         for start in range(0, len(members), size)}
     return together
+
+
+def _of_families(kin: Any, tasks: list[SweepTask]
+                 ) -> Iterator[tuple[FilmFamily | None, list[SweepTask]]]:
+    """Make the family of some tasks; where it is too wide to be exact, one of each half of it."""
+    family = kin.made() if isinstance(kin, Kin) else None
+    if isinstance(family, str):
+        yield None, [replace(task, why=family) for task in tasks]
+        return
+    halves = kin.halved(tasks) if family is not None and _exact_share(family) < _WIDE else ()
+    for half in halves:
+        yield from _of_families(Kin.of(half), half)
+    if not halves:
+        yield family, tasks
+
+
+def _exact_share(family: FilmFamily) -> float:
+    """Compute the share of random films of a family whose deflections are exact enough."""
+    rows = family.drawn(_TRIED, _SEED)
+    loads = drawn_points(2, _TRIED, _SEED)
+    force, voltage = (low + share * (high - low) for share, (low, high) in
+                      zip(loads.T[..., None], (family.force, family.voltage), strict=True))
+    with one_thread():
+        states = family.states(rows, force, voltage)
+    exact = states.error <= EXACT * np.abs(states.deflection)
+    return float(exact[states.holds].mean()) if states.holds.any() else 0.0
 
 
 def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) -> list[list[Row]]:
@@ -212,7 +272,7 @@ def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) ->
         "reading_m": tasks[0].rig.reading(states.deflection),
         "deflection_error_m": states.error, "max_true_stress_error_Pa": states.stress_error}
     blank = dict.fromkeys(columns()) | {
-        "status": "equilibrium", "dofs": family.ground.model.unknowns, "by": BY_REDUCED}
+        "status": "equilibrium", "dofs": family.ground.model.unknowns, "by": BY_REDUCED, "why": ""}
     near = zip(states.breakdown.tolist(), states.weakest_field.tolist(),
                states.weakest_strength.tolist(), states.weakest.tolist(), strict=True)
     made = []
@@ -243,19 +303,19 @@ def _remarks(task: SweepTask) -> Iterator[tuple[str, ...]]:
 
 
 def _completed(task: SweepTask, rows: list[Row], answers: dict[str, list[Record | None]],
-               sure: Array, took: float) -> TaskResult:
+               why: AnyArray, took: float) -> TaskResult:
     """Complete a task's rows and answers; those that are not sure come from finite elements."""
     began, count = time.perf_counter(), len(task.voltages)
     asked = replace(task.ask, names=tuple(answers))
     for start, mass in zip(range(0, len(rows), count), task.masses, strict=True):
-        missing = [number for number in range(start, start + count) if not sure[number]]
+        missing = [number for number in range(start, start + count) if why[number]]
         if not missing:
             continue
         part = replace(task, masses=(mass,), kin=None, family="", ask=asked,
                        voltages=tuple(task.voltages[number - start] for number in missing))
         solved = part.run()
         for place, number in enumerate(missing):
-            rows[number] = solved.rows[place] | {"id": task.ids[number]}
+            rows[number] = solved.rows[place] | {"id": task.ids[number], "why": why[number]}
             for name, records in answers.items():
                 records[number] = solved.answers[name][place]
     found = {name: [record for record in records if record is not None]

@@ -104,7 +104,17 @@ class SweepResult:
                 found.append(f"{cases.sum().item()} of {cases.size} films beyond "
                              f"{LIMIT_STATES[limit].label}{where}, though they "
                              "have an equilibrium by the equations")
-        return found
+        return found + self._exact
+
+    @property
+    def _exact(self) -> list[str]:
+        """Sentences on why rows come from finite elements, though many specimens are alike."""
+        if "why" not in self.table:  # of an older version
+            return []
+        reasons = Counter(filter(None, self.table["why"].values.ravel().tolist()))
+        rows = self.table["by"].size
+        return [f"{count} of {rows} rows come from finite elements: {reason}"
+                for reason, count in reasons.most_common(_REASONS)]
 
     @property
     def failures(self) -> list[str]:

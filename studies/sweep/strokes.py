@@ -175,15 +175,16 @@ class _States:
             with np.errstate(all="ignore"):
                 pull, tangent = films.pull(number[part], q[part], squared[part])
             # A force on the plate acts at the point of its weight, and turns it.
-            acting = pull[:, :1] / films.lever if load is None else load[part, None]
-            other, turned = pull[:, 1:] - acting * films.lift[1:], tangent[:, 1:]
+            lever, lift = films.lever(number[part]), films.lift(number[part])[:, 1:]
+            acting = pull[:, :1] / lever[:, None] if load is None else load[part, None]
+            other, turned = pull[:, 1:] - acting * lift, tangent[:, 1:]
             if load is None:
-                turned = turned - films.leverage[1:, None] * tangent[:, :1]
+                turned = turned - (lift / lever[:, None])[..., None] * tangent[:, :1]
             beside = np.linalg.solve(turned[..., 1:], np.stack([other, turned[..., 0]], -1))
             with_plate = tangent[:, 0, 1:]
-            force[part] = (pull[:, 0] - (with_plate * beside[..., 0]).sum(1)) / films.lever
+            force[part] = (pull[:, 0] - (with_plate * beside[..., 0]).sum(1)) / lever
             stiffness[part] = (
-                tangent[:, 0, 0] - (with_plate * beside[..., 1]).sum(1)) / films.lever
+                tangent[:, 0, 0] - (with_plate * beside[..., 1]).sum(1)) / lever
             q[part, 1:] -= beside[..., 0]
             if load is not None:
                 rise = (load[part] - force[part]) / stiffness[part]
@@ -196,5 +197,6 @@ class _States:
         capacitance, energy = films.stored(number, self.q, self.squared)
         potential = energy - (films.weight[number] * self.q).sum(1)
         if films.gas:
-            potential -= films.pressure[number] * films.volume.value(number, films.along(self.q))
+            swept = films.volume.value(number, films.along(number, self.q))
+            potential -= films.pressure[number] * swept
         return Corner.of(potential, capacitance, np.sqrt(self.squared))

@@ -77,7 +77,7 @@ class TaskResult:
         values = np.array([[np.nan if row[name] is None else row[name] for row in self.rows]
                             for name in numbers()], dtype=float)
         texts = {name: tuple(sys.intern(row[name] or "") for row in self.rows)
-                 for name in ("status", "by")}
+                 for name in TEXTS[:-1]}
         warnings = tuple(sys.intern(WARNINGS_JOINED.join(row["warnings"])) for row in self.rows)
         return PackedResult(values, texts | {"warnings": warnings}, self.answers)
 
@@ -115,8 +115,9 @@ class SweepTask:
 
     ``fields``: store those of all equilibria. ``figures``: store the data of a picture of the first
     case. ``family`` is the id of the family of films whose reduced film may solve it, ``kin`` that
-    family; without a family all is solved by finite elements. ``solver`` is the version that is to
-    solve it: results of different versions must not be mixed in one table.
+    family; without a family all is solved by finite elements, for the reason ``why`` if many
+    specimens are. ``solver`` is the version that is to solve it: results of different versions must
+    not be mixed in one table.
     """
 
     specimen: Specimen
@@ -130,6 +131,7 @@ class SweepTask:
     ask: Ask = field(default_factory=Ask)
     family: str = ""
     kin: Any = field(default=None, compare=False, repr=False)
+    why: str = field(default="", compare=False)
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
@@ -180,7 +182,8 @@ class SweepTask:
         for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
             solution.rows.append(
-                {"id": case_id} | EXACT_ROW | {"by": self.settings.formula or BY_ELEMENTS}
+                {"id": case_id} | EXACT_ROW
+                | {"by": self.settings.formula or BY_ELEMENTS, "why": self.why}
                 | {name: record[name] for name in of_case()})
             self._answer(solution.answers, number, SolvedCase(
                 self._case(number), self.settings, self.ask, self.masses, self.voltages, model,
@@ -219,7 +222,7 @@ class SweepTask:
 def _of_its_kind(record: Mapping[str, Any]) -> bool:
     """Test that a record has numbers or None besides its id, status and texts of warnings."""
     return all(all(isinstance(text, str) for text in value) if name == "warnings"
-               else isinstance(value, str) if name in ("id", "status", "by")
+               else isinstance(value, str) if name in ("id", *TEXTS)
                else value is None or isinstance(value, int | float)
                for name, value in record.items())
 
@@ -228,7 +231,7 @@ def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reaso
                    status: str = FAILED) -> TaskResult:
     """Make rows of cases, by id, and answers, with the reason why there is no result."""
     rows: list[Row] = [{**dict.fromkeys(columns()), "id": case_id, "status": status,
-                        "by": "", "warnings": [reason]} for case_id in ids]
+                        "by": "", "why": "", "warnings": [reason]} for case_id in ids]
     answers = {name: [{"warnings": [reason]}] * (len(ids) // QUESTIONS[name].every(loads))
                for name in ask.names}
     return TaskResult(rows, answers)
@@ -257,12 +260,13 @@ BY_ELEMENTS = "finite elements"
 #: Source of a row solved by a reduced film.
 BY_REDUCED = "reduced"
 
-#: Columns of a row by finite elements that are always the same: its source, and empty errors of
-#: deflection and largest stress, which only reduced films have.
-EXACT_ROW: Row = {"by": BY_ELEMENTS, "deflection_error_m": None, "max_true_stress_error_Pa": None}
+#: Columns of a row by finite elements that are usually the same: its source, why no reduced film
+#: solved it, and empty errors of deflection and largest stress, which only reduced films have.
+EXACT_ROW: Row = {"by": BY_ELEMENTS, "why": "", "deflection_error_m": None,
+                  "max_true_stress_error_Pa": None}
 
-#: Columns of texts.
-TEXTS = ("status", "by", "warnings")
+#: Columns of texts, the list of warnings last.
+TEXTS = ("status", "by", "why", "warnings")
 #: Fields of a case that are no columns: inputs, what depends on time, on other cases, or was not
 #: asked for; and the stroke, which a sweep's table adds from several of its rows.
 _LEFT_OUT = {"specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits", "limit",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -16,10 +17,12 @@ from tests.oracles.unstable import branch_voltage, slack_voltage
 from tests.support.specimens import ROOT5, ROUND, circular, elliptical, specimen_toml
 from tympan.base.errors import InputError
 from tympan.cli import main
+from tympan.fem.film.breakdown import ConstantStrength
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.biases import Magnet
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, Settings
+from tympan.studies.limits import limits
 from tympan.studies.path import PathResult, path
 
 G = 9.80665
@@ -113,6 +116,41 @@ def test_magnet_makes_the_plate_snap_where_its_stiffness_is_the_film_s() -> None
     assert here + slope == pytest.approx(5e-3 * G, rel=1e-4)
     assert (up - down) / (2 * step) == pytest.approx(-stiffness, rel=1e-3)
     assert result.warnings == ("followed until the voltage fell back to zero",)
+
+
+def test_a_path_ends_far_beyond_the_film_s_strength() -> None:
+    """Three times its strength no film bears; what comes then is asked for by ``beyond``."""
+    weak = replace(SOFT, membrane=replace(SOFT.membrane, strength=ConstantStrength(8e6)))
+    case = Case(weak, mass=5e-3, voltage=0.0)
+    near, far = (path(case, Settings(), "voltage", beyond=beyond) for beyond in (False, True))
+    assert near.warnings[0].startswith("followed until the electric field was 3")
+    assert [each.what for each in near.events] == ["breakdown"]
+    assert {"breakdown", "tension"} < {each.what for each in far.events}
+    assert event(near, "breakdown").value == pytest.approx(event(far, "breakdown").value)
+    assert near.stations[-1].values["breakdown_share"] > 3
+    assert near.stations[-2].values["breakdown_share"] < 3
+    listed = limits(case, Settings())
+    assert listed.reached == (listed.breakdown,)
+    assert limits(case, Settings(), beyond=True).tension is not None
+
+
+def test_a_flat_film_that_no_voltage_moves_has_its_limits_on_its_path() -> None:
+    """Tension of a flat film is lost at the stretch's stress, whatever its outline."""
+    held = Case(elliptical(60e-3), mass=5e-3, voltage=1e3, rig=Rig(guide="fixed"))
+    result = path(held, Settings(), "voltage")
+    first = result.stations[0]
+    assert first.voltage_V == 1e3
+    assert first.deflection_m == 0.0
+    assert result.warnings[0].startswith("no pull-in was found: the film stays flat")
+    found = limits(held, Settings())
+    assert [(each.what, each.value) for each in result.events] == [
+        (limit.kind, pytest.approx(limit.voltage_V)) for limit in found.reached]
+    film = held.specimen.membrane
+    stretch = film.prestretch[0]
+    _, slope, *_ = film.material.derivatives(stretch, stretch)
+    field = np.sqrt(stretch * slope / (8.8541878128e-12 * film.relative_permittivity))
+    assert event(result, "tension").value == pytest.approx(field * film.thickness / stretch**2,
+                                                           rel=1e-5)
 
 
 def test_growing_mass_is_read_as_the_rig_weighs_it() -> None:

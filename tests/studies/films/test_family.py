@@ -102,6 +102,24 @@ def test_errors_of_films_with_plates_off_centre_are_covered() -> None:
     assert (states.error[:, 0] <= 3e-4 * known).all()
 
 
+def test_plates_of_other_sizes_tilt_as_finite_elements_do() -> None:
+    """Off centre, loaded beside it, above gas: shapes of one plate tilt another one otherwise."""
+    rig = Rig(weight_offset=(2e-3, 1e-3), gas_pressure=30.0)
+    box = {"plate.offset.0": (1e-3, 8e-3), "plate.outline.radius": (6e-3, 16e-3)}
+    made = FilmFamily.around(OVAL, box, (0.17, 0.18), (0.0, 3e3), rig,
+                             family=FamilySettings(rounds=1, candidates=32, checks=2))
+    rows = np.array([(7e-3, 7e-3), (7e-3, 14e-3), (2e-3, 15e-3)])
+    states = made.states(rows, 0.175, 2e3)
+    forces = made.held_forces(rows, states.q[:, 0], np.full(len(rows), 2e3))
+    for number, row in enumerate(rows):
+        model = made.ground.film(row)
+        known = equilibrium(model, 0.175, 2e3, rig.gas_pressure)
+        assert states.tilt[number, 0] == pytest.approx(known.state.plate.tilt, rel=2e-3)
+        assert states.deflection[number, 0] == pytest.approx(model.deflection(known.state),
+                                                             rel=_NEAR)
+        assert forces[number] == pytest.approx(0.175, rel=1e-4)
+
+
 def test_films_on_different_springs_are_those_of_finite_elements() -> None:
     limits = {"rig.spring": ("0 N/m", "60 N/m"), "membrane.thickness": ("0.9 mm", "1.1 mm")}
     films = FilmFamily.around(OVAL, limits, FORCE, VOLTAGE, Rig(spring=5.0))

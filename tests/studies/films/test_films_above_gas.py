@@ -78,7 +78,8 @@ def test_the_gas_below_tilted_films_does_the_work_that_finite_elements_say() -> 
     volume = mesh.mirrored * film_volume(mesh, state.positions)[0] + plate_volume(
         float(model.plate_area), state.plate)[0]
     assert (rate(0.0) + 4 * rate(0.5) + rate(1.0)) / 6 == pytest.approx(volume, rel=1e-4)
-    assert films.volume.value(number, films.along(q[None]))[0] == pytest.approx(volume, rel=1e-5)
+    along = films.along(number, q[None])
+    assert films.volume.value(number, along)[0] == pytest.approx(volume, rel=1e-5)
 
 
 @pytest.mark.study(seconds=4)

@@ -12,12 +12,13 @@ import pytest
 import xarray as xr
 
 from tests.support.costs import dear
+from tympan.base.paths import at
 from tympan.studies.parallel import processes, serial
 from tympan.studies.sweep import reduced, strokes
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
-from tympan.studies.sweep.reduced import EXACT
-from tympan.studies.sweep.run import run_sweep
+from tympan.studies.sweep.reduced import EXACT, Kin
+from tympan.studies.sweep.run import SweepResult, run_sweep, tasks_of
 
 SPECIMEN = """name = "oval"
 [frame]
@@ -274,6 +275,8 @@ def test_forces_beyond_the_family_s_reach_are_those_of_finite_elements(tmp_path:
     elements = (near["by"] == "finite elements").values
     assert elements.any()
     assert not elements.all()
+    assert ((near["why"] != "").values == elements).all()
+    assert (known["why"] == "").all()
     assert (near["status"].values == known["status"].values).all()
     assert (known["status"] != "equilibrium").any()
     assert (near["force_warnings"].values == known["force_warnings"].values).all()
@@ -293,6 +296,42 @@ def test_a_row_whose_force_is_not_sure_comes_from_finite_elements(
     table = run_sweep(part, tmp_path / "unsure", serial).table
     assert (table["by"] == "finite elements").all()
     assert table["work_J"].notnull().all()
+
+
+def test_why_rows_of_many_specimens_come_from_finite_elements_is_told(tmp_path: Path) -> None:
+    plan = planned(tmp_path, ask='ask = ["modes"]\n')
+    part = replace(plan, entries=plan.entries[:1])
+    found = run_sweep(part, tmp_path / "out", serial)
+    assert found.warnings[-1] == ("12 of 12 rows come from finite elements: modes of a film need "
+                                  "its own finite elements")
+    assert SweepResult.load(tmp_path / "out").warnings == found.warnings
+
+
+def test_a_family_that_is_too_wide_is_one_of_each_half(tmp_path: Path,
+                                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    """A family stands for itself here: only its ranges count."""
+    tasks = [task for task in reduced.in_families([*tasks_of(planned(tmp_path)).values()]) if task]
+    widths = list[float]()
+
+    def share(kin: Kin) -> float:
+        widths.append(max((high - low) / high for _, low, high in kin.box))
+        return float(widths[-1] < 0.3)
+
+    monkeypatch.setattr(Kin, "made", lambda kin: kin)
+    monkeypatch.setattr(reduced, "_exact_share", share)
+    made = reduced.batches({task.id: task for task in tasks})
+    assert max(widths) > 0.4
+    assert sorted(task.id for batch in made.values() for task in batch.tasks) == sorted(
+        task.id for task in tasks)
+    assert len({id(batch.family) for batch in made.values()}) > 1
+    for batch in made.values():
+        assert isinstance(batch.family, Kin)
+        for name, low, high in batch.family.box:
+            values = [at(task.specimen, name.split(".")) for task in batch.tasks]
+            assert low <= min(values) <= max(values) <= high
+    monkeypatch.setattr(reduced, "_WORTH", len(tasks) * reduced._cost(tasks[0]))
+    whole = reduced.batches({task.id: task for task in tasks})
+    assert len({id(batch.family) for batch in whole.values()}) == 1
 
 
 def test_few_specimens_and_exact_ones_keep_the_ids_of_finite_elements(
