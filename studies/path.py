@@ -20,7 +20,7 @@ from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved, newton
 from tympan.fem.equilibrium.path_following import PathSettings, follow_branch
-from tympan.fem.equilibrium.ramp import without_mechanism
+from tympan.fem.equilibrium.ramp import Outcome, without_mechanism
 from tympan.fem.equilibrium.snap import snapped
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
@@ -230,7 +230,7 @@ def path(case: Case, settings: Settings, along: Along,
     asked = replace(case, voltage=0.0) if along in ("voltage", "charge") else case
     way = []
     held = along == "voltage" and HEAVE not in model.plate_freedoms
-    branch = _flat_stops(case, settings) if held else None
+    branch = _flat_stops(case, start, settings) if held else None
     branch = branch or stops(case, model, start.state, along, settings.path, beyond=beyond)
     for stop in _with_snaps(branch, settings.path):
         progress(f"{stop.film.deflection * 1e3:.2f} mm")
@@ -260,35 +260,29 @@ def path(case: Case, settings: Settings, along: Along,
                         for stop in apart(way) if films))
 
 
-def _flat_stops(case: Case, settings: Settings) -> Iterator[Stop] | None:
-    """Yield a flat film that no voltage moves at its voltage and its limits; None for others."""
+def _flat_stops(case: Case, start: Outcome, settings: Settings) -> Iterator[Stop] | None:
+    """Yield a flat film that no voltage moves at its start and its limits; None for others."""
     model, rest = equilibrate(replace(case, voltage=0.0), settings)
     limits = flat_limits(case, model, rest, settings)
     if limits is None:
         return None
-    flat = FilmPoint(model, at_point(rest))
     ahead = sorted((limit for limit in limits.reached if limit.voltage_V > case.voltage),
                    key=lambda limit: limit.voltage_V)
-    return _charged(case, flat, ahead, limits.ended)
+    return _charged(case, FilmPoint(model, at_point(start)), ahead, limits.ended)
 
 
 def _charged(case: Case, flat: FilmPoint, limits: Sequence[Limit], ended: str) -> Iterator[Stop]:
-    """Yield a flat film at a case's voltage and at limits, as far as it is in equilibrium."""
-    last: Stop | None = None
-    for limit in (None, *limits):
-        voltage = limit.voltage_V if limit is not None else case.voltage
-        across = replace(case, voltage=voltage).film_voltage
+    """Yield a flat film at its start and at limits, as far as it is in equilibrium."""
+    last = Stop(flat)
+    for limit in limits:
+        across = replace(case, voltage=limit.voltage_V).film_voltage
         solution = newton(flat.model, flat.point.state.under(voltage=across**2))
         if not solution.converged:
             break
-        if last is not None:
-            yield last
-        happening = None if limit is None else Happening(
+        yield last
+        last = Stop(replace(flat, point=replace(flat.point, solution=solution)), Happening(
             what=limit.kind, value=across, unit=_GROWING["voltage"][1], x_m=limit.x_m,
-            y_m=limit.y_m, spread=limit.spread)
-        point = replace(flat.point, solution=solution)
-        last = Stop(replace(flat, point=point), happening)
-    assert last is not None
+            y_m=limit.y_m, spread=limit.spread))
     yield replace(last, ended=ended)
 
 

@@ -83,10 +83,36 @@ _SLIDE = """
   }, apart);
 })"""
 
+#: Moves a slider, or chooses a shape, and answers when the number of the deflection is another
+#: [ms]; none after ten seconds, where the move changes nothing.
+_NUMBER = """
+([id, value, event]) => new Promise(done => {
+  const control = document.getElementById(id), began = performance.now();
+  const number = document.getElementById('result-deflection_m'), before = number.textContent;
+  const give_up = setTimeout(() => { watch.disconnect(); done(NaN); }, 10000);
+  const watch = new MutationObserver(() => {
+    const now = document.getElementById('result-deflection_m');
+    if (!now || now.textContent == before || !/[0-9]/.test(now.textContent)) return;
+    watch.disconnect();
+    clearTimeout(give_up);
+    done(performance.now() - began);
+  });
+  watch.observe(document.body, {childList: true, subtree: true, characterData: true});
+  control.value = value;
+  control.dispatchEvent(new Event(event, {bubbles: true}));
+})"""
+
 #: How long the controls rest before a slider is measured [ms]: finite elements are done then.
 _REST = 4000
 #: Between moves of a slider that does not rest [ms]: less than after which controls are at rest.
 _APART = 100
+
+#: Number of moves after which the first number is awaited.
+_FIRST_NUMBERS = 60
+#: Rest between them [ms].
+_BETWEEN = 1500
+#: Largest part of a slider's range by which such a move goes from where it began.
+_SHARE = 0.2
 
 #: Sliders that are measured, between values; but for the offset these have reduced films.
 SLIDERS = {"voltage": (1.0, 6.0), "mass": (10.0, 25.0), "stiffness": (0.85, 1.15),
@@ -133,7 +159,44 @@ def main() -> None:
                 print(f"{'':<18} {options.moves} moves {_APART} ms apart, {pictures} pictures: "
                       f"{own:.0f} ms of the explorer a move, {browser:.0f} ms of the browser",
                       flush=True)
+            first_numbers(page)
             wander(page, running, options.moves_in_all)
+
+
+def first_numbers(page: Any) -> None:
+    """Print how soon the deflection follows moves of every slider in turn, and new shapes."""
+    generator = np.random.default_rng(3)
+    page.click("#reset")
+    page.wait_for_timeout(_REST)
+    sliders = page.evaluate("""() => [...document.querySelectorAll('input[type=range]')]
+        .filter(each => each.id.startsWith('slider-') && each.offsetParent)
+        .map(each => [each.id, +each.min, +each.max, +each.value])""")
+    times = list[float]()
+    for move in range(_FIRST_NUMBERS):
+        name, low, high, own = sliders[move % len(sliders)]
+        near = own + _SHARE * (high - low) * generator.uniform(-1, 1)
+        value = float(np.clip(near, low, high))
+        page.wait_for_timeout(_BETWEEN)
+        times.append(page.evaluate(_NUMBER, [name, f"{value:.6g}", "input"]))
+    print_first(f"{len(times)} moves over {len(sliders)} sliders", times)
+    shapes = page.evaluate("""() => [...document.querySelectorAll('select')]
+        .filter(each => each.id.startsWith('shape-') && each.offsetParent)
+        .flatMap(each => [...each.options].filter(one => one.value != each.value)
+                         .map(one => [each.id, one.value]))""")
+    times = []
+    for name, shape in shapes:
+        page.click("#reset")
+        page.wait_for_timeout(_REST)
+        times.append(page.evaluate(_NUMBER, [name, shape, "change"]))
+    print_first(f"{len(times)} new shapes", times)
+
+
+def print_first(moves: str, times: list[float]) -> None:
+    """One line on first numbers after moves; those that change nothing have none."""
+    known = sorted(time for time in times if np.isfinite(time))
+    print(f"first number after {moves}, {len(known)} of which change it: median "
+          f"{statistics.median(known):.0f} ms, 95 % below {known[int(0.95 * len(known))]:.0f} ms, "
+          f"all below {known[-1]:.0f} ms", flush=True)
 
 
 def timed(page: Any, key: str, within: tuple[float, float], moves: int) -> Iterator[float]:

@@ -66,7 +66,8 @@ def carried_along(velocity: Array, momentum: Array) -> Array:
     Angular momentum about the plate's centre changes by moments minus v × p, which is not zero if
     the centre of mass is elsewhere.
     """
-    return np.concatenate([np.zeros(3), np.cross(velocity[:3], momentum[:3])])
+    (u, v, w), (a, b, c) = velocity[:3], momentum[:3]  # np.cross takes twenty times as long
+    return np.array([0.0, 0.0, 0.0, v * c - w * b, w * a - u * c, u * b - v * a])
 
 
 @dataclass(frozen=True, eq=False)

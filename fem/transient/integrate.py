@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.base.arrays import Array
+from tympan.base.arrays import Array, Mask
 from tympan.fem.circuit import Circuit, SourceSignal, highest_voltage
 from tympan.fem.equilibrium.constraints import (
     Constraint,
@@ -255,7 +255,12 @@ class Transient:
         These freedoms are not solved for, and the extrapolation of a step would amplify their
         rounding errors.
         """
-        return np.where(np.isin(np.arange(6), self.model.plate_freedoms), values, 0.0)
+        return np.where(self._free, values, 0.0)
+
+    @cached_property
+    def _free(self) -> Mask:
+        """Mask of the plate's freedoms that guide and symmetry allow."""
+        return np.isin(np.arange(6), self.model.plate_freedoms)
 
     def _jumped(self, model: Model, moment: Moment, squared: float, deflection: float | None = None
                 ) -> State:

@@ -168,7 +168,11 @@ class ExactFilm:
 
     @cached_property
     def _limits(self) -> tuple[Limit, ...]:
-        return limits(self._case, self.settings).reached
+        found = limits(self._case, self.settings)
+        if found.breakdown is not None and found.reached == (found.breakdown,):
+            # Where no bound keeps the film from breaking down, its other limits count.
+            found = limits(self._case, self.settings, beyond=True)
+        return found.reached
 
     @property
     def limit(self) -> Array:

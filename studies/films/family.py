@@ -14,7 +14,7 @@ family was not made from. The estimate is scaled so that it covers the errors of
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -22,6 +22,7 @@ import numpy as np
 
 from tympan.base.arrays import AnyArray, Mask
 from tympan.base.errors import InputError
+from tympan.base.fields import FieldsAlone
 from tympan.base.points import drawn_points
 from tympan.fem.derivatives.shape import motion_between, velocity
 from tympan.fem.equilibrium.newton import Solution, moved, newton, simplified_newton
@@ -134,16 +135,16 @@ _LARGE = 1e-4
 #: mechanisms hold may be flat.
 _LEVEL = 0.3
 
-#: Step, relative to the load reached, below which the search for a first film's state is given up
-#: and the last one counts: it bears half of its load or three quarters, and to find more is dear.
-_GIVEN_UP = 0.6
+#: Step, relative to the load reached, below which the search for a first film's state is given up:
+#: a film so near its end is dear, and the family hardly better with it.
+_GIVEN_UP = 0.25
 
 #: Number of random films that are solved on meshes of their own.
 _REMESHED = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class Ground(FieldsAlone):
     """Finite elements of a family: the mesh of one of its films, which moves to the others.
 
     ``pressure``: gas pressure below films that do not differ in it [Pa].
@@ -153,7 +154,6 @@ class Ground:
     model: Model
     settings: Settings
     pressure: float = 0.0
-    _kept: dict[bytes, AnyArray] = field(default_factory=dict, repr=False)
 
     @property
     def path(self) -> PathSettings:
@@ -206,6 +206,11 @@ class Ground:
         return self._kept[key]
 
     @cached_property
+    def _kept(self) -> dict[bytes, AnyArray]:
+        """Motions of the mesh's nodes to some films, by their lengths."""
+        return {}
+
+    @cached_property
     def _lengths(self) -> list[int]:
         """Columns of the films' parameters that are lengths."""
         return [self.box.names.index(name) for name in self.box.lengths]
@@ -254,31 +259,32 @@ class Ground:
             arms = nodes[:, self.model.discretisation.plate_nodes] - centre[:, None]
         return Tilting.of(reduction.arms[:, :2], arms)
 
-    def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None
-               ) -> tuple[Model, Solution] | None:
+    def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None,
+               partly: bool = False) -> tuple[Model, Solution] | None:
         """Solve a finite-element film; None unless it is taut and stable.
 
         The start is the flat film, or a guess of its nodes' displacements, (nodes, 3). A close
-        guess takes one tangent. From the flat film, a state at a lower load is found where there is
-        none at these.
+        guess takes one tangent. ``partly``: from the flat film, also take a state on the way to
+        loads without equilibrium.
         """
         try:
             model = self.film(row)
         except InputError:
             return None
         if motion is None:
-            # Of a plate that may snap, a state at half the loads may be on the other side.
+            # A plate that may snap needs small steps.
             settings = (self.path if model.loading.softening else
                         replace(self.path, handover=max(self.path.handover, _GIVEN_UP)))
             outcome = equilibrium(model, force, squared**0.5, self.gas(row), settings=settings,
                                   ends=False)
             solution = outcome.solution
+            there = outcome.status == "equilibrium" or (partly and solution.stable)
         else:
             near = self._near(model, row, motion, force, squared)
             solution = (simplified_newton(model, near, settings=self.path.newton)
                         or newton(model, near, settings=self.path.newton))
-        found = solution.converged and solution.stable and model.in_tension(solution.state)
-        return (model, solution) if found else None
+            there = solution.converged and solution.stable
+        return (model, solution) if there and model.in_tension(solution.state) else None
 
     def _near(self, model: Model, row: AnyArray, motion: AnyArray, force: float, squared: float
               ) -> State:
@@ -321,7 +327,7 @@ class RaisedFilms:
 
 
 @dataclass(frozen=True, eq=False)
-class FilmFamily:
+class FilmFamily(FieldsAlone):
     """Films of a box of parameters, under forces and voltages of a range.
 
     ``force`` [N] and ``voltage`` [V]: lowest and highest, of the film itself. How the films are
@@ -921,12 +927,13 @@ class _Making:
         return self._scaled(family)
 
     def _first(self, rows: AnyArray, forces: AnyArray, squares: AnyArray) -> list[Snapshot]:
-        solved = [self.ground.solved(row, force, squared) for row, force, squared in
-                  zip(rows, forces.tolist(), squares.tolist(), strict=True)]
-        shots = [self._shot(*pair) for pair in solved if pair is not None]
-        if len(shots) < 2:
-            raise self._empty()
-        return shots
+        for partly in (False, True):  # far beyond most films' ends few have a state
+            solved = [self.ground.solved(row, force, squared, partly=partly) for row, force, squared
+                      in zip(rows, forces.tolist(), squares.tolist(), strict=True)]
+            shots = [self._shot(*pair) for pair in solved if pair is not None]
+            if len(shots) >= 2:
+                return shots
+        raise self._empty()
 
     def _empty(self) -> InputError:
         return InputError("hardly any film like it has an equilibrium in tension under these "

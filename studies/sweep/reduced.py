@@ -58,8 +58,10 @@ _INEXACT = "the reduced film is not exact enough by its estimated error"
 
 #: Share of random films that must be exact in a family; below it each half gets one of its own.
 _WIDE = 0.7
-#: Number of these random films, and their seed, which is arbitrary.
-_TRIED, _SEED = 64, 5
+#: Number of these random films.
+_TRIED = 64
+#: Their seed, which is arbitrary.
+_SEED = 5
 
 #: Most batches of one family, which is sent with each of them, before the batches become larger.
 _MOST_BATCHES = 500
@@ -113,8 +115,9 @@ class Kin:
         values = [at(task.specimen, name.split(".")) for task in tasks]
         halves = ([task for task, value in zip(tasks, values, strict=True)
                    if (value > (low + high) / 2) == upper] for upper in (False, True))
-        found = tuple(half for half in halves if half)
-        return found if all(len(half) * _cost(half[0]) >= _WORTH for half in found) else ()
+        found = tuple(halves)
+        enough = all(half and len(half) * _cost(half[0]) >= _WORTH for half in found)
+        return found if enough else ()
 
 
 def forces_of(task: SweepTask) -> list[float]:
@@ -139,10 +142,11 @@ def in_families(tasks: list[SweepTask | None]) -> list[SweepTask | None]:
         members = [task for number in numbers if (task := tasks[number]) is not None]
         if len(members) * _cost(members[0]) < _WORTH:
             continue
-        alike = [task for task in members if not _irreducible(task)]
+        reasons = [_irreducible(task) for task in members]
+        alike = [task for task, why in zip(members, reasons, strict=True) if not why]
         kin = Kin.of(alike) if alike else None
-        for number, task in zip(numbers, members, strict=True):
-            if why := _irreducible(task):
+        for number, task, why in zip(numbers, members, reasons, strict=True):
+            if why:
                 result[number] = replace(task, why=why)
             elif kin is not None and kin.box:
                 result[number] = replace(task, kin=kin, family=kin_id(kin))
@@ -242,7 +246,7 @@ def batches(tasks: Mapping[str, SweepTask]) -> dict[str, Batch]:
 def _of_families(kin: Any, tasks: list[SweepTask]
                  ) -> Iterator[tuple[FilmFamily | None, list[SweepTask]]]:
     """Make the family of some tasks; where it is too wide to be exact, one of each half of it."""
-    family = kin.made() if isinstance(kin, Kin) else None
+    family = kin.made() if isinstance(kin, Kin) and kin.box else None
     if isinstance(family, str):
         yield None, [replace(task, why=family) for task in tasks]
         return

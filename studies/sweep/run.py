@@ -30,6 +30,7 @@ from tympan.studies.sweep.plan import Sweep, voltage_of
 from tympan.studies.sweep.reduced import Batch, batches
 from tympan.studies.sweep.table import beyond_limits, dataset, frame, read_table, write_tables
 from tympan.studies.sweep.task import (
+    BY_ELEMENTS,
     EXACT_ROW,
     FAILED,
     PackedResult,
@@ -111,7 +112,8 @@ class SweepResult:
         """Sentences on why rows come from finite elements, though many specimens are alike."""
         if "why" not in self.table:  # of an older version
             return []
-        reasons = Counter(filter(None, self.table["why"].values.ravel().tolist()))
+        known = self.table["why"].where(self.table["by"] == BY_ELEMENTS, "")  # not by a formula
+        reasons = Counter(filter(None, known.values.ravel().tolist()))
         rows = self.table["by"].size
         return [f"{count} of {rows} rows come from finite elements: {reason}"
                 for reason, count in reasons.most_common(_REASONS)]

@@ -30,7 +30,7 @@ from tympan.studies.tolerance.shares import SaltelliDesign
 #: about 5 % is accurate to 1e-3. With 1e-4 the films take a third more time.
 _ERROR = 5e-4
 #: Settings of a family that is made only for the spread between films.
-BY_SPREAD = FamilySettings(error=_ERROR, candidates=128, checks=24)
+BY_SPREAD = FamilySettings(error=_ERROR, checks=24)
 
 
 @dataclass(frozen=True, eq=False)

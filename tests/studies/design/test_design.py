@@ -21,6 +21,7 @@ from tests.oracles import axisymmetric
 from tests.support.costs import dear
 from tests.support.specimens import OVAL, ROUND, SOFT, VHB, reference_film, specimen_toml
 from tympan.base.errors import InputError
+from tympan.base.process.threads import one_thread
 from tympan.cli import main
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.library import load_specimen
@@ -510,7 +511,9 @@ def test_the_former_names_are_those_of_design(tmp_path: Path, capsys: pytest.Cap
     wanted = requirements(tmp_path, '[want]\nstroke = "largest"\n'
                           '[vary]\n"plate.radius" = ["9 mm", "11 mm"]')
     coarse = Settings(tympan.MeshSettings().refined(0.5))
-    assert tympan.optimise(tmp_path / "wanted.toml", coarse).films == design(wanted, coarse).films
+    with one_thread():  # as a command: sums of several threads round otherwise
+        known = design(wanted, coarse)
+    assert tympan.optimise(tmp_path / "wanted.toml", coarse).films == known.films
     (tmp_path / "old.toml").write_text(
         'specimen = "film.toml"\nmass = "17.9 g"\nvoltage = "4 kV"\nhold = "area"\n'
         '[vary]\n"plate.radius" = ["9 mm", "11 mm"]\n[limits]\npull_in_margin = 1.2\n',

@@ -70,9 +70,9 @@ def test_the_gas_below_tilted_films_does_the_work_that_finite_elements_say() -> 
     assert np.hypot(*(films.turns @ q)) == pytest.approx(state.plate.tilt, rel=1e-3)
 
     def rate(share: float) -> float:
-        a = films.along(share * q[None])
+        a = films.along(number, share * q[None])
         by = films.volume.first(number, a)
-        return float(films._condensed(share * q[None], by)[0] @ q)
+        return float(films._condensed(number, share * q[None], by)[0] @ q)
 
     mesh = model.discretisation
     volume = mesh.mirrored * film_volume(mesh, state.positions)[0] + plate_volume(
