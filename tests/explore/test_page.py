@@ -107,7 +107,8 @@ def waited(of: Callable[[], Any], wanted: Any, seconds: float = 60.0) -> None:
 
 
 def deflection(page: Any) -> float:
-    """What stands on the page [m]."""
+    """What stands on the page once the film is at rest [m]."""
+    page.wait_for_selector("#numbers[aria-busy=false]", timeout=30_000)
     return float(page.inner_text("#result-deflection_m").split()[0]) / 1e3
 
 

@@ -35,6 +35,7 @@ from tympan.explore.session import (
     Question,
     Scene,
     Session,
+    Views,
     followed,
 )
 from tympan.explore.subject import Subject, read_subject
@@ -109,10 +110,28 @@ def test_a_control_that_slides_is_near_what_solve_gives_and_there_when_it_rests(
     assert session.blocked(view).force == pytest.approx(blocked, rel=1e-5)
 
 
+@pytest.mark.parametrize(("key", "value"), [
+    ("voltage", 3500.0), ("membrane.thickness", 1.1e-3), ("membrane.prestretch.0", 3.0),
+    ("plate.offset.0", 5e-3), ("frame.semi_axes.0", 80e-3)])
+def test_sliding_numbers_are_within_their_digits_and_those_of_solve_at_rest(
+        key: str, value: float) -> None:
+    views = Views()
+    assert not views.scene(OVAL).guessed
+    view = changed(OVAL, key, value)
+    scene, expected = views.scene(view, sliding=True), solve(view.case, SETTINGS)
+    assert scene.guessed == (key != "voltage")
+    for name, rel in (("deflection_m", 5e-4), ("capacitance_F", 5e-4), ("max_stretch", 5e-3),
+                      ("max_true_stress_Pa", 5e-3), ("max_field_V_per_m", 2e-2)):
+        assert getattr(scene.result, name) == pytest.approx(getattr(expected, name), rel=rel)
+    assert views.blocked(view, sliding=True).force == pytest.approx(
+        Session().blocked(view).force, rel=1e-3)
+    same_as_solved(views.scene(view))
+
+
 def test_a_mesh_does_not_slide_far_nor_to_another_kind_of_film() -> None:
     session = Session()
     session.scene(OVAL)
-    for view in (changed(OVAL, "frame.semi_axes.0", 80e-3), changed(OVAL, "plate.offset.0", 2e-3)):
+    for view in (changed(OVAL, "frame.semi_axes.0", 95e-3), changed(OVAL, "plate.offset.0", 2e-3)):
         scene = session.scene(view, sliding=True)
         assert not scene.guessed
         same_as_solved(scene)
@@ -347,7 +366,8 @@ def test_colours_are_those_numbers() -> None:
 @pytest.mark.parametrize("voltage", [0.0, 2000.0])
 def test_what_is_drawn_lies_where_the_film_does(voltage: float) -> None:
     scene = Session().scene(replace(START, voltage=voltage))
-    drawn, _ = scene_answers()(Asked(scene.view))
+    told, drawn, _ = scene_answers()(Asked(scene.view))
+    assert told.result == drawn.scene.result
     assert scene.film is not None
     assert drawn.film is not None
     assert drawn.scene.result == scene.result

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
@@ -65,6 +67,8 @@ class Latest:
         #: True if the running answer has come to a pause: the next question is sent at once.
         self._paused = False
         self._process: BaseProcess | None = None
+        #: True while the process is stopped, so that another is faster.
+        self._waits = False
         self._pipe: Connection | None = None
 
     @property
@@ -87,8 +91,18 @@ class Latest:
         self._number += 1
         self._give_up(self._running)
 
+    def wait(self, waits: bool) -> None:
+        """Stop the process while it ``waits``; a system without that signal lets it run."""
+        stop, go = (getattr(signal, name, None) for name in ("SIGSTOP", "SIGCONT"))
+        if waits == self._waits or self._process is None or stop is None or go is None:
+            return
+        self._waits = waits
+        with suppress(ProcessLookupError):
+            os.kill(self._process.pid or 0, stop if waits else go)
+
     def close(self) -> None:
         """End the process."""
+        self._waits = False
         self._waiting = self._running = None
         self._paused = False
         if self._pipe is not None:

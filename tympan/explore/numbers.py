@@ -22,6 +22,10 @@ SHOWN = {
     "slack_area_m2": "film without tension"}
 
 _DIGITS = 5
+#: Certain digits on a mesh for sliding numbers: of motions, forces, capacitance; of the film's
+#: largest values.
+_GUESSED = {"deflection_m": 4, "reading_m": 4, "reaction_N": 4, "capacitance_F": 4}
+_GUESSED_MOST = 3
 
 #: Number of certain digits below which the error of a number is written beside it.
 _FEW = 3
@@ -42,7 +46,8 @@ def result_rows(scene: Scene, bands: Mapping[str, Band] | None = None) -> list[R
         unit, factor = BENCH.get(unit_of(key) or "", ("", 1.0))
         value = getattr(scene.result, key)
         if value is not None and not (key == "reading_m" and value == scene.result.deflection_m):
-            text = f"{digits(factor * value, _DIGITS)} {unit}"
+            sure = _GUESSED.get(key, _GUESSED_MOST) if scene.guessed else _DIGITS
+            text = f"{digits(factor * value, sure)} {unit}"
             rows.append(_row(key, words, text + _spread(bands.get(key), factor)))
     return rows
 

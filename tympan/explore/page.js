@@ -19,6 +19,7 @@ const SHOWS = {
   },
   quick: (is) => { part("deflections").dataset.quick = is; },
   curve: (picture) => { part("curve").innerHTML = picture; },
+  guessed: (is) => part("numbers").setAttribute("aria-busy", is),
   numbers: (rows) => list("numbers", "result", rows),
   limits: (rows) => list("limits", "limit", rows),
   shapes: (parts) => part("shapes").replaceChildren(...parts.map(newShape)),

@@ -30,7 +30,7 @@ from tympan.explore.session import (
     FollowedCurve,
     Question,
     Scene,
-    Session,
+    Views,
     followed,
 )
 from tympan.explore.subject import Subject
@@ -88,7 +88,7 @@ class Picture:
 class Asked:
     """A view to be shown; the ``blocked`` force of its plate may come from elsewhere.
 
-    ``sliding``: its numbers are about to change again, so that a moved mesh is good enough.
+    ``sliding``: its numbers are about to change again, so that a coarse mesh is good enough.
     """
 
     view: FilmView
@@ -98,15 +98,19 @@ class Asked:
 
 def scene_answers() -> Answer:
     """Make a worker that solves and draws views, in its own process."""
-    session = Session()
+    views = Views()
 
-    def answer(asked: Asked) -> Iterator[Picture | Blocked]:
-        view = asked.view
-        scene = session.scene(view, asked.sliding)
-        film = None if scene.film is None else record_of({_described(scene): scene.film}, even=True)
-        yield Picture(replace(scene, film=None), film)
+    def answer(asked: Asked) -> Iterator[Scene | Picture | Blocked]:
+        view, film = asked.view, None
+        scene = views.scene(view, asked.sliding)
+        told = replace(scene, draw=None)
+        if scene.draw is not None:
+            yield told  # numbers need not wait for their picture
+            film = None if scene.film is None else record_of({_described(scene): scene.film},
+                                                             even=True)
+        yield Picture(told, film)
         if film is not None and asked.blocked:
-            yield session.blocked(view, asked.sliding)
+            yield views.blocked(view, asked.sliding)
 
     return answer
 
@@ -185,8 +189,8 @@ class Page:
         mass = None if masses else self._first.mass
         self.start = self.subject.view(number, mass) if number else self._first
         self.tell(title=self.subject.name, chosen=number, written="", folder=str(Path.cwd()),
-                  film=None, curve="", by="", quick=False, loads="", scatter="", numbers=[],
-                  limits=[], following=False,
+                  film=None, curve="", by="", quick=False, guessed=True, loads="", scatter="",
+                  numbers=[], limits=[], following=False,
                   names=[specimen.name for specimen in self.subject.specimens],
                   masses=[f"{mass * 1e3:.6g} g" for mass in masses])
         self._say("")
@@ -288,6 +292,7 @@ class Page:
         if near and self._near is not None:
             self._near[1].ask(self.view)
         self._scenes.ask(Asked(self.view, not (near and self.state["quick"]), sliding=True))
+        self._others_wait(True)
 
     @property
     def _is_near(self) -> bool:
@@ -304,6 +309,7 @@ class Page:
         """Show that the voltage is past the film's end, in place of a picture."""
         assert self.curve is not None
         self._scenes.drop()
+        self._others_wait(False)
         self._say(f"{self.view.voltage / 1e3:.4g} kV is past the film's end: "
                   f"{self.curve.curve.curves[0].limits.ended}. {self._kept}", trouble=True)
 
@@ -314,7 +320,19 @@ class Page:
     def _say(self, words: str, trouble: bool = False) -> None:
         self.tell(message=words, trouble=trouble, busy=self._scenes.busy)
 
-    def _solved(self, part: Picture | Blocked | Trouble, newest: bool) -> None:
+    def _others_wait(self, waits: bool) -> None:
+        """Let slower processes wait while a picture is computed: they would slow it down."""
+        for other in (self._curves, *(() if self._near is None else (self._near[1],))):
+            other.wait(waits)
+
+    def _solved(self, part: Scene | Picture | Blocked | Trouble, newest: bool) -> None:
+        if isinstance(part, Scene):
+            self.scene = part
+            self.tell(loads=loads_of(part), guessed=part.guessed)
+            self._list_numbers()
+            return
+        if newest:
+            self._others_wait(False)
         if isinstance(part, Blocked):
             self.blocked = part
             self._list_numbers()
@@ -331,7 +349,7 @@ class Page:
                           f"{words}. {self._kept}", trouble=True)
             return
         self.scene = scene
-        self.tell(film=part.film, loads=loads_of(scene), busy=False,
+        self.tell(film=part.film, loads=loads_of(scene), busy=False, guessed=scene.guessed,
                   message="; ".join(scene.result.warnings), trouble=False)
         self._list_numbers()
         # If the reduced films are about to answer, their curve is drawn then.
@@ -370,6 +388,7 @@ class Page:
         self._resting = None
         self.tell(busy=self._scenes.busy)
         self._name()
+        self._refine()
         if self._is_quick:
             self._resting = asyncio.get_running_loop().call_later(_LATER, self._settle)
         else:
@@ -384,11 +403,21 @@ class Page:
         said = self.blocked is not None and self.blocked.view == self.view
         return shown or said or self._near[1].busy
 
+    @property
+    def _is_guessed(self) -> bool:
+        """Whether the view's film is not shown on its own mesh yet."""
+        shown = self.scene is not None and self.scene.view == self.view and not self.scene.guessed
+        return not shown and not self._is_beyond
+
+    def _refine(self) -> None:
+        """Show a film at rest on its own mesh."""
+        if self._is_guessed and not self._scenes.busy:
+            self._scenes.ask(Asked(self.view, not (self._is_near and self.state["quick"])))
+
     def _settle(self) -> None:
         """Let finite elements compute everything that they have not computed yet."""
         self._resting = None
-        guessed = self.scene is not None and self.scene.guessed and not self._is_beyond
-        if guessed or (self._is_near and (self.blocked is None or self.blocked.off
+        if self._is_guessed or (self._is_near and (self.blocked is None or self.blocked.off
                                        or self.blocked.view != self.view)):
             if self._scenes.busy:  # with the picture, which would be dropped
                 self._resting = asyncio.get_running_loop().call_later(_LATER, self._settle)
