@@ -19,18 +19,19 @@ itself checks relations between fields, in ``__post_init__``.
 from __future__ import annotations
 
 import builtins
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
-from inspect import get_annotations, signature, unwrap
+from inspect import Parameter, Signature, get_annotations, signature, unwrap
 from itertools import chain
-from math import inf
+from math import inf, isfinite
 from numbers import Integral, Number
 from operator import attrgetter
 from os import PathLike
 from threading import RLock
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -50,7 +51,10 @@ from tympan.base.toml_reader import A_NUMBER, FINITE, POSITIVE, WHOLE, Rule, Tab
 from tympan.base.units import (
     DIMENSIONS,
     LARGEST,
+    RANGE,
     bounded,
+    evenly,
+    quantities,
     quantities_text,
     quantity,
     quantity_text,
@@ -421,12 +425,17 @@ class Arguments:
                 raise InputError("is missing" + f" ({meaning})" * bool(meaning), key=name)
 
 
-def names_arguments(more: Any = None) -> Callable[[F], F]:
+def names_arguments(more: Any = None, *, former: Mapping[str, str] = MappingProxyType({}),
+                    placed: Sequence[str] = (), rest: str = "") -> Callable[[F], F]:
     """Make a function raise an :class:`InputError` that names a wrong argument.
 
     An argument is wrong if its name is unknown, if it is missing, or if it has another type than
     declared. ``more``: typed dictionary of the arguments that the function passes on to a declared
-    dataclass.
+    dataclass. Its signature, which a notebook shows, has names and defaults alone.
+
+    What scripts wrote before still works, with a :class:`FutureWarning` that says the new words:
+    ``former`` names of arguments, those that were ``placed`` after the ones that still are, and
+    the argument that took all values from there on, now named ``rest``.
     """
     def explained(function: F) -> F:
         @cache
@@ -443,18 +452,67 @@ def names_arguments(more: Any = None) -> Callable[[F], F]:
         def checked(*values: Any, **named: Any) -> Any:
             arguments, hints, many = of_function()
             places = getattr(unwrap(function), "__globals__", {})
+            values, named = _in_new_words(values, named, len(arguments.positional))
             given = arguments.named(values, named)
             arguments.require(given, arguments.needed)
-            rest = values[len(arguments.positional):] if many else ()
-            for name, value in (*given.items(), *((str(many), value) for value in rest)):
+            others = values[len(arguments.positional):] if many else ()
+            for name, value in (*given.items(), *((str(many), value) for value in others)):
                 arguments.require_type(_type_of(hints[name], places), value, name)
                 if is_dataclass(value) and not isinstance(value, type):
                     require_of_file(value)
             return function(*values, **named)
 
+        def _in_new_words(values: tuple[Any, ...], named: dict[str, Any], still: int
+                          ) -> tuple[tuple[Any, ...], dict[str, Any]]:
+            """Translate arguments as scripts wrote them before; warn about each."""
+            changed = {name: former[name] for name in named if name in former}
+            named = {former.get(name, name): value for name, value in named.items()}
+            for name, now in changed.items():
+                _advise(f"{name}= is {now}= now")
+            beyond = values[still:]
+            if beyond and rest:
+                named[rest] = list(beyond)
+                _advise(f"{rest}= has to be named now: {rest}=[...]")
+                return values[:still], named
+            for name, value in zip(placed, beyond, strict=False):
+                named.setdefault(name, value)
+                _advise(f"{name}= has to be named now")
+            taken = min(len(beyond), len(placed))
+            return values[:still] + beyond[taken:], named
+
+        def _advise(words: str) -> None:
+            warnings.warn(f"tympan.{function.__name__}: {words}; the former way works until the "
+                          "next release", FutureWarning, stacklevel=4)
+
+        public: Any = checked
+        public.__signature__ = _short_signature(function, get_annotations(more) if more else {})
+        public.former = former, placed, rest
         return cast(F, checked)
 
     return explained
+
+
+#: Most characters of a signature with the names that a function passes on: about three lines.
+_SHORT = 200
+
+
+def _short_signature(function: Callable[..., Any], passed: Iterable[str]) -> Signature:
+    """Make the signature that a notebook shows: without types, with the names that are passed on.
+
+    Loads come after the subject, all else before the settings; types stand in the docstring and in
+    the source.
+    """
+    items = list(signature(function).parameters.values())
+    plain = Signature([item.replace(annotation=Parameter.empty) for item in items])
+    first = [item for item in plain.parameters.values() if item.kind not in (
+        Parameter.KEYWORD_ONLY, Parameter.VAR_KEYWORD)]
+    own = [item for item in plain.parameters.values() if item.kind is Parameter.KEYWORD_ONLY]
+    more = [Parameter(name, Parameter.KEYWORD_ONLY, default=None) for name in passed]
+    last = [item for item in own if item.name == "settings"]
+    asked = [item for item in own if item.name != "settings"]
+    loads = any(item.name == "mass" for item in more)
+    whole = Signature([*first, *(more + asked if loads else asked + more), *last])
+    return whole if len(str(whole)) < _SHORT else plain
 
 
 def checks_types(cls: Any) -> Any:
@@ -579,16 +637,45 @@ def number(value: Any, dimension: str, key: str) -> float:
 
 
 def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
-    """Convert several numbers [SI], or one of them, as :func:`number` does.
+    """Convert one number [SI], several, or a range, as :func:`number` does.
+
+    A text may have commas and ranges, as :func:`~tympan.base.units.quantities` reads them; a range
+    may also be a mapping of ``from``, ``to`` and ``count``.
 
     Examples
     --------
-    >>> numbers(["1 kV", 2e3], "voltage", "voltages"), numbers("3 kV", "voltage", "voltages")
+    >>> numbers(["1 kV", 2e3], "voltage", "voltage"), numbers("3 kV", "voltage", "voltage")
     ((1000.0, 2000.0), (3000.0,))
+    >>> numbers({"from": 0, "to": "2 kV", "count": 3}, "voltage", "voltage")
+    (0.0, 1000.0, 2000.0)
     """
+    if isinstance(values, Mapping):
+        return _spanned(values, dimension, key)
+    if isinstance(values, str) and dimension:
+        try:
+            found = quantities(values, dimension)
+        except InputError as error:
+            raise error.located(key=key) from None
+        if not all(map(isfinite, found)):
+            raise InputError("must be finite", key=key, given=values)
+        return found
     if isinstance(values, str) or not hasattr(values, "__len__"):
         values = (values,)
     return tuple(number(value, dimension, key) for value in values)
+
+
+def _spanned(span: Mapping[Any, Any], dimension: str, key: str) -> tuple[float, ...]:
+    """Convert a range that is a mapping."""
+    if not {"from", "to"} <= {*span} <= {"from", "to", "count"}:
+        raise InputError("of a range there are from, to and count", key=key, given=str(span))
+    count = span.get("count", RANGE)
+    if isinstance(count, bool) or not isinstance(count, int):
+        raise InputError("must be a whole number", key=f"{key}.count", given=count)
+    low, high = (number(span[end], dimension, f"{key}.{end}") for end in ("from", "to"))
+    try:
+        return tuple(evenly(low, high, count))
+    except InputError as error:
+        raise error.located(key=key) from None
 
 
 def _in_si(field: Field, value: Any, rule: Rule) -> Any:

@@ -98,6 +98,14 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)
                        re.ASCII)
 #: A quantity with a decimal comma, and what stands on both sides of it.
 _COMMA = re.compile(r"\s*([-+]?\d+),(\d+)([^,]*)", re.ASCII)
+#: Commas between quantities. One between digits is a decimal comma, which is refused by name.
+_COMMAS = re.compile(r",(?!\d)|(?<!\d),")
+#: A range: two ends with dots between them, and how many values it has, if that is said.
+_RANGE = re.compile(r"(.+?)\.\.(.+?)(?:\s+in\s+(\d+))?\s*", re.ASCII)
+#: Number of values of a range that does not say it: ten steps.
+RANGE = 11
+#: Most values of a range; more would be a mistake.
+_MOST_VALUES = 10_000
 #: The start of another quantity after a first one.
 _ANOTHER = re.compile(r"[^\W\d_]\s*[;,]\s*[-+]?\.?\d")
 #: A factor of a unit: its sign, and a group of factors or a name and its power.
@@ -268,6 +276,40 @@ def quantity(text: object, dimension: str) -> float:
         return bounded(value)
     except InputError as error:
         raise InputError(error.allowed, given=text) from None
+
+
+def quantities(text: str, dimension: str) -> tuple[float, ...]:
+    """Convert quantities with commas between them to SI; a range has two dots.
+
+    A range has both ends and values at equal distances between them: :data:`RANGE` in all, or as
+    many as it says.
+
+    Examples
+    --------
+    >>> quantities("10 g, 0.02 kg", "mass"), quantities("0 kV..2 kV in 3", "voltage")
+    ((0.01, 0.02), (0.0, 1000.0, 2000.0))
+    >>> len(quantities("0 kV..5 kV", "voltage"))
+    11
+    """
+    if ";" in text:
+        raise InputError("must have commas between quantities, such as "
+                         f'"{", ".join(part.strip() for part in text.split(";"))}"', given=text)
+    found = list[float]()
+    for part in filter(str.strip, _COMMAS.split(text)):
+        span = _RANGE.fullmatch(part)
+        if span is None:
+            found.append(quantity(part, dimension))
+            continue
+        low, high = (quantity(span[end].strip(), dimension) for end in (1, 2))
+        found += evenly(low, high, RANGE if span[3] is None else int(span[3]))
+    return tuple(found)
+
+
+def evenly(low: float, high: float, count: int) -> list[float]:
+    """List numbers at equal distances from one end to another; both ends are exact."""
+    if not 2 <= count <= _MOST_VALUES:
+        raise InputError(f"a range must have from 2 to {_MOST_VALUES} values", given=count)
+    return [*(low + number * (high - low) / (count - 1) for number in range(count - 1)), high]
 
 
 def bounded(value: float) -> float:

@@ -307,8 +307,8 @@ def hysteresis(scene: Scene) -> None:
     film = tympan.Film("1 mm", 5**0.5, tympan.NeoHooke("20 kPa"), relative_permittivity=4.7,
                        branches=(tympan.ViscousBranch("1 MPa", "30 s"),))
     times = (0.0, 30.0, 60.0, 90.0, 119.0)
-    result = tympan.transient(disc(film=film), "ramp", mass="60 g", high="6 kV", duration=120.0,
-                              interval=0.5, films=times)
+    result = tympan.transient(disc(film=film), signal="ramp", mass="60 g", high="6 kV",
+                              duration=120.0, interval=0.5, at=times)
     films = list(result.films[0].values())
     depths = [1e3 * film.values["displacement"][:, 2] for film in films]
     limits = 0.0, float(max(depth.max() for depth in depths))

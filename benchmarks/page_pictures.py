@@ -83,7 +83,7 @@ def draw_limits(figure: Figure) -> None:
     film = tympan.Film("100 um", 1.1, tympan.material("elastosil-2030"))
     silicone = tympan.Specimen("silicone", tympan.Circle("4.5 cm"),
                                tympan.Plate(tympan.Circle("1 cm")), film)
-    result = tympan.curve(silicone, "20 g").numbers
+    result = tympan.curve(silicone, mass="20 g").numbers
     draw_voltage_curves(look.place_axes(figure, look.LEFT, look.TITLE, 158.0, 62.0), result)
 
 
@@ -94,9 +94,9 @@ def draw_force(figure: Figure) -> None:
     oval = tympan.Specimen("oval", tympan.Ellipse(("6 cm", "4 cm")), plate, film)
     beams = tympan.BuckledBeam(length="30 mm", width="4 mm", thickness="0.13 mm",
                                modulus="1.5 GPa", compression="0.4 mm", number=3, middle="3 mm")
-    weights = tympan.force(oval, voltages=["0 kV", "5 kV", "7.5 kV"], to="12 mm",
-                           loads=["20 g", "40 g"])
-    pushed = tympan.force(oval, voltages=["0 kV", "6 kV"], to="6.5 mm", loads=["20 g"],
+    weights = tympan.force(oval, voltage=["0 kV", "5 kV", "7.5 kV"], to="12 mm",
+                           mass=["20 g", "40 g"])
+    pushed = tympan.force(oval, voltage=["0 kV", "6 kV"], to="6.5 mm", mass=["20 g"],
                           rig=tympan.Rig(biases=(beams,)))
     width = look.WIDTH / 2
     for number, (result, title) in enumerate(((weights, "weights"), (pushed, "buckled beams"))):

@@ -106,7 +106,7 @@ limits rounded.toml --mass 20g
 curve rounded.toml --mass 20g -o curve
 tolerance rounded.toml --mass 17.9g --voltage 2kV --films 100 -o tolerance
 sense rounded.toml --voltage 0kV,2kV --to 4mm --points 5 -o sense
-force rounded.toml --voltage 0kV,2kV --to 4mm --load 20g -o force
+force rounded.toml --voltage 0kV,2kV --to 4mm --mass 20g -o force
 path rounded.toml --mass 20g
 modes rounded.toml --mass 20g --voltage 3kV
 sensitivity rounded.toml --mass 20g --voltage 3kV

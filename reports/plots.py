@@ -251,9 +251,9 @@ def _(result: AlphaResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: SweepResult, axes: Axes, of: str = "deflection_m",
-      over: tuple[str, str] | None = None, at: float | str | None = None) -> None:
+      over: tuple[str, str] | None = None, voltage: float | str | None = None) -> None:
     if over is not None:
-        draw_over(SweepView(result, at), axes, of, over)
+        draw_over(SweepView(result, voltage), axes, of, over)
         return
     table = result.table
     along = [column_name(table, str(axis)) for axis in table["status"].dims if axis != "voltage"]

@@ -444,17 +444,18 @@ def loop(case: Case, rate: float, turn: float | None, settings: Settings, films:
     if turn is None:
         first = first_limit(case, settings)
         if first is None:
-            raise InputError("must be given: the film has no limit to turn before", key="to")
+            raise InputError("must be given: the film has no limit to turn before", key="turn")
         turn = _NEAR_LIMIT * first.voltage_V
         if turn <= case.voltage:
             raise InputError(
                 f"must be given: a loop turns at {100 * _NEAR_LIMIT:.0f} % of the film's first "
-                f"limit, {first.words}, and this one begins at {case.voltage / 1e3:g} kV", key="to")
+                f"limit, {first.words}, and this one begins at {case.voltage / 1e3:g} kV",
+                key="turn")
     if not 0 < rate < inf:
         raise InputError("must be positive", key="rate", given=f"{rate:g} V/s")
     if not case.voltage < turn < inf:
         raise InputError("must be above the voltage where the loop begins, "
-                         f"{case.voltage / 1e3:g} kV", key="to", given=f"{turn / 1e3:g} kV")
+                         f"{case.voltage / 1e3:g} kV", key="turn", given=f"{turn / 1e3:g} kV")
     duration = 2 * (turn - case.voltage) / rate
     ramped = TransientCase(case.specimen, ramp(case.voltage, turn, duration), mass=case.mass,
                            rig=case.rig)

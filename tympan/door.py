@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack, cast
 
 from tympan.base.errors import InputError as InputError
-from tympan.base.fields import names_arguments, number, numbers
+from tympan.base.fields import number, numbers
 from tympan.base.process.folder import alone, temporary_folder
 from tympan.base.process.threads import one_thread
+from tympan.base.toml_reader import Table
 from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.specimen import Specimen
+from tympan.grammar import public
 from tympan.result import Result as Result
 from tympan.studies.case import Case as Case
 from tympan.studies.case import CaseResult
@@ -48,8 +51,14 @@ if TYPE_CHECKING:
     from tympan.studies.trace import Responses
 
 File = str | os.PathLike[str]
-#: One load, or the lowest and the highest.
-Masses = float | str | Sequence[float | str]
+#: A specimen, or the name of its file.
+SpecimenOrFile = Specimen | File
+#: A rig, the name of its file, or the keys of one; None is a rig without anything on it.
+Holder = Rig | File | Mapping[str, Any] | None
+#: One load, several, or a range: "0 kV..5 kV", ``{"from": 0, "to": "5 kV", "count": 11}``.
+Load = float | str | Sequence[float | str] | Mapping[str, Any]
+#: What several quantities in one text have between them.
+_SEVERAL = re.compile(r"\.\.|[^\W\d_]\s*,")
 #: Most films that are drawn.
 _MOST_FILMS = 1_000_000
 Solved = TypeVar("Solved")
@@ -98,12 +107,51 @@ class Loads(TypedDict, total=False):
     A voltage may also be a share of the first limit, "80 %".
     """
 
-    mass: float | str
-    voltage: float | str
-    rig: Rig
+    mass: Load | None
+    voltage: Load | None
+    pressure: float | str | None
+    rig: Holder
     elapsed: float | str
     direction: float | Literal["up", "down", ""]
-    pressure: float | str | None
+
+
+def loaded(given: SpecimenOrFile) -> Specimen:
+    """Load a specimen that is given by the name of its file."""
+    if isinstance(given, Specimen):
+        return given
+    if not isinstance(given, str | os.PathLike):
+        raise InputError("must be a Specimen or the name of its file", key="specimen",
+                         given=given)
+    return load_specimen(Path(given))
+
+
+def held(given: Holder, pressure: float | str | None = None) -> Rig:
+    """Read a rig that is given by the name of its file or by its keys, and press the gas."""
+    if isinstance(given, Mapping):
+        given = Rig.from_table(Table("rig", dict(given)))
+    elif given is not None and not isinstance(given, Rig):
+        given = Rig.read(Path(given))
+    return (given or Rig()).pressed(pressure)
+
+
+def only(given: Load | None, name: str, default: float | str = 0.0) -> float | str:
+    """Return the load of a question about one state; several are refused, in words."""
+    if given is None:
+        return default
+    if isinstance(given, str):
+        if not _SEVERAL.search(given):
+            return given
+    elif not isinstance(given, Mapping):
+        values: Any = given if hasattr(given, "__len__") else [given]
+        if len(values) == 1:
+            return cast(float, values[0])
+    raise InputError("must be one: this question is about one state; curve, force and sweep take "
+                     "several", key=name, given=str(given))
+
+
+def several(given: Load | None, dimension: str, name: str) -> tuple[float, ...]:
+    """Convert loads to SI; none where none is given."""
+    return () if given is None else numbers(given, dimension, name)
 
 
 def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
@@ -111,12 +159,12 @@ def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
     from tympan.studies.limits import charged
 
     given: dict[str, Any] = {**loads}
-    rig = given.pop("rig", Rig()).pressed(given.pop("pressure", None))
-    voltage = given.pop("voltage", 0.0)
-    return charged(Case(specimen, rig=rig, **given), voltage, settings)
+    rig = held(given.pop("rig", None), given.pop("pressure", None))
+    mass, voltage = (only(given.pop(name, None), name) for name in ("mass", "voltage"))
+    return charged(Case(specimen, mass=mass, rig=rig, **given), voltage, settings)
 
 
-@names_arguments()
+@public()
 def load(file: File) -> Specimen:
     """Load a specimen from a TOML file.
 
@@ -128,15 +176,15 @@ def load(file: File) -> Specimen:
     return load_specimen(Path(file))
 
 
-@names_arguments()
-def draw(specimen: Specimen, target: Axes | File | None = None) -> Axes:
+@public()
+def draw(specimen: SpecimenOrFile, target: Axes | File | None = None) -> Axes:
     """Draw a specimen with its sizes on axes, into a file, or on new axes; return the axes."""
     from tympan.reports.plots import plot
 
-    return plot(specimen, target)
+    return plot(loaded(specimen), target)
 
 
-@names_arguments()
+@public()
 def material(name: str) -> LibraryMaterial:
     """Load a material of the library, as ``tympan materials`` lists it with its source.
 
@@ -151,10 +199,10 @@ def material(name: str) -> LibraryMaterial:
     return library_material(name)
 
 
-@names_arguments(Loads)
+@public(Loads, placed=("settings",))
 @one_thread()
-def solve(specimen: Specimen, settings: Settings = Settings(), *,
-          after: float | str | None = None, tolerances: Tolerances | File | None = None,
+def solve(specimen: SpecimenOrFile, *, after: float | str | None = None,
+          tolerances: Tolerances | File | None = None, settings: Settings | None = None,
           **loads: Unpack[Loads]) -> Result[CaseResult]:
     """Solve the equilibrium of a specimen under a mass and a voltage, with fields and limits.
 
@@ -169,6 +217,7 @@ def solve(specimen: Specimen, settings: Settings = Settings(), *,
     if after is not None and tolerances is not None:
         raise InputError("is for films at rest: after must be left out", key="tolerances",
                          given=tolerances)
+    specimen, settings = loaded(specimen), settings or Settings()
     case = _case(specimen, loads, settings)
     solved = solving.solve(case, settings, after, film=True)
     return Result(_banded(solved, specimen, tolerances, case.rig, settings), specimen)
@@ -191,9 +240,9 @@ def _tolerances(given: Tolerances | File) -> Tolerances:
     return given if isinstance(given, Tolerances) else Tolerances.read(Path(given))
 
 
-@names_arguments(Loads)
+@public(Loads, placed=("settings",))
 @one_thread()
-def limits(specimen: Specimen, settings: Settings = Settings(), *, beyond: bool = False,
+def limits(specimen: SpecimenOrFile, *, beyond: bool = False, settings: Settings | None = None,
            **loads: Unpack[Loads]) -> Result[LimitsResult]:
     """Compute limits of the voltage: loss of tension, breakdown, instability, pull-in.
 
@@ -205,21 +254,22 @@ def limits(specimen: Specimen, settings: Settings = Settings(), *, beyond: bool 
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.loads import usual_masses
 
+    specimen, settings = loaded(specimen), settings or Settings()
     case = _case(specimen, loads, settings)
-    if specimen.plate is not None and "mass" not in loads:
+    if specimen.plate is not None and loads.get("mass") is None:
         case = replace(case, mass=usual_masses(specimen, settings, case.rig)[0])
     return Result(LimitsResult.of(case, settings, beyond))
 
 
-@names_arguments()
+@public(former={"voltages": "voltage"}, rest="mass")
 @one_thread()
-def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | str] = (),
-          settings: Settings = Settings(), rig: Rig = Rig(), pressure: float | str | None = None,
-          tolerances: Tolerances | File | None = None, beyond: bool = False
+def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
+          pressure: float | str | None = None, rig: Holder = None, beyond: bool = False,
+          tolerances: Tolerances | File | None = None, settings: Settings | None = None
           ) -> Result[CurveResult]:
-    """Compute deflection against voltage under each mass; by default under usual masses.
+    """Compute deflection against voltage under each ``mass``; by default under usual masses.
 
-    Each curve goes to the film's end. ``voltages`` are additional rows.
+    Each curve goes to the film's end. Each ``voltage`` is an additional row.
     ``result.curves[0].limits.limit.voltage_V`` is the first limit under the first mass.
     ``tolerances`` as for :func:`solve`: then ``result.curves[0].band_deflection_m`` has the band of
     films at ``band_voltage_V``. ``beyond`` as for :func:`limits`.
@@ -227,68 +277,70 @@ def curve(specimen: Specimen, *masses: float | str, voltages: Sequence[float | s
     from tympan.studies.limits.curve import curve
     from tympan.studies.limits.loads import usual_masses
 
-    rig = rig.pressed(pressure)
-    given = [Case(specimen, mass=mass).mass for mass in masses]
-    usual = () if given else usual_masses(specimen, settings, rig) if specimen.plate else (0.0,)
-    marked = sorted(Case(specimen, voltage=voltage).voltage
-                    for voltage in numbers(voltages, "voltage", "voltages"))
-    found = curve(specimen, given or usual, settings, rig, marked, beyond=beyond)
-    return Result(_banded(found, specimen, tolerances, rig, settings))
+    specimen, settings, on = loaded(specimen), settings or Settings(), held(rig, pressure)
+    given = [Case(specimen, mass=one).mass for one in several(mass, "mass", "mass")]
+    usual = () if given else usual_masses(specimen, settings, on) if specimen.plate else (0.0,)
+    marked = sorted(Case(specimen, voltage=one).voltage
+                    for one in several(voltage, "voltage", "voltage"))
+    found = curve(specimen, given or usual, settings, on, marked, beyond=beyond)
+    return Result(_banded(found, specimen, tolerances, on, settings))
 
 
-@names_arguments()
+@public(former={"voltages": "voltage", "loads": "mass"})
 @one_thread()
-def force(specimen: Specimen, *, to: float | str, from_: float | str = 0.0,
-          voltages: Sequence[float | str] = (0.0,), points: int = 61,
-          loads: Sequence[float | str] = (), rate: float | str | None = None, cycles: int = 1,
-          rig: Rig = Rig(), pressure: float | str | None = None, settings: Settings = Settings(),
-          tolerances: Tolerances | File | None = None) -> Result[ForceResult]:
-    """Compute the force on the plate against its displacement, a curve for each voltage.
+def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
+          pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
+          to: float | str | None = None, points: int = 61, rate: float | str | None = None,
+          cycles: int = 1, tolerances: Tolerances | File | None = None,
+          settings: Settings | None = None) -> Result[ForceResult]:
+    """Compute the force on the plate against its displacement, a curve for each ``voltage``.
 
     The plate is displacement-controlled, as in a tensile tester, at ``points`` positions between
-    two displacements. ``loads`` are masses. With the rig's springs and other biases each is a line
-    that crosses the curves at equilibria: ``result.loads[0].crossings``, ``result.stroke_m``,
-    ``result.work_J``. ``result.blocked_force_N`` is the change of force of the held plate. With a
+    two displacements. The last is by default a little beyond where the loads come to rest, or 0.3
+    of the gap. With the rig's springs and other biases each ``mass`` is a line that crosses the
+    curves at equilibria: ``result.loads[0].crossings``, ``result.stroke_m``, ``result.work_J``.
+    ``result.blocked_force_N`` is the change of force of the held plate. With a
     ``rate``, such as "1 mm/s", the plate also moves out and back in time, in ``cycles``:
     ``result.loops[0].area_J`` are the areas of a film with viscous branches. ``tolerances`` as for
     :func:`solve`: then ``result.curves[0].band_force_N`` has the band of films.
     """
     from tympan.studies.force import ForceCase, force
 
-    case = ForceCase(specimen, voltages=voltages, start=from_, to=to, points=points, masses=loads,
-                     rate=rate, cycles=cycles, rig=rig.pressed(pressure))
+    specimen, settings = loaded(specimen), settings or Settings()
+    case = ForceCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
+                     start=from_, to=to, points=points, masses=several(mass, "mass", "mass"),
+                     rate=rate, cycles=cycles, rig=held(rig, pressure))
     return Result(_banded(force(case, settings), specimen, tolerances, case.rig, settings))
 
 
-@names_arguments()
+@public(former={"voltages": "voltage", "masses": "mass"})
 @one_thread()
-def sense(specimen: Specimen, *, voltages: Sequence[float | str] = (0.0,),
-          masses: Sequence[float | str] = (), from_: float | str = 0.0,
-          to: float | str | None = None, points: int = 21, rig: Rig = Rig(),
-          pressure: float | str | None = None, settings: Settings = Settings()
+def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
+          pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
+          to: float | str | None = None, points: int = 21, settings: Settings | None = None
           ) -> Result[SenseResult]:
     """Compute capacitance against deflection at several voltages, and the inverse.
 
-    The plate is displaced between two deflections, or a little further than the ``masses`` deflect
+    The plate is displaced between two deflections, or a little further than each ``mass`` deflects
     it. ``result.sensed(capacitance, voltage)`` is the deflection [m] by a polynomial with the
     largest error ``result.inverse.error_m``. ``to_pandas()`` is the table; it includes the change
     of the sensed deflection by an error of the capacitance, the prestretch and the permittivity.
     """
     from tympan.studies.sense import SenseCase, sense
 
-    case = SenseCase(specimen, voltages=voltages, masses=masses, start=from_, to=to, points=points,
-                     rig=rig.pressed(pressure))
-    return Result(sense(case, settings))
+    case = SenseCase(loaded(specimen), voltages=several(voltage, "voltage", "voltage") or (0.0,),
+                     masses=several(mass, "mass", "mass"), start=from_, to=to, points=points,
+                     rig=held(rig, pressure))
+    return Result(sense(case, settings or Settings()))
 
 
-@names_arguments()
+@public(placed=("tolerances",))
 @one_thread()
-def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
-              want: Mapping[str, object] | str = "",
-              mass: float | str | None = None, voltage: float | str | None = None,
-              films: int = 10_000, seed: int = 1, rig: Rig = Rig(),
-              pressure: float | str | None = None, settings: Settings = Settings()
-              ) -> Result[ToleranceResult]:
+def tolerance(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
+              pressure: float | str | None = None, rig: Holder = None,
+              tolerances: Tolerances | File | None = None,
+              want: Mapping[str, object] | str = "", films: int = 10_000, seed: int = 0,
+              settings: Settings | None = None) -> Result[ToleranceResult]:
     """Compute the spread of deflection, stroke, force, frequency and others between films.
 
     ``tolerances``: a file, :class:`Tolerances`, or the defaults of the film's material. Mass and
@@ -305,17 +357,20 @@ def tolerance(specimen: Specimen, tolerances: Tolerances | File | None = None, *
 
     given = Tolerances() if tolerances is None else _tolerances(tolerances)
     file = None if isinstance(tolerances, Tolerances) else tolerances
-    case = ToleranceCase(specimen, mass=mass, voltage=voltage, tolerances=given,
+    load, across = (None if each is None else only(each, name)
+                    for each, name in ((mass, "mass"), (voltage, "voltage")))
+    case = ToleranceCase(loaded(specimen), mass=load, voltage=across, tolerances=given,
                          wanted=asked_bounds(file, want), films=films, seed=seed,
-                         rig=rig.pressed(pressure))
-    return Result(tolerance(case, settings))
+                         rig=held(rig, pressure))
+    return Result(tolerance(case, settings or Settings()))
 
 
-@names_arguments()
+@public(placed=("tolerances",))
 @one_thread()
-def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None, *,
-                 mass: Masses = 0.0, voltage: float | str | None = None, films: int = 1000,
-                 seed: int = 1, rig: Rig = Rig(), settings: Settings = Settings()) -> Population:
+def films_within(specimen: SpecimenOrFile, *, mass: Load = 0.0, voltage: float | str | None = None,
+                 pressure: float | str | None = None, rig: Holder = None,
+                 tolerances: Tolerances | File | None = None, films: int = 1000, seed: int = 0,
+                 settings: Settings | None = None) -> Population:
     """Draw random films within tolerances, for questions of one's own; they are reduced films.
 
     ``tolerances`` as for :func:`tolerance`, whose films these are. They bear the nominal ``mass``,
@@ -335,18 +390,19 @@ def films_within(specimen: Specimen, tolerances: Tolerances | File | None = None
     from tympan.studies.tolerance.given import Tolerances
 
     given = Tolerances() if tolerances is None else _tolerances(tolerances)
+    specimen, settings, on = loaded(specimen), settings or Settings(), held(rig, pressure)
     scattered = Scattered.of(specimen, given)
     masses = numbers(mass, "mass", "mass")
     highest = (number(voltage, "voltage", "voltage") if voltage is not None else
-               _above_limits(Case(specimen, mass=min(masses), rig=rig), settings))
-    Case.greatest(specimen, masses, [highest], rig)  # refuses loads that no film bears
+               _above_limits(Case(specimen, mass=min(masses), rig=on), settings))
+    Case.greatest(specimen, masses, [highest], on)  # refuses loads that no film bears
     if not 1 <= films <= _MOST_FILMS:
         raise InputError(f"must be a whole number from 1 to {_MOST_FILMS}", key="films",
                          given=films)
     if seed < 0:
         raise InputError("must be a whole number, 0 or more", key="seed", given=seed)
     return scattered.population((min(masses), max(masses)), highest,
-                                drawn_points(scattered.inputs, films, seed), rig, settings)
+                                drawn_points(scattered.inputs, films, seed), on, settings)
 
 
 def _above_limits(case: Case, settings: Settings) -> float:
@@ -361,38 +417,39 @@ def _above_limits(case: Case, settings: Settings) -> float:
     return ABOVE * first.voltage_V
 
 
-@names_arguments(Loads)
+@public(Loads, former={"to": "turn"}, placed=("along", "settings"))
 @one_thread()
-def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
-         settings: Settings = Settings(), *, rate: float | str | None = None,
-         to: float | str | None = None, fields: bool = False, beyond: bool = False,
-         **loads: Unpack[Loads]) -> Result[PathResult | Responses]:
+def path(specimen: SpecimenOrFile, *,
+         along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
+         rate: float | str | None = None, turn: float | str | None = None, fields: bool = False,
+         beyond: bool = False, settings: Settings | None = None, **loads: Unpack[Loads]
+         ) -> Result[PathResult | Responses]:
     """Follow equilibria while one quantity grows from the loads on, through limit points.
 
-    With a ``rate`` such as "100 V/s": a loop in time, up to a voltage ``to`` and down again, of a
+    With a ``rate`` such as "100 V/s": a loop in time, up to a voltage ``turn`` and down again, of a
     film with viscous branches; by default it turns at 95 % of the film's first limit. ``fields``:
     include the film of every state, or at 25 moments of a loop. ``beyond`` as for :func:`limits`.
     """
     from tympan import solving
 
-    return Result(solving.follow(_case(specimen, loads, settings), settings, along, rate, to,
-                                 fields, beyond))
+    settings = settings or Settings()
+    return Result(solving.follow(_case(loaded(specimen), loads, settings), settings, along, rate,
+                                 turn, fields, beyond))
 
 
-@names_arguments(Waves)
+@public(Waves, former={"films": "at"}, placed=("signal",))
 @one_thread()
-def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
-              mass: float | str | None = None, rest: float | str | None = None,
-              swing: bool = False, films: Sequence[float | str] = (), states: bool = False,
-              rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
-              ) -> Result[Responses]:
+def transient(specimen: SpecimenOrFile | Sequence[SpecimenOrFile], *, mass: Load | None = None,
+              rig: Holder = None, signal: str = "step", rest: float | str | None = None,
+              swing: bool = False, at: Load = (), states: bool = False,
+              settings: Settings | None = None, **wave: Unpack[Waves]) -> Result[Responses]:
     """Simulate one film or several under a step, ramp, sine, random voltages, or a CSV file's.
 
     Before the signal the film rests under mass and first voltage for ``rest``, by default for ever,
     unless the film states when it was mounted. ``swing``: the plate has inertia; else it follows
     the film at once. The mass suits the film where none is given. ``result.responses[0]`` has the
     numbers, ``to_pandas()`` the samples at ``interval``; ``result.films[0]`` the film at each of
-    the times ``films``. With ``states``, ``result.responses[0].states`` has the variables of the
+    the times ``at``. With ``states``, ``result.responses[0].states`` has the variables of the
     film's state at each sample, such as ``max_stretch``. Arguments of the signal: ``low`` and
     ``high`` voltage, ``duration`` of step, ramp, a random level or a period, ``count`` of levels or
     periods, and a ``seed``.
@@ -401,57 +458,72 @@ def transient(specimen: Specimen | Sequence[Specimen], signal: str = "step", *,
     from tympan.studies.trace import sample_count
     from tympan.studies.transient import responses
 
-    specimens = (specimen,) if isinstance(specimen, Specimen) else tuple(specimen)
+    one = isinstance(specimen, Specimen | str | os.PathLike)
+    specimens = tuple(map(loaded, [specimen] if one else specimen))  # type: ignore[arg-type]
     form = Wave(signal, **wave)
     voltages = form.signal()
     sample_count(voltages.end, form.interval, len(specimens))
-    return Result(responses(specimens, form, voltages, settings, mass=mass, rest=rest, swing=swing,
-                            films=numbers(films, "time", "films"), rig=rig, states=states))
+    return Result(responses(
+        specimens, form, voltages, settings or Settings(), rig=held(rig), rest=rest, swing=swing,
+        mass=None if mass is None else only(mass, "mass"), films=numbers(at, "time", "at"),
+        states=states))
 
 
-@names_arguments(Loads)
+@public(Loads, placed=("count", "settings"))
 @one_thread()
-def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(), *,
-          point_mass: float | str = 0.0, **loads: Unpack[Loads]) -> Result[ModesResult]:
+def modes(specimen: SpecimenOrFile, *, count: int = 6, point_mass: float | str = 0.0,
+          settings: Settings | None = None, **loads: Unpack[Loads]) -> Result[ModesResult]:
     """Solve small vibrations about an equilibrium at constant voltage.
 
     ``point_mass``: part of the mass in the plate's centre; the rest is spread over the plate.
     """
     from tympan.studies.modes import modes
 
+    specimen, settings = loaded(specimen), settings or Settings()
     return Result(modes(_case(specimen, loads, settings), settings, count,
                         number(point_mass, "mass", "point_mass")), specimen)
 
 
-@names_arguments(Loads)
+@public(Loads, rest="frequency")
 @one_thread()
-def response(specimen: Specimen, *frequencies: float | str, settings: Settings = Settings(),
+def response(specimen: SpecimenOrFile, *, frequency: Load = (), settings: Settings | None = None,
              **loads: Unpack[Loads]) -> Result[ResponseResult]:
     """Compute amplitude and phase of the deflection under a small sine of the voltage.
 
-    ``frequencies`` are numbers [Hz] or texts; by default they suit the film.
+    Each ``frequency`` is a number [Hz] or a text; by default they suit the film.
     """
     from tympan.studies.response import response
 
-    asked = numbers(frequencies, "frequency", "frequencies")
+    specimen, settings = loaded(specimen), settings or Settings()
+    asked = numbers(frequency, "frequency", "frequency")
     return Result(response(_case(specimen, loads, settings), settings, asked), specimen)
 
 
-@names_arguments(Loads)
+@public(Loads, rest="of")
 @one_thread()
-def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Settings(),
-                **loads: Unpack[Loads]) -> Result[SensitivityResult]:
-    """Differentiate named quantities, by default "heave", by all they depend on."""
+def sensitivity(specimen: SpecimenOrFile, *, of: str | Sequence[str] = "heave",
+                settings: Settings | None = None, **loads: Unpack[Loads]
+                ) -> Result[SensitivityResult]:
+    """Differentiate quantities, by default "heave", by all that they depend on.
+
+    ``of``: their names, in a list or with commas between them.
+    """
     from tympan.studies.sensitivity import sensitivity
 
-    return Result(sensitivity(_case(specimen, loads, settings), settings, quantities or ("heave",)))
+    settings = settings or Settings()
+    names = of.split(",") if isinstance(of, str) else of
+    if not all(isinstance(name, str) for name in names):
+        raise InputError("must be names of quantities", key="of", given=str(of))
+    return Result(sensitivity(_case(loaded(specimen), loads, settings), settings,
+                              tuple(name.strip() for name in names)))
 
 
-@names_arguments()
+@public(placed=("alpha_settings", "settings", "rig"))
 @one_thread()
-def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
-          settings: Settings = Settings(), rig: Rig = Rig(), *, circles: int = 2,
-          radii: str = "semi_axes", uncertainty: bool = False) -> Result[AlphaResult]:
+def alpha(specimen: SpecimenOrFile, *, rig: Holder = None, circles: int = 2,
+          radii: str = "semi_axes", uncertainty: bool = False,
+          alpha_settings: AlphaSettings | None = None, settings: Settings | None = None
+          ) -> Result[AlphaResult]:
     """Compute weights of the circles that represent a specimen in a lumped model.
 
     ``circles``: their number; ``radii``: semi_axes, sectors or fit; ``alpha_settings`` may give the
@@ -460,29 +532,30 @@ def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
     from tympan.studies import alpha as study
 
     chosen = alpha_settings or study.AlphaSettings(circles=circles, radii=radii)
-    result = study.alpha(specimen, settings, chosen, rig)
+    specimen, settings, on = loaded(specimen), settings or Settings(), held(rig)
+    result = study.alpha(specimen, settings, chosen, on)
     if uncertainty:
-        result = replace(result, uncertainty=study.uncertainty(specimen, settings, chosen, rig,
+        result = replace(result, uncertainty=study.uncertainty(specimen, settings, chosen, on,
                                                                result))
     return Result(result)
 
 
-@names_arguments()
+@public(former={"at": "voltage"}, placed=("folder", "workers", "settings", "voltage"))
 @one_thread()
-def sweep(file: File, folder: File | None = None, workers: int = 1,
-          settings: Settings = Settings(), at: float | str | None = None, *,
-          scheduler: str | None = None, wait: float | str = 60.0, exact: bool = False,
-          tolerances: Tolerances | File | None = None) -> Result[SweepResult]:
+def sweep(file: File, *, voltage: float | str | None = None, folder: File | None = None,
+          exact: bool = False, tolerances: Tolerances | File | None = None, workers: int = 1,
+          scheduler: str | None = None, wait: float | str = 60.0,
+          settings: Settings | None = None) -> Result[SweepResult]:
     """Solve all cases of SWEEP.toml; cases stored in a ``folder`` are not solved again.
 
     Many specimens that differ in numbers alone are solved by a reduced film, with its error in each
     row; ``exact``: all by finite elements. ``tolerances`` as for :func:`solve`: then the table also
     has ``deflection_low_m`` and ``deflection_high_m``, 5 and 95 % of films.
 
-    Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films ``at``
-    one of its voltages, by default the highest. With more than one worker the calling script needs
-    a main guard. ``scheduler``: the address of a Dask cluster that solves instead; it must have a
-    worker within ``wait``.
+    Its maps, and ``result.best("stroke", under="max_true_stress < 131 kPa")``, compare films at one
+    ``voltage`` of the sweep, by default the highest. With more than one worker the calling script
+    needs a main guard. ``scheduler``: the address of a Dask cluster that solves instead; it must
+    have a worker within ``wait``.
     """
     from functools import partial
 
@@ -492,8 +565,8 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
     from tympan.studies.sweep.run import run_sweep
 
     given = None if tolerances is None else _tolerances(tolerances)
-    planned = read_sweep(Path(file), settings, exact, given)
-    planned = planned if at is None else planned.compared_at(at)
+    planned = read_sweep(Path(file), settings or Settings(), exact, given)
+    planned = planned if voltage is None else planned.compared_at(voltage)
     pool = serial if workers == 1 else partial(processes, workers=workers)
     if scheduler is not None:
         pool = partial(cluster, address=scheduler, wait=number(wait, "time", "wait"), say=print)
@@ -501,7 +574,7 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
         return Result(run_sweep(planned, Path(folder or scratch), pool))
 
 
-@names_arguments()
+@public()
 @one_thread()
 def study(file: File | None = None, *, tolerances: Tolerances | File | None = None
           ) -> Result[StudyResult]:
@@ -516,7 +589,7 @@ def study(file: File | None = None, *, tolerances: Tolerances | File | None = No
     return Result(run_study(replace(planned, tolerances=given)))
 
 
-@names_arguments()
+@public()
 def data(dataset: File) -> dict[str, Any]:
     """Summarise a dataset with warnings, as ``tympan data --json`` prints it."""
     from tympan.studies.data.checks import summary
@@ -525,8 +598,8 @@ def data(dataset: File) -> dict[str, Any]:
     return summary(read_dataset(Path(dataset)))
 
 
-@names_arguments()
-def draft(file: File, target: File | None = None, kind: str | None = None) -> Path:
+@public(placed=("target", "kind"))
+def draft(file: File, *, target: File | None = None, kind: str | None = None) -> Path:
     """Write a first dataset.toml for a table of yours, beside it or to a ``target``.
 
     Every line is a guess with its reason. ``kind``: "static", "transient", "force", "coupon",
@@ -537,9 +610,9 @@ def draft(file: File, target: File | None = None, kind: str | None = None) -> Pa
     return write_draft(Path(file), None if target is None else Path(target), kind)
 
 
-@names_arguments()
+@public(placed=("workers", "seed"))
 @one_thread()
-def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0,
+def diagnose(dataset: File, *, self_check: int = 0, workers: int = 1, seed: int = 0,
              formula: str | None = None) -> Result[Diagnosis]:
     """Compare a dataset with the simulation, and name the effect that explains the difference.
 
@@ -555,9 +628,9 @@ def diagnose(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int 
     return Result(concluded.diagnosis(films=True, self_check=checked))
 
 
-@names_arguments()
+@public(placed=("workers", "seed"))
 @one_thread()
-def plan(dataset: File, workers: int = 1, seed: int = 0, *, self_check: int = 0,
+def plan(dataset: File, *, self_check: int = 0, workers: int = 1, seed: int = 0,
          formula: str | None = None) -> dict[str, Any]:
     """Plan measurements: list what such readings can show, as ``tympan diagnose --plan`` does.
 
@@ -576,16 +649,16 @@ def _self_check(bench: Bench, count: int, workers: int, seed: int) -> dict[str, 
     return self_checked(replace(bench, seed=seed), count, workers).json() if count else None
 
 
-@names_arguments(CouponTable)
+@public(CouponTable, former={"laws": "law"})
 @one_thread()
-def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | None = None,
+def fit_material(*files: File, law: str | Sequence[str] = (), noise: float | str | None = None,
                  branches: int | None = None, constants: Sequence[str] = (),
-                 film: Case | None = None, settings: Settings = Settings(),
+                 film: Case | None = None, settings: Settings | None = None,
                  **table: Unpack[CouponTable]) -> Result[MaterialFitResult | FilmFit]:
     """Fit laws to coupon tests, or a film to readings of its actuators.
 
     ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` are
-    all laws. ``laws``: those to compare, by default all; ``noise``: standard deviation of one
+    all laws. ``law``: those to compare, by default all; ``noise``: standard deviation of one
     stress; ``film``: a case that is solved with the fitted laws, in
     ``result.numbers.numbers["film"]``. Or ``files`` is one folder of a dataset, whose law keeps its
     form: ``result.stiffness_factor`` and ``result.permittivity_factor`` have 95 % limits, and
@@ -602,6 +675,8 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     from tympan.studies.diagnosis.film_fit import fit_film
     from tympan.studies.material.result import fit_coupons
 
+    settings = settings or Settings()
+    laws = law.split(",") if isinstance(law, str) else law
     paths = [Path(file) for file in files]
     folders = [path for path in paths if path.is_dir() or path.name == "dataset.toml"]
     if not paths or (folders and len(paths) > 1):
@@ -614,7 +689,7 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
         stress = quantity(noise, "stress") if isinstance(noise, str) else noise
         return Result(fit_coupons(paths, laws, stress, branches, film, settings,
                                   coupon_layout(**table)))
-    for key, given in {"laws": laws, "noise": noise, "film": film, **table}.items():
+    for key, given in {"law": law, "noise": noise, "film": film, **table}.items():
         if given not in (None, ()):
             raise InputError("is for coupons: a dataset's specimens have their law and their noise",
                              key=key, given=str(given))
@@ -622,10 +697,10 @@ def fit_material(*files: File, laws: Sequence[str] = (), noise: float | str | No
     return Result(fit_film(dataset, branches, constants=constants))
 
 
-@names_arguments()
+@public(placed=("settings", "workers"))
 @one_thread()
-def design(requirements: Requirements | File | None = None, settings: Settings = Settings(),
-           workers: int = 1) -> Result[DesignResult]:
+def design(requirements: Requirements | File | None = None, *, workers: int = 1,
+           settings: Settings | None = None) -> Result[DesignResult]:
     """Find the best films for requirements that 95 % of the films within tolerances must meet.
 
     ``requirements``: a file, or :class:`Requirements`. ``result.films[0]`` is the best film, with
@@ -643,17 +718,17 @@ def design(requirements: Requirements | File | None = None, settings: Settings =
         requirements = Requirements.shipped()
     elif not isinstance(requirements, Requirements):
         requirements = Requirements.read(Path(requirements))
-    return Result(best_films(requirements, settings, workers=workers))
+    return Result(best_films(requirements, settings or Settings(), workers=workers))
 
 
-@names_arguments()
-def optimise(file: File | None = None, settings: Settings = Settings()
+@public(placed=("settings",))
+def optimise(file: File | None = None, *, settings: Settings | None = None
              ) -> Result[DesignResult]:
     """Call :func:`design`, which replaces this former name."""
-    return design(file, settings)
+    return design(file, settings=settings)
 
 
-@names_arguments()
+@public()
 def materials() -> dict[str, LibraryMaterial]:
     """List the materials of the library by name, each with its source, for :func:`material`.
 
@@ -667,8 +742,8 @@ def materials() -> dict[str, LibraryMaterial]:
     return dict(MATERIALS)
 
 
-@names_arguments()
-def show_material(name: str, held: float | None = None) -> Examination:
+@public(placed=("held",))
+def show_material(name: str, *, held: float | None = None) -> Examination:
     """Tabulate a material's true stress against stretch, and find where its law fails.
 
     ``name``: of the library, or a specimen file. ``held``: the stretch across in the second column,
@@ -684,7 +759,7 @@ def show_material(name: str, held: float | None = None) -> Examination:
     return examine(*subject(name, held))
 
 
-@names_arguments()
+@public()
 def effects() -> dict[str, Any]:
     """List effects a model may leave out, with units and priors, as ``tympan effects --json`` does.
 
@@ -698,22 +773,22 @@ def effects() -> dict[str, Any]:
     return listing()
 
 
-@names_arguments(PartSizes)
-def export(specimen: Specimen, folder: File, *, inp: bool = False,
-           masses: float | str | Sequence[float | str] = (),
-           voltages: float | str | Sequence[float | str] = (), pressure: float | str = 0.0,
-           settings: Settings = Settings(), **sizes: Unpack[PartSizes]) -> list[Path]:
+@public(PartSizes, former={"masses": "mass", "voltages": "voltage"})
+def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
+           voltage: Load | None = None, pressure: float | str = 0.0, inp: bool = False,
+           settings: Settings | None = None, **sizes: Unpack[PartSizes]) -> list[Path]:
     """Write frame, clamp, plate, film and mesh into a folder, and return the files.
 
     As STEP, DXF, SVG and VTU; ``sizes`` are those of the parts. ``inp``: instead the film as input
-    of CalculiX or Abaqus, a step for each of the ``masses``, then for each of the ``voltages``,
-    above a gas of a ``pressure`` [Pa].
+    of CalculiX or Abaqus, a step for each ``mass``, then for each ``voltage``, above a gas of a
+    ``pressure`` [Pa].
     """
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export, export_input
 
+    specimen, settings = loaded(specimen), settings or Settings()
     settings.require_elements()
-    carried, applied = numbers(masses, "mass", "masses"), numbers(voltages, "voltage", "voltages")
+    carried, applied = several(mass, "mass", "mass"), several(voltage, "voltage", "voltage")
     if inp:
         return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied),
                              number(pressure, "stress", "pressure"))]
@@ -721,7 +796,7 @@ def export(specimen: Specimen, folder: File, *, inp: bool = False,
     return list(export(specimen, settings.mesh, Path(folder), chosen))
 
 
-@names_arguments()
+@public()
 def report(folder: File) -> list[Path]:
     """Rebuild the figures and pages of what was saved into a folder, and return them."""
     from tympan.reports.rebuild import rebuild

@@ -8,11 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from tympan.base.errors import InputError
-from tympan.base.fields import names_arguments, number, numbers
+from tympan.base.fields import number, numbers
 from tympan.base.process.threads import one_thread
-from tympan.door import File, Voltages, Waves
-from tympan.fem.rig import Rig
+from tympan.base.units import RANGE
+from tympan.door import (
+    File,
+    Holder,
+    Load,
+    SpecimenOrFile,
+    Voltages,
+    Waves,
+    held,
+    loaded,
+    only,
+    several,
+)
 from tympan.geometry.specimen import Specimen, require_different_names
+from tympan.grammar import public
 from tympan.result import Result
 from tympan.studies.case import Settings
 
@@ -27,44 +39,41 @@ if TYPE_CHECKING:
     from tympan.studies.trace import Responses
 
 
-@names_arguments()
+@public(former={"masses": "mass", "voltages": "voltage"})
 @one_thread()
-def build(*specimens: Specimen, masses: float | str | Sequence[float | str] | None = None,
-          voltages: tuple[float | str, float | str] | None = None, count: int = 11,
-          circles: int = 2, radii: Literal["semi_axes", "sectors", "fit"] = "semi_axes",
-          viscous: Viscous | None = None, settings: Settings = Settings(), rig: Rig = Rig()
+def build(*specimens: SpecimenOrFile, mass: Load | None = None, voltage: Load | None = None,
+          rig: Holder = None, count: int | None = None, circles: int = 2,
+          radii: Literal["semi_axes", "sectors", "fit"] = "semi_axes",
+          viscous: Viscous | None = None, settings: Settings | None = None
           ) -> Result[BuildResult]:
     """Build lumped models of specimens from their field models alone.
 
-    ``result.models`` are the input of the other commands. The first of the ``masses`` is fitted,
-    the others are tested; ``voltages`` are the ends of ``count`` voltages. By default loads suit
-    the films. ``viscous``: the constants of films without branches.
+    ``result.models`` are the input of the other commands. The first ``mass`` is fitted, the others
+    are tested; ``voltage`` is a range, by default of 11 voltages, or of ``count``. By default loads
+    suit the films. ``viscous``: the constants of films without branches.
     """
-    from tympan.studies.lumped.build import BuildResult, BuildSettings, evenly
+    from tympan.studies.lumped.build import BuildResult, BuildSettings, between
 
     if not specimens:
         raise InputError("give one or several", key="specimens")
-    require_different_names(specimens)
-    loads = None
-    if voltages is not None:
-        low, high = numbers(voltages, "voltage", "voltages")
-        loads = evenly(low, high, count)
+    films, settings, on = tuple(map(loaded, specimens)), settings or Settings(), held(rig)
+    require_different_names(films)
+    loads = None if voltage is None else between(several(voltage, "voltage", "voltage"), count)
     chosen = BuildSettings.suited(
-        specimens, settings, rig, count, voltages=loads, circles=circles, radii=radii,
-        masses=None if masses is None else numbers(masses, "mass", "masses"), viscous=viscous)
-    return Result(BuildResult.built(specimens, settings, chosen, rig))
+        films, settings, on, count or RANGE, voltages=loads, circles=circles, radii=radii,
+        masses=several(mass, "mass", "mass") or None, viscous=viscous)
+    return Result(BuildResult.built(films, settings, chosen, on))
 
 
-@names_arguments(Waves)
+@public(Waves)
 @one_thread()
-def simulate(*actuators: Specimen | LumpedModel | File, signal: str = "step",
-             mass: float | str | None = None, swing: bool = False, paper: bool = False,
+def simulate(*models: Specimen | LumpedModel | File, mass: Load | None = None,
+             rig: Holder = None, signal: str = "step", swing: bool = False, paper: bool = False,
              alpha: Sequence[float] | None = None, table_1: float | None = None,
-             rig: Rig = Rig(), settings: Settings = Settings(), **wave: Unpack[Waves]
-             ) -> Result[Responses]:
+             settings: Settings | None = None, **wave: Unpack[Waves]) -> Result[Responses]:
     """Simulate lumped models under a step, ramp, sine, random voltages, or those of a CSV file.
 
-    ``actuators`` are specimens, whose models are built, or models: of ``build``, or files
+    ``models`` are specimens, whose models are built, or models: of ``build``, or files
     NAME.lumped.toml. All else is as for ``tympan.transient``. ``paper``: use the source paper's
     cones, not membrane circles, with weights ``alpha`` and relative permittivity ``table_1``.
     """
@@ -73,37 +82,39 @@ def simulate(*actuators: Specimen | LumpedModel | File, signal: str = "step",
 
     form = Wave(signal, **wave)
     voltages = form.signal()
-    sample_count(voltages.end, form.interval, len(actuators))
-    case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
-    return Result(case.chosen(voltages.peak, settings).responses(form, voltages, swing))
+    sample_count(voltages.end, form.interval, len(models))
+    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=held(rig))
+    chosen = case.chosen(voltages.peak, settings or Settings())
+    return Result(chosen.responses(form, voltages, swing))
 
 
-@names_arguments()
+@public(former={"at": "voltage"})
 @one_thread()
-def linearise(*actuators: Specimen | LumpedModel | File, at: float | str = 3e3, input: Input = "U",
-              mass: float | str | None = None, paper: bool = False,
+def linearise(*models: Specimen | LumpedModel | File, mass: Load | None = None,
+              voltage: Load = 3e3, rig: Holder = None, input: Input = "U", paper: bool = False,
               alpha: Sequence[float] | None = None, table_1: float | None = None,
-              rig: Rig = Rig(), settings: Settings = Settings()) -> Result[LinearResult]:
-    """Linearise about the equilibrium ``at`` a voltage: state space, named poles, gain.
+              settings: Settings | None = None) -> Result[LinearResult]:
+    """Linearise about the equilibrium at a ``voltage``: state space, named poles, gain.
 
     ``result.to_control()`` is a state space of python-control, ``result.to_scipy()`` one of
     scipy.signal. With several actuators ``result.linear`` has all. The input is the voltage, or
     with ``input="U2"`` its square. All else is as for ``simulate``.
     """
-    voltage = number(at, "voltage", "at")
-    case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
-    return Result(case.chosen(abs(voltage), settings).linear(voltage, input))
+    across = number(only(voltage, "voltage"), "voltage", "voltage")
+    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=held(rig))
+    return Result(case.chosen(abs(across), settings or Settings()).linear(across, input))
 
 
-@names_arguments(Voltages)
+@public(Voltages)
 @one_thread()
-def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
-            interval: float | str = 10e-3, supply: float | str = 7e3,
-            sensor_lag: float | str | None = None, method: Literal["pi", "lqg"] = "pi",
+def control(*models: Specimen | LumpedModel | File, mass: Load | None = None,
+            rig: Holder = None, signal: str = "step", interval: float | str = 10e-3,
+            supply: float | str = 7e3, sensor_lag: float | str | None = None,
+            method: Literal["pi", "lqg"] = "pi",
             sensor: Literal["deflection", "capacitance"] = "deflection", fmu: bool = False,
-            mass: float | str | None = None, paper: bool = False,
-            alpha: Sequence[float] | None = None, table_1: float | None = None, rig: Rig = Rig(),
-            settings: Settings = Settings(), **wave: Unpack[Voltages]) -> Result[ControlResult]:
+            paper: bool = False, alpha: Sequence[float] | None = None,
+            table_1: float | None = None, settings: Settings | None = None,
+            **wave: Unpack[Voltages]) -> Result[ControlResult]:
     """Design a closed loop of voltage and deflection with feed-forward, margins and a run.
 
     The plate must follow the equilibrium deflections of the ``signal``'s voltages. ``interval`` is
@@ -120,18 +131,18 @@ def control(*actuators: Specimen | LumpedModel | File, signal: str = "step",
                            method=method, sensor=sensor, fmu=fmu)
     wave.setdefault("high", loop.usual_high)
     voltages = Wave(signal, interval=loop.interval, **wave).signal()
-    case = _case(actuators, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
-    return Result(controlled(supplied(case, loop, settings), voltages, loop))
+    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=held(rig))
+    return Result(controlled(supplied(case, loop, settings or Settings()), voltages, loop))
 
 
-@names_arguments()
+@public()
 @one_thread()
 def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: bool = False,
              dynamic: bool = False, law: Literal["eq8", "film"] | None = None,
              alpha: Literal["each", "shared", "given"] | None = None,
              weights: Sequence[float] | None = None,
              objective: Literal["deflection", "force", "printed"] = "deflection",
-             limits: bool = True, nelder_mead: bool = False, settings: Settings = Settings()
+             limits: bool = True, nelder_mead: bool = False, settings: Settings | None = None
              ) -> Result[IdentifyResult]:
     """Identify constants of lumped models from a dataset's readings, with 95 % limits.
 
@@ -149,13 +160,13 @@ def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: 
                               objective, limits, nelder_mead)
     readings = read_dataset(Path(dataset))
     chosen.require(readings)
-    return Result(identified(readings, chosen, settings))
+    return Result(identified(readings, chosen, settings or Settings()))
 
 
-@names_arguments()
+@public()
 @one_thread()
-def export(model: LumpedModel | File, folder: File, *, fmu: bool = False, slow_fast: bool = False,
-           mass: float | str | None = None) -> list[Path]:
+def export(model: LumpedModel | File, folder: File, *, mass: float | str | None = None,
+           fmu: bool = False, slow_fast: bool = False) -> list[Path]:
     """Write a lumped model for a controller, and return the files.
 
     The format is C99; or, with a ``mass`` on the plate, ``fmu`` (FMU 2.0) or ``slow_fast``, a
@@ -198,4 +209,6 @@ def _case(actuators: Sequence[Specimen | LumpedModel | File], *,
     specimens = tuple(item for item in actuators if isinstance(item, Specimen))
     models = tuple(_model(item) for item in actuators if not isinstance(item, Specimen))
     weights = None if alpha is None else numbers(alpha, "", "alpha")
+    if given["mass"] is not None:
+        given["mass"] = only(given["mass"], "mass")
     return LumpedCase(specimens, models, alpha=weights, **given)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tympan.base.errors import InputError
+from tympan.base.fields import numbers
 from tympan.base.process.interruption import raise_again
 from tympan.base.units import BENCH, quantity, suffix_of, unit_of
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Case, Settings
-
-#: Commas between quantities. One between digits is a decimal comma, which is refused by name.
-_COMMAS = re.compile(r",(?!\d)|(?<!\d),")
 
 #: Function that adds an argument, or several of which one may be given, to a command's parser.
 Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
@@ -87,10 +85,12 @@ def command(name: str, *arguments: Argument, example: str, also: tuple[str, ...]
     return lambda run: Command(name, run, arguments, example, also, formerly)
 
 
-def argument(*names: str, within: tuple[float, float] | None = None, **settings: Any) -> Argument:
+def argument(*names: str, within: tuple[float, float] | None = None, formerly: str = "",
+             **settings: Any) -> Argument:
     """Declare an argument as ``ArgumentParser.add_argument`` does; its help gives its default.
 
-    A number must be ``within`` its limits, or an InputError names the option.
+    A number must be ``within`` its limits, or an InputError names the option. Scripts may still use
+    the name that the option had ``formerly``, which no help shows; then one line says the new name.
     """
     if within is not None:
         settings |= {"action": _Within, "limits": within}
@@ -100,7 +100,31 @@ def argument(*names: str, within: tuple[float, float] | None = None, **settings:
     hidden = words == argparse.SUPPRESS
     if settings.get("default") not in (None, "", []) and "%(" not in words and not hidden:
         settings["help"] = f"{words} (default: %(default)s)".strip()
-    return lambda parser: parser.add_argument(*names, **settings)
+    if not formerly:
+        return lambda parser: parser.add_argument(*names, **settings)
+
+    def add(parser: argparse._ActionsContainer) -> None:
+        kept = {key: value for key, value in settings.items()
+                if key not in ("help", "default", "required")}
+        option = parser.add_argument(*names, **settings)
+        parser.add_argument(formerly, dest=option.dest, action=FormerOption, now=names[-1],
+                            default=argparse.SUPPRESS, help=argparse.SUPPRESS, **kept)
+
+    return add
+
+
+class FormerOption(argparse.Action):
+    """An option under a name that it had formerly; ``now`` is its name."""
+
+    def __init__(self, *names: Any, now: str, **settings: Any) -> None:
+        super().__init__(*names, **settings)
+        self.now = now
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
+                 value: Any, option: str | None = None) -> None:
+        print(f"tympan: {option} is {self.now} now; the former name works until the next release",
+              file=sys.stderr)
+        setattr(namespace, self.dest, value)
 
 
 class _Within(argparse.Action):
@@ -154,8 +178,8 @@ MESH = together(argument("--refine", type=float, default=1.0, metavar="X", withi
                          help="divide every element size by X"), FORMULA)
 #: Limits of the number of processes. More than any machine has would overload it.
 PROCESSES = (1, 1024)
-WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes",
-                   within=PROCESSES)
+WORKERS = argument("--workers", type=int, metavar="N", within=PROCESSES,
+                   help="processes on this machine (default: its processors)")
 SEEDS = (0, 2**63 - 1)
 
 
@@ -167,6 +191,11 @@ def case_arguments(*, mass: str = "of plate, hook and weight",
             argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV", or "80 %" '
                                                          "of the first limit"), PRESSURE,
             RIG, MESH)
+
+
+def read_workers(options: argparse.Namespace) -> int:
+    """Count the requested processes, by default one for each processor."""
+    return len(os.sched_getaffinity(0)) if options.workers is None else int(options.workers)
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
@@ -273,12 +302,8 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
 
 
 def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...]:
-    """Read quantities given to an option, separated by commas [SI]; none if the text is empty."""
-    if ";" in text:
-        raise InputError("must have commas between quantities, such as "
-                         f'"{", ".join(part.strip() for part in text.split(";"))}"', key=option,
-                         given=text)
-    return tuple(parse_quantity(part, dimension, option) for part in _COMMAS.split(text) if text)
+    """Read quantities and ranges given to an option [SI]; none if the text is empty."""
+    return numbers(text, dimension, option)
 
 
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:

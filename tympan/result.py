@@ -75,7 +75,7 @@ class Result(Generic[Numbers]):
         """Draw on matplotlib's axes, into a file it can write, or on new axes; return the axes.
 
         Modes, and films in time, move in a file NAME.gif. Of a sweep, ``of="stroke",
-        over=("plate.radius", "mass"), at="5 kV"`` draws a map over two keys, at one voltage.
+        over=("plate.radius", "mass"), voltage="5 kV"`` draws a map over two keys, at one voltage.
         """
         from tympan.reports.plots import plot
 

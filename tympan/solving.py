@@ -35,9 +35,9 @@ def solve(case: Case, settings: Settings, after: float | str | None, film: bool)
 
 
 def follow(case: Case, settings: Settings, along: Literal["voltage", "charge", "mass", "pressure"],
-           rate: float | str | None, to: float | str | None, fields: bool, beyond: bool,
+           rate: float | str | None, turn: float | str | None, fields: bool, beyond: bool,
            progress: Progress = lambda words: None) -> PathResult | Responses:
-    """Follow equilibria from a case on, or at a ``rate`` a loop in time to a voltage ``to``.
+    """Follow equilibria from a case on, or at a ``rate`` a loop in time to a voltage ``turn``.
 
     ``fields``: include the film of every state, or at moments of the loop. ``beyond``: follow a
     wrinkled film that thins without bound on as one that cannot wrinkle; a loop does not.
@@ -45,14 +45,15 @@ def follow(case: Case, settings: Settings, along: Literal["voltage", "charge", "
     if rate is None:
         from tympan.studies.path import path
 
-        if to is not None:
-            raise InputError("is where a loop turns: rate must be given too", key="to", given=to)
+        if turn is not None:
+            raise InputError("is where a loop turns: rate must be given too", key="turn",
+                             given=turn)
         return path(case, settings, along, progress, fields, beyond)
     if beyond:
         raise InputError("is for films at rest: a loop turns within its limits", key="beyond",
                          given=beyond)
     from tympan.studies.transient import MOMENTS_OF_LOOP, loop
 
-    turn = None if to is None else number(to, "voltage", "to")
-    return loop(case, number(rate, "voltage rate", "rate"), turn, settings,
+    highest = None if turn is None else number(turn, "voltage", "turn")
+    return loop(case, number(rate, "voltage rate", "rate"), highest, settings,
                 MOMENTS_OF_LOOP if fields else 0)

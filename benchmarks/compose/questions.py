@@ -40,7 +40,7 @@ _VARIED = (0.8, 1.5)
 WAYS: Mapping[str, Mapping[str, str]] = {
     "solve": {"solve": "", "after": '--after "10 s"'},
     "curve": {"curve": ""},
-    "force": {"force": '--voltage "0 kV, {voltage}" --to "8 mm" --points 9 --load "{mass}"',
+    "force": {"force": '--voltage "0 kV, {voltage}" --to "8 mm" --points 9 --mass "{mass}"',
               "loop": '--to "5 mm" --points 6 --rate "1 mm/s" --cycles 2'},
     "sense": {"sense": '--voltage "0 kV, {voltage}"'},
     "tolerance": {"tolerance": "--films 256"},
@@ -52,7 +52,7 @@ WAYS: Mapping[str, Mapping[str, str]] = {
     "export": {"export": "", "export input": '--inp --mass "{mass}" --voltage "{voltage}"'},
     "lumped build": {"lumped build": '--mass "{mass},{second}" --count 5'},
     "lumped simulate": {"lumped simulate": '--signal step --high "{voltage}" --duration "2 s"'},
-    "lumped linearise": {"lumped linearise": '--at "{voltage}"'},
+    "lumped linearise": {"lumped linearise": '--voltage "{voltage}"'},
     "lumped control": {"lumped control": '--supply "{voltage}" --duration "20 s"'},
 }
 

@@ -86,7 +86,7 @@ COMMANDS = {
     "curve": "curve round.toml --mass '20 g'",
     "tolerance": "tolerance round.toml --mass '17.9 g' --voltage '2 kV'",
     "sense": "sense round.toml --voltage '0 kV, 2 kV' --to '5 mm'",
-    "force": "force round.toml --voltage '0 kV, 2 kV' --to '5 mm' --load '20 g'",
+    "force": "force round.toml --voltage '0 kV, 2 kV' --to '5 mm' --mass '20 g'",
     "path": "path round.toml --mass '20 g' --refine 0.5",
     "modes": "modes round.toml --mass '20 g' --refine 0.5",
     "transient": "transient viscous.toml --mass '20 g' --signal step --high '2 kV' --duration '2 s'"

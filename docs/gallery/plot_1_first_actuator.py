@@ -48,7 +48,7 @@ plotter.show()
 # --------------------------
 # Each curve ends where its film does. On the command line:
 # ``tympan curve oval.toml --mass "10 g, 17.9 g" -o curve``.
-curve = tympan.curve(oval, "10 g", "17.9 g")
+curve = tympan.curve(oval, mass=["10 g", "17.9 g"])
 curve.plot()
 
 # %%

@@ -38,7 +38,7 @@ voltage = ["0 kV", "2 kV", "3 kV"]
 "plate.radius" = ["6 mm", "10 mm", "14 mm"]
 "frame.semi_axes" = [["40 mm", "40 mm"], ["50 mm", "32 mm"], ["64 mm", "25 mm"]]
 """, encoding="utf-8")
-result = tympan.sweep("SWEEP.toml", "sweep")
+result = tympan.sweep("SWEEP.toml", folder="sweep")
 
 # %%
 # The table

@@ -29,8 +29,8 @@ built.plot()
 # ---------------------
 # Force goes with the square of the voltage: about 0 V the gain is nil, so linearise where you work.
 # ``result.to_control()`` is the same as a python-control system, where that is installed; on the
-# command line ``tympan lumped linearise oval.toml --at "3 kV"``.
-result = tympan.lumped.linearise(built.models[0], at="3 kV", mass="17.9 g")
+# command line ``tympan lumped linearise oval.toml --voltage "3 kV"``.
+result = tympan.lumped.linearise(built.models[0], voltage="3 kV", mass="17.9 g")
 plant = result.linear[0]
 for pole in plant.named_poles:
     print(f"{pole.name}: {pole.value:.4g} 1/s, {pole.share:.2f} of the gain")

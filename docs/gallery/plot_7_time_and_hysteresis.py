@@ -22,12 +22,12 @@ print(f"at rest {1e3 * at_rest.deflection_m:.3f} mm")
 # Up and down
 # -----------
 # The voltage rises and falls at a steady rate: slowly the film follows, quickly it lags behind. On
-# the command line: ``tympan path disc.toml --mass "17.9 g" --rate "50 V/s" --to "6 kV" -o loop``.
+# the command line: ``tympan path disc.toml --mass "17.9 g" --rate "50 V/s" --turn "6 kV" -o loop``.
 coarse = tympan.Settings(tympan.MeshSettings(order=2))
 axes = plt.figure().add_subplot()
 for rate in (20.0, 200.0):
     duration = 2 * 6e3 / rate
-    driven = tympan.transient(disc, "ramp", mass="17.9 g", high="6 kV", duration=duration,
+    driven = tympan.transient(disc, signal="ramp", mass="17.9 g", high="6 kV", duration=duration,
                               interval=duration / 2000, settings=coarse)
     samples = driven.to_pandas()
     axes.plot(samples["voltage_V"] / 1e3, 1e3 * samples["displacement_m"], label=f"{rate:g} V/s")

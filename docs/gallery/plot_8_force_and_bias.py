@@ -18,7 +18,7 @@ import tympan
 
 film = tympan.Film("1 mm", (5**0.5, 5**0.5), tympan.NeoHooke("20 kPa"), relative_permittivity=4.7)
 disc = tympan.Specimen("disc", tympan.Circle("4.5 cm"), tympan.Plate(tympan.Circle("1 cm")), film)
-question = {"voltages": ["0 kV", "6 kV"], "to": "6.5 mm", "loads": ["20 g"]}
+question = {"mass": "20 g", "voltage": ["0 kV", "6 kV"], "to": "6.5 mm"}
 weight = tympan.force(disc, **question)
 print(f"a weight of 20 g: stroke {1e3 * weight.loads[0].stroke_m:.2f} mm")
 

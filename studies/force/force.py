@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -20,7 +21,7 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Tester
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, build_model, solved_loading
+from tympan.studies.case import Case, Settings, build_model, solve_grid, solved_loading
 from tympan.studies.force.cycle import load_line
 from tympan.studies.force.follow import FollowedForce, at_displacement, follow
 from tympan.studies.force.loops import HeldMotion, loop
@@ -28,6 +29,10 @@ from tympan.studies.force.result import NOT_FOLLOWED, ForceLimit, ForceLoop, For
 
 #: Default number of displacements of a curve, for a smooth line.
 USUAL_POINTS = 61
+#: Factor by which curves exceed the loads' largest deflection where no end is given.
+ROOM = 1.1
+#: Last displacement of a plate without loads, over its gap: usual loads deflect it by a tenth.
+_FAR = 0.3
 _COUNTS: Rule = (lambda x: 2 <= x <= 10_000, "must be a whole number from 2 to 10000")
 _CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
 
@@ -37,7 +42,8 @@ _CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 100
 class ForceCase:
     """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].
 
-    ``masses`` [kg] are loads whose equilibria are found. With a ``rate`` [m/s] the plate also moves
+    ``masses`` [kg] are loads whose equilibria are found. Without ``to`` the last displacement is a
+    little beyond these, or 0.3 of the gap. With a ``rate`` [m/s] the plate also moves
     out and back in time. Values may be texts with a unit.
     """
 
@@ -46,10 +52,12 @@ class ForceCase:
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE)] = (
         0.0,)
     start: Annotated[float, Key("first displacement", "length", name="from")] = 0.0
-    to: Annotated[float, Key("last displacement", "length")]
+    to: Annotated[float | None, Key("last displacement", "length",
+                                    default="a little beyond where the loads rest, or "
+                                            "0.3 of the gap")] = None
     points: Annotated[int, Key("number of displacements", rule=_COUNTS)] = USUAL_POINTS
     masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASS_RULE,
-                                             name="load")] = ()
+                                             name="mass")] = ()
     rate: Annotated[float | None, Key("speed of the plate in loops; without it there are none",
                                       "speed", POSITIVE)] = None
     cycles: Annotated[int, Key("number of loops", rule=_CYCLES)] = 1
@@ -57,7 +65,8 @@ class ForceCase:
 
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, voltages: Sequence[float | str] = ...,
-                     start: float | str = ..., to: float | str, points: int = ...,
+                     start: float | str = ..., to: float | str | None = ...,
+                     points: int = ...,
                      masses: Sequence[float | str] = ..., rate: float | str | None = ...,
                      cycles: int = ..., rig: Rig = ...) -> None: ...
 
@@ -67,25 +76,51 @@ class ForceCase:
             raise InputError("must let the plate move: it is to be displaced", key="rig.guide",
                              given=self.rig.guide)
         if not self.voltages:
-            raise InputError("must have one voltage at least", key="voltages", given="none")
-        for name, values in (("voltages", self.voltages), ("load", self.masses)):
+            raise InputError("must have one voltage at least", key="voltage", given="none")
+        for name, values in (("voltage", self.voltages), ("mass", self.masses)):
             if len(set(values)) < len(values):
                 raise InputError("must differ from each other", key=name,
                                  given=", ".join(f"{value:g}" for value in values))
         most = PathSettings().reach * max(self.specimen.frame.semi_axes)
         for name, place in (("from", self.start), ("to", self.to)):
-            if not abs(place) <= most:
+            if place is not None and not abs(place) <= most:
                 raise InputError(f"must be within ±{1e3 * most:.4g} mm, 1.5 times the frame's half "
                                  "extent", key=name, given=f"{1e3 * place:g} mm")
-        if not self.start < self.to:
+        if self.to is not None and not self.start < self.to:
             raise InputError(f"must be above the first displacement, {1e3 * self.start:g} mm",
                              key="to", given=f"{1e3 * self.to:g} mm")
 
     @property
+    def last(self) -> float:
+        """Last displacement [m], which :func:`displaced` chooses where none is given."""
+        if self.to is None:
+            raise InputError("must be given: under these loads and voltages there is no "
+                             "equilibrium", key="to")
+        return self.to
+
+    @property
     def displacements(self) -> list[float]:
         """Displacements of the plate [m]; the first and the last are exact."""
-        places: list[float] = np.linspace(self.start, self.to, self.points).tolist()
+        places: list[float] = np.linspace(self.start, self.last, self.points).tolist()
         return places
+
+
+def displaced(case: ForceCase, settings: Settings) -> ForceCase:
+    """Choose the last displacement where none is given: a little beyond where loads come to rest.
+
+    Without loads it is a share of the gap between plate and frame.
+    """
+    if case.to is not None:
+        return case
+    if not case.masses:
+        return replace(case, to=case.start + _FAR * case.specimen.gap)
+    model = build_model(case.specimen, settings, case.rig.loading)
+    path = settings.bounded(model, loads=len(case.masses) * len(case.voltages)).path
+    rests = [model.deflection(outcome.state) for _, outcome in solve_grid(
+        model, case.masses, sorted(case.voltages), case.rig, path)
+        if outcome.status == "equilibrium"]
+    farthest = ROOM * max(rests, default=-inf)
+    return replace(case, to=farthest if farthest > case.start else None)
 
 
 def force(case: ForceCase, settings: Settings,
@@ -97,6 +132,7 @@ def force(case: ForceCase, settings: Settings,
     ground belong to the load.
     """
     began = time.perf_counter()
+    case = displaced(case, settings)
     rig, specimen = case.rig, case.specimen
     alone = build_model(specimen, settings, replace(rig.loading, biases=()))
     settings = settings.bounded(alone, loads=max(len(case.voltages), 1))
@@ -109,7 +145,7 @@ def force(case: ForceCase, settings: Settings,
                  for mass in case.masses or (0.0,)]
         short = {law: f'the mechanism "{law}" of the rig has no force at {1e3 * place:.4g} mm: '
                       "load lines end before, and nothing is extrapolated"
-                 for place in (case.start, case.to) for law in loaded.loading.ended(place)}
+                 for place in (case.start, case.last) for law in loaded.loading.ended(place)}
     first = lines[0] if lines else None
     held_at, blocked = _blocked(curves, None if first is None or not first.crossings
                                 else next((crossing.displacement_m for crossing in first.crossings
@@ -154,7 +190,7 @@ def followed_curves(case: ForceCase, model: Model, path: PathSettings,
 def _loop(case: ForceCase, curve: FollowedForce, progress: Progress) -> ForceLoop:
     assert case.rate is not None
     progress(f"{case.specimen.name}: {curve.voltage / 1e3:g} kV in time")
-    motion = HeldMotion(case.start, case.to, case.rate, case.cycles, case.points)
+    motion = HeldMotion(case.start, case.last, case.rate, case.cycles, case.points)
     return loop(curve.model, curve.voltage, curve.states[0], motion)
 
 

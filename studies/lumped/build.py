@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import lt
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,6 +15,7 @@ import pandas as pd
 from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError, VoltageError
 from tympan.base.progress import Progress
+from tympan.base.units import RANGE, evenly
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen
@@ -120,12 +122,17 @@ class BuildSettings:
                         np.isin(self.voltages, self.fit.voltages))
 
 
-def evenly(low: float, high: float, count: int) -> tuple[float, ...]:
-    """Divide the range between two voltages [V] evenly into ``count`` voltages."""
-    if not 0 <= low < high:
-        raise InputError("must ascend, from 0 kV on", key="voltages",
-                         given=f"{1e-3 * low:g} kV to {1e-3 * high:g} kV")
-    return tuple(low + (high - low) * number / (count - 1) for number in range(count))
+def between(given: Sequence[float], count: int | None = None) -> tuple[float, ...]:
+    """Choose the voltages [V] of a model: those given, or ``count`` evenly between their ends.
+
+    Two voltages are such ends.
+    """
+    if not (given and given[0] >= 0 and all(map(lt, given, given[1:]))):
+        raise InputError("must ascend, from 0 kV on", key="voltage",
+                         given=", ".join(f"{1e-3 * each:g} kV" for each in given) or "none")
+    if count is None and len(given) > 2:
+        return tuple(given)
+    return tuple(evenly(given[0], given[-1], count or RANGE))
 
 
 @dataclass(frozen=True, eq=False)

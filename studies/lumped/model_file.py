@@ -62,7 +62,7 @@ class LumpedModel:
         if abs(voltage) > self.highest_voltage * (1 + 1e-9):
             raise VoltageError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} "
                                "kV across the film and does not know its pull-in: build it "
-                               "for more with --voltages",
+                               "for more with --voltage",
                                key=self.specimen.name, given=f"{voltage / 1e3:.5g} kV")
 
     def actuator(self, mass: float, rig: Rig = Rig()) -> Actuator:

@@ -22,7 +22,7 @@ from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Supply
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solve_grid
 from tympan.studies.force.follow import FollowedForce, at_displacement
-from tympan.studies.force.force import ForceCase, followed_curves, left_out
+from tympan.studies.force.force import ROOM, ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
 from tympan.studies.sense.inverse import Inverse, SampledCurve, fit_inverse
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
@@ -31,8 +31,6 @@ from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
 USUAL_POINTS = 21
 _COUNTS: Rule = (lambda x: 5 <= x <= 1000, "must be a whole number from 5 to 1000")
 
-#: Factor by which curves exceed the loads' largest deflection where no end is given.
-_ROOM = 1.1
 #: Number of voltages at which the first deflection is solved, by Chebyshev's points of the square.
 _FIRSTS = 12
 #: Least number of rows of a curve.
@@ -121,7 +119,7 @@ def _last_deflection(case: SenseCase, states: Sequence[SensedState], even: bool)
         raise InputError("must be given: under these loads and voltages there is no "
                          "equilibrium", key="to", given="none")
     deflections = [state.displacement_m for state in states]
-    return _ROOM * max(map(abs, deflections) if even else deflections)
+    return ROOM * max(map(abs, deflections) if even else deflections)
 
 
 def _sampled(every: Mapping[float, FollowedForce], voltages: Sequence[float]

@@ -118,12 +118,12 @@ class Best:
                for key, part in (("value", ""), ("at_V", " at_V"))} for row in self.rows])
 
 
-def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
+def best(table: xr.Dataset, of: str = "stroke", voltage: float | str | None = None,
          under: str | Sequence[str] = (), count: int = 5) -> Best:
     """Find the cases with the largest of a result at one voltage that keep conditions up to it.
 
-    ``of`` is a column of the table, "stroke" or "stroke_m". ``at`` is one of the sweep's voltages,
-    by default the highest. ``under`` holds conditions such as "max_true_stress < 131 kPa", with
+    ``of`` is a column of the table, "stroke" or "stroke_m". ``voltage`` is one of the sweep's, by
+    default the highest. ``under`` holds conditions such as "max_true_stress < 131 kPa", with
     commas or a list between several. ``count`` is the largest number of cases.
 
     Raises
@@ -139,11 +139,11 @@ def best(table: xr.Dataset, of: str = "stroke", at: float | str | None = None,
         raise InputError("must be a whole number of at least 1", key="count", given=count)
     volts, way = None, table
     if "voltage" in table.dims:
-        volts = voltage_of(table["voltage"].values.tolist(), at)
+        volts = voltage_of(table["voltage"].values.tolist(), voltage)
         way = table.sel(voltage=table["voltage"] <= volts)
-    elif at is not None:
+    elif voltage is not None:
         raise InputError("the sweep's voltages differ from specimen to specimen: each is compared "
-                         "at its own", key="at", given=at)
+                         "at its own", key="voltage", given=voltage)
     reached = (way["status"] == "equilibrium").reset_coords(drop=True)
     value = table[column]
     if "voltage" in way.dims:

@@ -19,7 +19,7 @@ from tympan.base.fields import Key, Special, read
 from tympan.base.points import Drawing, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Rule, Table, one_of
-from tympan.base.units import DIMENSIONS, any_quantity, quantity
+from tympan.base.units import DIMENSIONS, any_quantity, quantities, quantity
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen, Unbuildable
@@ -83,7 +83,7 @@ class SweepFile:
     """Keys of a sweep's file; tables whose keys are names are kept as written."""
 
     specimen: Annotated[tuple[str, ...], Key("file of a specimen, or a list of them")]
-    mass: Annotated[Any, Key("load on the plate: a mass, a list, or from, to and count",
+    mass: Annotated[Any, Key("load on the plate: a mass, a list, a range, or from, to and count",
                              default="required where it does not vary")] = None
     voltage: Annotated[Any, Key("nominal voltage: likewise; a list ascends",
                                 default="required where it does not vary")] = None
@@ -141,7 +141,7 @@ class Sweep:
         first = self.entries[0]
         if "voltage" in first.choice:
             raise InputError("the sweep's voltages differ from specimen to specimen: each is "
-                             "compared at its own", key="at", given=at)
+                             "compared at its own", key="voltage", given=at)
         return replace(self, at=voltage_of(first.voltages, at))
 
     @property
@@ -241,11 +241,11 @@ def voltage_of(voltages: Sequence[float], at: float | str | None) -> float:
     try:
         volts = quantity(at, "voltage") if isinstance(at, str) else float(at)
     except InputError as error:
-        raise error.located(key="at") from None
+        raise error.located(key="voltage") from None
     near = int(np.argmin(np.abs(np.asarray(voltages) - volts)))
     if abs(voltages[near] - volts) > _SAME * voltages[-1]:
         raise InputError("must be one of the sweep's voltages: " + ", ".join(
-            f"{number / 1e3:.6g}" for number in voltages) + " kV", key="at", given=at)
+            f"{number / 1e3:.6g}" for number in voltages) + " kV", key="voltage", given=at)
     return float(voltages[near])
 
 
@@ -449,12 +449,27 @@ def _rig(table: Table, rig: Table, choice: Choice) -> Rig:
 def _load(table: Table, name: str, value: Any) -> float:
     """Read one mass [kg] or voltage [V]."""
     try:
-        number = quantity(value, name)
-        checked_load(*((number, 0.0) if name == "mass" else (0.0, number)))
+        return _borne(name, quantity(value, name))
     except InputError as error:
         raise InputError(error.allowed, file=table.file, key=table.path(name),
                          given=value) from None
-    return number
+
+
+def _borne(name: str, load: float) -> float:
+    """Check one mass [kg] or voltage [V]."""
+    checked_load(*((load, 0.0) if name == "mass" else (0.0, load)))
+    return load
+
+
+def _written(table: Table, name: str, value: Any) -> tuple[float, ...]:
+    """Read masses [kg] or voltages [V] as a text has them: one, several, or a range."""
+    if not isinstance(value, str):
+        return (_load(table, name, value),)
+    try:
+        return tuple(_borne(name, load) for load in quantities(value, name))
+    except InputError as error:
+        raise InputError(error.allowed, file=table.file, key=table.path(name),
+                         given=value) from None
 
 
 def _end(name: str, span: Table, key: str) -> float:
@@ -472,7 +487,7 @@ def _loads(table: Table, name: str) -> tuple[float, ...]:
         loads = np.linspace(span.low, span.high, span.count).tolist()
     else:
         items = value if isinstance(value, list) else [value]
-        loads = [_load(table, name, item) for item in items]
+        loads = [load for item in items for load in _written(table, name, item)]
     if name == "mass" and (not loads or len(set(loads)) < len(loads)):
         raise table.error(name, "must be a mass or a list of different ones", value)
     if name == "voltage" and (not loads or loads != sorted(set(loads))):

@@ -83,14 +83,15 @@ class SweepResult:
         """A row for each case."""
         return frame(self.table)
 
-    def best(self, of: str = "stroke", at: float | str | None = None,
+    def best(self, of: str = "stroke", voltage: float | str | None = None,
              under: str | Sequence[str] = (), count: int = 5) -> Best:
         """Find the cases with the largest result: :func:`tympan.studies.sweep.best.best`.
 
-        Examples: ``result.best()``, ``result.best("stroke", at="5 kV", under="max_true_stress <
-        131 kPa, breakdown_margin > 1.5")``.
+        Examples: ``result.best()``, ``result.best("stroke", voltage="5 kV", under="max_true_stress
+        < 131 kPa, breakdown_margin > 1.5")``.
         """
-        return best(self.table, of, self.at_V if at is None else at, under, count)
+        at = self.at_V if voltage is None else voltage
+        return best(self.table, of, at, under, count)
 
     @property
     def warnings(self) -> list[str]:

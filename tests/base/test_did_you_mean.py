@@ -167,10 +167,10 @@ def film(**values: object) -> tympan.Film:
     (lambda: tympan.solve(circular(), masss="20 g"), "masss: unknown name: did you mean 'mass'?"),
     (lambda: tympan.solve(circular(), setings=None), "did you mean 'settings'?"),
     (lambda: tympan.solve(circular(), voltage=np.linspace(0, 3e3, 4)),
-     "must be one number with its unit or in V; call once for each of several"),
-    (lambda: tympan.solve(circular(), mass=["20 g"]), "mass: given ['20 g']: must be one number"),
+     "must be one: this question is about one state; curve, force and sweep take several"),
+    (lambda: tympan.solve(circular(), mass=["20 g", 1]), "must be one: this question is"),
     (lambda: tympan.solve(mass="20 g"), "specimen: is missing"),
-    (lambda: tympan.curve(circular(), "20 g", sttings=1), "did you mean 'settings'?"),
+    (lambda: tympan.curve(circular(), mass="20 g", sttings=1), "did you mean 'settings'?"),
     (lambda: tympan.transient(circular(), hihg="3 kV"), "did you mean 'high'?"),
     (lambda: tympan.optimise(fil="x.toml"), "fil: unknown name: did you mean 'file'?"),
 ])

@@ -56,7 +56,7 @@ def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
                                                        "--mass"),
     ([*SOLVE, "--voltage", ""], "--voltage"), ([*SOLVE, "--rig", ""], "--rig"),
     ([*SOLVE, "-o", ""], "-o/--output"), (["solve", "", "--mass", "1 g"], "SPECIMEN.toml"),
-    (["force", "oval.toml", "--to", "1 mm", "--load", ""], "--load"),
+    (["force", "oval.toml", "--to", "1 mm", "--mass", ""], "--mass"),
     (["lumped", "export", "", "-o", "x"], "MODEL.lumped.toml")])
 def test_an_empty_value_is_a_missing_one(said, arguments: list[str], name: str) -> None:
     assert said(*arguments).startswith(f"tympan: {name}: given '': is empty")

@@ -133,7 +133,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "tolerance": of_specimen("tolerance", "--mass", "17.9 g", "--voltage", "2 kV", "--films",
                               "100", "--refine", "0.5"),
     "sense": of_specimen("sense", "--to", "4 mm", "--points", "5", "--refine", "0.5"),
-    "force": of_specimen("force", "--to", "4 mm", "--load", "20 g", "--refine", "0.5"),
+    "force": of_specimen("force", "--to", "4 mm", "--mass", "20 g", "--refine", "0.5"),
     "outlines": outlines,
     "map": alpha_map_of_few,
     "design": design,
@@ -151,7 +151,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
                              "20 ms", "--refine", "0.5"),
     "response": of_specimen("response", "--voltage", "3 kV", *LOADED),
     "lumped build": of_specimen("lumped build", "--mass", "17.9 g", "--count", "3",
-                                "--voltages", "0 kV..3 kV", "--refine", "0.5"),
+                                "--voltage", "0 kV..3 kV", "--refine", "0.5"),
 }
 
 

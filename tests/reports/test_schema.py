@@ -69,7 +69,7 @@ def write_lines(file: Path, head: str, rows: list[str]) -> None:
 def models(folder: Path) -> Path:
     """The folder with lumped models of both specimens, too."""
     built = ["lumped", "build", str(folder / "oval.toml"), str(folder / "creep.toml"), "-o",
-             str(folder / "models"), "--mass", "17.9 g", "--voltages", "0 kV..3 kV", "--count", "3"]
+             str(folder / "models"), "--mass", "17.9 g", "--voltage", "0 kV..3 kV", "--count", "3"]
     assert main([*built, *COARSE]) == 0
     return folder
 
@@ -83,7 +83,7 @@ MESHED = [
     ("tolerance", "tolerance oval.toml",
      ("--mass", "17.9 g", "--voltage", "2 kV", "--films", "100")),
     ("sense", "sense oval.toml", ("--mass", "20 g", "--voltage", "0 kV, 3 kV", "--points", "7")),
-    ("force", "force oval.toml", ("--to", "6 mm", "--voltage", "0 kV, 3 kV", "--load", "20 g")),
+    ("force", "force oval.toml", ("--to", "6 mm", "--voltage", "0 kV, 3 kV", "--mass", "20 g")),
     ("force", "force creep.toml", ("--to", "2 mm", "--rate", "2 mm/s")),
     ("path", "path oval.toml", LOADS),
     ("modes", "modes oval.toml", LOADS),
@@ -93,7 +93,7 @@ MESHED = [
     ("response", "response creep.toml", (*LOADS, "--frequency", "1 Hz")),
     ("transient", "transient creep.toml", ("--mass", "17.9 g", "--signal", "step", "--high",
                                            "3 kV", "--duration", "1 s")),
-    ("transient", "path creep.toml", ("--mass", "17.9 g", "--rate", "2 kV/s", "--to", "2 kV")),
+    ("transient", "path creep.toml", ("--mass", "17.9 g", "--rate", "2 kV/s", "--turn", "2 kV")),
     ("sweep", "sweep SWEEP.toml", ("-o", "swept", "--workers", "1")),
     ("design", "design REQUIREMENTS.toml", ("-o", "designed")),
     ("lumped_build", "lumped build oval.toml creep.toml", ("--count", "2")),
@@ -113,7 +113,7 @@ PLAIN = [
     ("lumped_simulate", "lumped simulate --model models/creep.lumped.toml", SINE),
     ("lumped_linearise", "lumped linearise --model models/oval.lumped.toml", ()),
     ("lumped_linearise", "lumped linearise --model models/creep.lumped.toml",
-     ("--at", "0 kV", "--input", "U2")),
+     ("--voltage", "0 kV", "--input", "U2")),
     ("lumped_control", "lumped control --model models/oval.lumped.toml",
      ("--mass", "17.9 g", "--high", "2 kV", "--supply", "3 kV", "--duration", "1 s")),
     ("lumped_identify", "lumped identify readings", ("--paper", "--law", "film", "--nelder-mead")),

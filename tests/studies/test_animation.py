@@ -110,7 +110,7 @@ def test_an_earlier_film_stays_until_another_is_whole(
 
 
 def test_a_mode_swings_by_its_cosine(film: Path) -> None:
-    result = tympan.modes(load_specimen(film), 1, mass="17.9 g").numbers
+    result = tympan.modes(load_specimen(film), count=1, mass="17.9 g").numbers
     there, rest, back = (modes.swung_films(result, share)[0] for share in (1.0, 0.0, -1.0))
     assert rest.points == pytest.approx(result.film.points)
     assert 0.5 * (there.points + back.points) == pytest.approx(rest.points, abs=1e-15)
@@ -122,7 +122,7 @@ def test_modes_are_animated_from_a_script_and_want_a_folder(
         film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(modes, "_FRAMES", 4)
-    tympan.modes(load_specimen(film), 1, mass="17.9 g").plot(tmp_path / "swing.gif")
+    tympan.modes(load_specimen(film), count=1, mass="17.9 g").plot(tmp_path / "swing.gif")
     with Image.open(tmp_path / "swing.gif") as gif:
         assert gif.n_frames == 4
     assert main(["modes", str(film), "--mass", "17.9 g", "--animate"]) == 2

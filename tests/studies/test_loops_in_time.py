@@ -97,8 +97,8 @@ def test_a_slow_loop_turns_at_the_equilibrium() -> None:
 
 
 @pytest.mark.parametrize(("wrong", "words"), [
-    ("--to", ["--to", "3 kV"]), ("--rate", ["--rate", "0 V/s"]),
-    ("--to", ["--rate", "1 V/s", "--voltage", "4 kV", "--to", "3 kV"])])
+    ("--turn", ["--turn", "3 kV"]), ("--rate", ["--rate", "0 V/s"]),
+    ("--turn", ["--rate", "1 V/s", "--voltage", "4 kV", "--turn", "3 kV"])])
 def test_a_loop_that_cannot_be_is_refused(wrong: str, words: list[str], tmp_path: Path,
                                           capsys: pytest.CaptureFixture[str]) -> None:
     from tympan.fem.toml_writer import specimen_to_toml

@@ -227,7 +227,7 @@ def test_fields_of_a_loop_are_a_series_in_time(tmp_path: Path,
 
     (tmp_path / "soft.toml").write_text(SOFT_TOML, encoding="utf-8")
     words = ["path", str(tmp_path / "soft.toml"), "--mass", "17.9 g", "--refine", "0.5", "--rate",
-             "1 kV/s", "--to", "3 kV", "--fields"]
+             "1 kV/s", "--turn", "3 kV", "--fields"]
     assert main([*words, "-o", str(tmp_path / "out")]) == 0
     series = pv.PVDReader(tmp_path / "out" / "soft.pvd")
     assert series.time_values == pytest.approx(np.linspace(0, 6, 25))

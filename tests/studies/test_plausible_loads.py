@@ -95,7 +95,7 @@ def test_ordinary_strains_of_any_film_pass(mu: float, prestretch: float) -> None
 
 def test_both_doors_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     film = circular()
-    said = tympan.solve(film, COARSE, mass=17.9, voltage=3.5).warnings
+    said = tympan.solve(film, settings=COARSE, mass=17.9, voltage=3.5).warnings
     assert any(KILOGRAMS in words for words in said)
     assert any(VOLTS in words for words in said)
     file = tmp_path / "film.toml"
@@ -119,7 +119,8 @@ def test_both_doors_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_weights_of_circles_are_judged_by_all_their_loads(tmp_path: Path) -> None:
     def alpha(fit: LoadGrid, held_out: LoadGrid) -> tuple[str, ...]:
-        return tympan.alpha(circular(), AlphaSettings(fit, held_out), COARSE).warnings
+        return tympan.alpha(circular(), alpha_settings=AlphaSettings(fit, held_out),
+                            settings=COARSE).warnings
 
     none, some = LoadGrid(()), LoadGrid((17.9e-3,), (0.0, 3.5))
     assert any(VOLTS in words for words in alpha(some, none))
@@ -142,15 +143,15 @@ def test_lumped_commands_ask_as_solve_does(tmp_path: Path, capsys: pytest.Captur
     for high, asked in (("3.5 V", True), ("3.5 kV", False)):
         step = f"simulate|{film}|--mass|17.9 g|--signal|step|--duration|1 s|--high|{high}|{mesh}"
         assert (VOLTS in warned(step, "responses")) == asked
-        small = f"linearise|{film}|--mass|17.9 g|--at|{high}|{mesh}"
+        small = f"linearise|{film}|--mass|17.9 g|--voltage|{high}|{mesh}"
         assert (VOLTS in warned(small, "linear")) == asked
-        model = f"build|{film}|--mass|17.9 g|--voltages|0 V..{high}|-o|{out}|{mesh}"
+        model = f"build|{film}|--mass|17.9 g|--voltage|0 V..{high}|-o|{out}|{mesh}"
         assert (VOLTS in warned(model, "built")) == asked
     model = out / "circle.lumped.toml"
     for line in (f"simulate|{film}|--mass|17.9 kg|--signal|step|--duration|1 s|{mesh}",
                  f"simulate|{film}|--paper|--mass|17.9 kg|--signal|step|--duration|1 s",
                  f"linearise|--model|{model}|--mass|17.9 kg",
-                 f"build|{film}|--mass|17.9 kg|--voltages|0 V..3.5 kV|-o|{out}|{mesh}",
+                 f"build|{film}|--mass|17.9 kg|--voltage|0 V..3.5 kV|-o|{out}|{mesh}",
                  f"export|{model}|--slow-fast|--mass|17.9 kg|-o|{out}"):
         assert main(["lumped", *line.split("|")]) == 2
         assert KILOGRAMS in capsys.readouterr().err

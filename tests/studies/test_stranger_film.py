@@ -89,7 +89,7 @@ def near(value: float, relative: float = 1e-7) -> object:
 
 
 def test_its_equilibrium_is_that_of_its_formula(settings) -> None:
-    found = tympan.solve(FILM, settings, mass=MASS, voltage=VOLTAGE)
+    found = tympan.solve(FILM, settings=settings, mass=MASS, voltage=VOLTAGE)
     place = CONE.deflection(WEIGHT, VOLTAGE)
     assert found.deflection_m == near(place)
     assert found.stroke_m == near(place - CONE.deflection(WEIGHT))
@@ -103,7 +103,7 @@ def test_its_equilibrium_is_that_of_its_formula(settings) -> None:
 
 
 def test_without_stretches_it_has_no_fields_and_says_so(bare, tmp_path) -> None:
-    found = tympan.solve(FILM, bare, mass=MASS, voltage=VOLTAGE)
+    found = tympan.solve(FILM, settings=bare, mass=MASS, voltage=VOLTAGE)
     assert found.deflection_m == near(CONE.deflection(WEIGHT, VOLTAGE))
     for key in ("max_stretch", "max_true_stress_Pa", "max_field_V_per_m", "breakdown_margin",
                 "slack_area_m2"):
@@ -113,23 +113,23 @@ def test_without_stretches_it_has_no_fields_and_says_so(bare, tmp_path) -> None:
 
 
 def test_gas_below_it_lifts_it(settings) -> None:
-    found = tympan.solve(FILM, settings, mass=MASS, voltage=VOLTAGE, pressure=20.0)
+    found = tympan.solve(FILM, settings=settings, mass=MASS, voltage=VOLTAGE, pressure=20.0)
     assert found.deflection_m == near(CONE.deflection(WEIGHT, VOLTAGE, 20.0))
 
 
 def test_a_film_without_a_volume_bears_no_gas(bare) -> None:
     with pytest.raises(tympan.InputError, match="volume below"):
-        tympan.solve(FILM, bare, mass=MASS, pressure=20.0)
+        tympan.solve(FILM, settings=bare, mass=MASS, pressure=20.0)
 
 
 def test_its_limits_are_those_of_its_formula(settings, bare) -> None:
     _, voltage = CONE.pull_in(WEIGHT)
-    alone = tympan.limits(FILM, bare, mass=MASS)
+    alone = tympan.limits(FILM, settings=bare, mass=MASS)
     assert alone.limits.first == "pull_in"
     assert [limit.kind for limit in alone.limits.reached] == ["pull_in"]
     assert alone.limits.pull_in.voltage_V == near(voltage)
     strong = replace(FILM, membrane=replace(FILM.membrane, strength=tympan.ConstantStrength(30e6)))
-    whole = tympan.limits(strong, settings, mass=MASS).limits
+    whole = tympan.limits(strong, settings=settings, mass=MASS).limits
     assert whole.pull_in.voltage_V == near(voltage)
 
     def tension(place: float) -> float:
@@ -148,7 +148,7 @@ def test_its_limits_are_those_of_its_formula(settings, bare) -> None:
 
 @pytest.mark.parametrize("along", ["voltage", "charge", "mass"])
 def test_its_path_follows_its_formula(bare, along: str) -> None:
-    found = tympan.path(FILM, along, mass=MASS, voltage=0.0, settings=bare)
+    found = tympan.path(FILM, along=along, mass=MASS, voltage=0.0, settings=bare)
     assert len(found.stations) > 10
     for station in found.stations:
         place = station.deflection_m
@@ -163,7 +163,7 @@ def test_its_path_follows_its_formula(bare, along: str) -> None:
 
 
 def test_its_curve_is_that_of_its_formula(settings) -> None:
-    found = tympan.curve(FILM, MASS, voltages=[0.0, 3e3, VOLTAGE], settings=settings)
+    found = tympan.curve(FILM, mass=MASS, voltage=[0.0, 3e3, VOLTAGE], settings=settings)
     assert found.curves[0].limits.pull_in.voltage_V == near(CONE.pull_in(WEIGHT)[1])
     rows = found.to_pandas().query("asked == 1")
     assert rows["voltage"].tolist() == [0.0, 3e3, VOLTAGE]
@@ -172,7 +172,7 @@ def test_its_curve_is_that_of_its_formula(settings) -> None:
 
 
 def test_its_force_is_that_of_its_formula(bare) -> None:
-    found = tympan.force(FILM, to="12 mm", voltages=[0.0, VOLTAGE], loads=[MASS], points=9,
+    found = tympan.force(FILM, to="12 mm", voltage=[0.0, VOLTAGE], mass=[MASS], points=9,
                          settings=bare)
     for curve, voltage in zip(found.curves, (0.0, VOLTAGE), strict=True):
         for number, place in enumerate(curve.displacement_m):
@@ -200,7 +200,7 @@ def test_a_magnet_snaps_it_as_its_formula_says(bare) -> None:
     most = minimize_scalar(lambda place: -squared(place), bounds=places[[top - 1, top + 1]],
                            method="bounded", options={"xatol": 1e-12})
     assert 0 < -most.fun < CONE.pull_in(WEIGHT)[1] ** 2
-    found = tympan.limits(FILM, bare, mass=MASS, rig=Rig(biases=(magnet,))).limits
+    found = tympan.limits(FILM, settings=bare, mass=MASS, rig=Rig(biases=(magnet,))).limits
     met = found.snap_through or found.pull_in
     assert met.voltage_V == near((-most.fun) ** 0.5, 1e-6)
 
@@ -217,7 +217,7 @@ def test_both_doors_take_it(tmp_path, capsys) -> None:
 
 
 def test_its_swings_are_those_of_its_stiffness(bare) -> None:
-    found = tympan.modes(FILM, 3, bare, mass=MASS, voltage=VOLTAGE)
+    found = tympan.modes(FILM, count=3, settings=bare, mass=MASS, voltage=VOLTAGE)
     place = CONE.deflection(WEIGHT, VOLTAGE)
     (mode,) = found.modes
     assert mode.name == "heave"
@@ -228,8 +228,8 @@ def test_its_swings_are_those_of_its_stiffness(bare) -> None:
 def test_its_response_is_that_of_an_oscillator(bare) -> None:
     damper = 0.1
     rig = Rig(plate_damping=damper)
-    found = tympan.response(FILM, 0.01, 5.0, 20.0, settings=bare, mass=MASS, voltage=VOLTAGE,
-                            rig=rig)
+    found = tympan.response(FILM, frequency=[0.01, 5.0, 20.0], settings=bare, mass=MASS,
+                            voltage=VOLTAGE, rig=rig)
     place = CONE.deflection(WEIGHT, VOLTAGE)
     stiffness, drive = CONE.stiffness(place, VOLTAGE), 2 * VOLTAGE * CONE.by_squared(place)
     for number, frequency in enumerate((0.01, 5.0, 20.0)):
@@ -245,8 +245,9 @@ def test_its_response_is_that_of_an_oscillator(bare) -> None:
 
 def test_its_motion_is_that_of_its_plate(bare) -> None:
     damper = 0.2
-    found = tympan.transient(FILM, "step", mass=MASS, swing=True, high=VOLTAGE, duration="0.5 s",
-                             interval="5 ms", rig=Rig(plate_damping=damper), settings=bare)
+    found = tympan.transient(FILM, signal="step", mass=MASS, swing=True, high=VOLTAGE,
+                             duration="0.5 s", interval="5 ms", rig=Rig(plate_damping=damper),
+                             settings=bare)
     samples = found.to_pandas()
     there = samples["t_s"].to_numpy() >= 0
     times = samples["t_s"].to_numpy()[there]
@@ -261,7 +262,7 @@ def test_its_motion_is_that_of_its_plate(bare) -> None:
 
 
 def test_its_lumped_model_is_built_from_its_formula(bare) -> None:
-    found = tympan.lumped.build(FILM, masses=[MASS], voltages=(0.0, VOLTAGE), count=4,
+    found = tympan.lumped.build(FILM, mass=[MASS], voltage=(0.0, VOLTAGE), count=4,
                                 settings=bare)
     (built,) = found.numbers["built"] if isinstance(found.numbers, dict) else found.json()["built"]
     for row in found.to_pandas().itertuples():
@@ -301,7 +302,7 @@ def test_its_tolerances_move_it_as_its_formula_says(bare) -> None:
     """One number scatters, so quantiles of results are results of quantiles."""
     share = 0.05
     tolerances = replace(STILL, thickness=tympan.Scatter(film=share))
-    found = tympan.tolerance(FILM, tolerances, mass=MASS, voltage=VOLTAGE, films=4096,
+    found = tympan.tolerance(FILM, tolerances=tolerances, mass=MASS, voltage=VOLTAGE, films=4096,
                              settings=bare).quantities
 
     def cone(quantile: float) -> Cone:
@@ -425,7 +426,7 @@ def test_its_stiffness_is_fitted_to_readings(tmp_path, bare) -> None:
 
 
 def test_its_derivatives_are_those_of_its_formula(settings) -> None:
-    found = tympan.sensitivity(FILM, "heave", "capacitance", "energy", settings=settings,
+    found = tympan.sensitivity(FILM, of=["heave", "capacitance", "energy"], settings=settings,
                                mass=MASS, voltage=VOLTAGE).quantities
 
     def quantities(cone: Cone, mass: float = MASS, voltage: float = VOLTAGE) -> np.ndarray:
@@ -451,11 +452,11 @@ def test_its_derivatives_are_those_of_its_formula(settings) -> None:
         for number, quantity in enumerate(("heave", "capacitance", "energy")):
             assert found[quantity].by[key].derivative == near(exact[number], 1e-5), (key, quantity)
     with pytest.raises(tympan.InputError, match="no fields"):
-        tympan.sensitivity(FILM, "max_stretch", settings=settings, mass=MASS, voltage=VOLTAGE)
+        tympan.sensitivity(FILM, of="max_stretch", settings=settings, mass=MASS, voltage=VOLTAGE)
 
 
 def test_its_capacitance_tells_its_deflection(bare) -> None:
-    found = tympan.sense(FILM, voltages=[0.0, VOLTAGE], masses=[MASS], settings=bare)
+    found = tympan.sense(FILM, voltage=[0.0, VOLTAGE], mass=[MASS], settings=bare)
     for state in found.states:
         place = CONE.deflection(WEIGHT, state.voltage_V)
         assert state.displacement_m == near(place)
@@ -467,7 +468,7 @@ def test_two_of_it_are_joined_by_a_rod(bare) -> None:
     """A double cone: another film pulls the plate back, as a function of its own deflection."""
     distance, rod = 10e-3, 13e-3
     rig = Rig(biases=(tympan.JoinedFilm(FILM, distance=distance, rod=rod),))
-    found = tympan.solve(FILM, bare, mass=MASS, voltage=VOLTAGE, rig=rig)
+    found = tympan.solve(FILM, settings=bare, mass=MASS, voltage=VOLTAGE, rig=rig)
 
     def missing(place: float) -> float:
         other = place + rod - distance
@@ -484,9 +485,9 @@ def test_what_needs_a_mesh_says_in_a_sentence_that_it_has_none(bare, tmp_path) -
     viscous = replace(FILM, membrane=replace(FILM.membrane, branches=(
         tympan.ViscousBranch(10e3, 1.0),)))
     with pytest.raises(tympan.InputError, match="no memory"):
-        tympan.solve(viscous, bare, mass=MASS)
+        tympan.solve(viscous, settings=bare, mass=MASS)
     with pytest.raises(tympan.InputError, match="cannot tilt"):
-        tympan.solve(FILM, bare, mass=MASS, rig=Rig(weight_offset=(1e-3, 0.0)))
+        tympan.solve(FILM, settings=bare, mass=MASS, rig=Rig(weight_offset=(1e-3, 0.0)))
 
 
 def test_what_it_wrote_is_read_again(bare, tmp_path) -> None:

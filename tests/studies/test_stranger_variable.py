@@ -98,7 +98,7 @@ def test_they_are_in_all_that_solve_writes(solved: CaseResult, folder: Path, tmp
     assert main(words) == 0
     shown = f"mean thickness +{1e3 * solved.mean_thickness_m:.5g} mm"
     assert re.search(shown, capsys.readouterr().out)
-    found = tympan.solve(SOFT, COARSE, mass="17.9 g", voltage="3 kV")
+    found = tympan.solve(SOFT, settings=COARSE, mass="17.9 g", voltage="3 kV")
     assert found.mean_thickness_m == pytest.approx(printed[MEAN], rel=1e-7)
     assert found.to_xarray()[MEAN].attrs["units"] == "m"
     rows = pd.read_csv(found.save(tmp_path / "soft.csv"))
@@ -132,7 +132,7 @@ def test_a_motion_has_them_at_its_samples(solved: CaseResult, folder: Path, tmp_
     assert top[APART] == pytest.approx(solved.stretches_apart, rel=1e-6)
     rows = pd.read_csv(tmp_path / "states.csv")
     assert rows["mean_thickness_mm"][5] == pytest.approx(1e3 * solved.mean_thickness_m, rel=1e-7)
-    found = tympan.transient(SOFT, "ramp", mass="17.9 g", high="3 kV", duration="10 s",
+    found = tympan.transient(SOFT, signal="ramp", mass="17.9 g", high="3 kV", duration="10 s",
                              interval="1 s", states=True, settings=COARSE)
     assert found.responses[0].states[MEAN].min() == pytest.approx(top[MEAN], rel=1e-7)
 
@@ -160,16 +160,16 @@ def test_sweeps_have_them_as_columns(by: str, folder: Path, tmp_path: Path,
 
 
 def test_films_within_tolerances_have_them_and_bounds_of_them(solved: CaseResult) -> None:
-    films = tympan.films_within(SOFT, UNEVEN, mass="17.9 g", voltage="3 kV", films=64, seed=3,
-                                settings=COARSE)
+    films = tympan.films_within(SOFT, tolerances=UNEVEN, mass="17.9 g", voltage="3 kV", films=64,
+                                seed=3, settings=COARSE)
     means = films.under("17.9 g", "3 kV").shown(MEAN)[:, 1]
     assert films.family.box.names == ("membrane.thickness",)
     for number in (5, 40):
         thickness = float(films.rows[number, 0])
         assert means[number] == pytest.approx(exact(VOLTAGE, thickness)[0], rel=2e-5)
     bound = float(np.median(means))
-    spread = tympan.tolerance(SOFT, UNEVEN, mass="17.9 g", voltage="3 kV", films=100, seed=3,
-                              want=f"mean_thickness = at most {bound} m", settings=COARSE)
+    spread = tympan.tolerance(SOFT, tolerances=UNEVEN, mass="17.9 g", voltage="3 kV", films=100,
+                              seed=3, want=f"mean_thickness = at most {bound} m", settings=COARSE)
     assert spread.kept.probability == pytest.approx(0.5, abs=0.1)
     told = spread.quantities[MEAN]
     assert told.nominal == pytest.approx(solved.mean_thickness_m, rel=1e-5)

@@ -21,15 +21,16 @@ MASS = 17.9e-3
 @pytest.fixture(scope="module")
 def rest() -> float:
     """Deflection without voltage [m]."""
-    return float(tympan.solve(FILM, COARSE, mass=MASS).deflection_m)
+    return float(tympan.solve(FILM, settings=COARSE, mass=MASS).deflection_m)
 
 
 def test_limits_have_the_stroke_of_the_curve_and_of_a_film_solved_there(rest: float) -> None:
-    found = tympan.limits(FILM, COARSE, mass=MASS)
-    followed, = tympan.curve(FILM, MASS, settings=COARSE).curves
+    found = tympan.limits(FILM, settings=COARSE, mass=MASS)
+    followed, = tympan.curve(FILM, mass=MASS, settings=COARSE).curves
     assert found.stroke_m == found.json()["stroke_m"]
     assert followed.stroke_m == pytest.approx(found.stroke_m, rel=1e-7)  # by shorter steps
-    first = tympan.solve(FILM, COARSE, mass=MASS, voltage=found.limits.limit.voltage_V * (1 - 1e-9))
+    first = tympan.solve(FILM, settings=COARSE, mass=MASS,
+                         voltage=found.limits.limit.voltage_V * (1 - 1e-9))
     assert found.stroke_m == pytest.approx(first.deflection_m - rest, rel=1e-3)
 
 
@@ -55,7 +56,7 @@ def test_in_time_it_is_that_of_the_largest_deflection(rest: float) -> None:
         stroke: float | None = response.stroke_m
         return stroke
 
-    solved = tympan.solve(FILM, COARSE, mass=MASS, voltage=3e3)
+    solved = tympan.solve(FILM, settings=COARSE, mass=MASS, voltage=3e3)
     for given in ({"signal": "step"}, {"signal": "ramp", "low": 1e3, "duration": 2.0}):
         assert ran(high=3e3, **given) == pytest.approx(solved.deflection_m - rest, rel=1e-5)
     assert ran(signal="step", high=0.0) is None

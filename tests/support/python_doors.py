@@ -1,6 +1,6 @@
 """Every command and option beside its Python: ``python -m tests.support.python_doors`` writes it.
 
-An option has the argument of its name, or of its plural; what has not is listed here with the
+An option has the argument of its name; what has not is listed here with the
 words that say the same in Python, or with the reason why there is nothing.
 """
 
@@ -14,6 +14,7 @@ from typing import Any
 import tympan
 from tympan.cli import build_parser
 from tympan.commands import COMMANDS
+from tympan.options import FormerOption
 
 PAGE = Path(__file__).parents[2] / "docs" / "python-commands.md"
 
@@ -28,22 +29,18 @@ WITHOUT = {
 }
 #: What an option is in Python, of every command that has it.
 COMMON = {
-    "specimen": "`tympan.load(FILE)`, or a `Specimen` made in Python",
-    "specimens": "`tympan.load(FILE)` of each",
+    "specimen": "the name of its file, or a `Specimen` made in Python",
+    "specimens": "likewise, of each",
     "model": "`NAME.lumped.toml`, or a model of `lumped.build`",
     "json": "`result.json()`",
     "output": "`result.save(FOLDER)`",
     "refine": "`settings=tympan.Settings(tympan.MeshSettings().refined(2))`",
     "formula": "`settings=tympan.Settings(formula=\"cone\")`",
-    "rig": '`rig=tympan.Rig.read("rig.toml")`, or a `Rig` made in Python',
+    "rig": '`rig="rig.toml"`, a `Rig` made in Python, or a dictionary of its keys',
     "animate": '`result.plot("NAME.gif")`',
 }
 #: The same, of one command.
 OWN = {
-    ("curve", "mass"): "`tympan.curve(specimen, \"10 g\", \"20 g\")`",
-    ("response", "frequency"): "`tympan.response(specimen, \"1 Hz\", \"10 Hz\")`",
-    ("sensitivity", "of"): "`tympan.sensitivity(specimen, \"heave\", \"tilt\")`",
-    ("transient", "at"): "`films=[0, \"30 s\"]`",
     ("transient", "specimens"): "a `Specimen`, or several in a list",
     ("alpha", "basis"): '`result.json("cone")`',
     ("study", "output"): "`result.save(FOLDER)`",
@@ -85,19 +82,20 @@ def door(command: str) -> Any:
 
 
 def options(command: str) -> list[argparse.Action]:
-    """The arguments and options of a command."""
+    """The arguments and options of a command; not under their former names."""
     parser: Any = build_parser()
     for part in command.split():
         groups, = (action for action in parser._actions
                    if isinstance(action, argparse._SubParsersAction))
         parser = groups.choices[part]
-    return [action for action in parser._actions if action.dest != "help"]
+    return [action for action in parser._actions
+            if action.dest != "help" and not isinstance(action, FormerOption)]
 
 
 def arguments(command: str) -> dict[str, inspect.Parameter]:
     """The arguments of a command's function, those that it hands on among them."""
     function = door(command)
-    listed = dict(inspect.signature(function).parameters)
+    listed = dict(inspect.signature(inspect.unwrap(function)).parameters)
     for item in list(listed.values()):
         if item.kind is item.VAR_KEYWORD:
             words = item.annotation.removeprefix("Unpack[").removesuffix("]")
@@ -108,10 +106,9 @@ def arguments(command: str) -> dict[str, inspect.Parameter]:
 
 
 def argument(command: str, option: str) -> str | None:
-    """The argument that an option is: of its name, or its plural; ``from_`` where Python has one.
-    """
+    """The argument that an option is: of its name; ``from_`` where Python has a word of its own."""
     names = arguments(command)
-    return next((name for name in (option, f"{option}s", f"{option}es", f"{option}_")
+    return next((name for name in (option, f"{option}_")
                  if name in names), None)
 
 

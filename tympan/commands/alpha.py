@@ -19,6 +19,7 @@ from tympan.options import (
     print_record,
     read_rig,
     read_settings,
+    read_workers,
 )
 
 
@@ -81,5 +82,5 @@ def alpha_map(options: argparse.Namespace) -> None:
 
     film = actuators()[0].membrane
     with bar(sum(map(len, MAP.places().values()))) as progress:
-        result = alpha_map(film, MAP, options.workers, progress)
+        result = alpha_map(film, MAP, read_workers(options), progress)
     finish(options, result)

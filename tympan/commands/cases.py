@@ -176,11 +176,12 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          argument("--voltage", default="0 kV",
                   help='held across the film, one curve each, such as "0 kV, 3 kV"'),
          argument("--from", default="0 mm", metavar="LENGTH", help="first displacement"),
-         argument("--to", required=True, metavar="LENGTH",
-                  help='last displacement, such as "6 mm"'),
+         argument("--to", metavar="LENGTH",
+                  help='last displacement, such as "6 mm" (default: a little beyond where the '
+                       "loads come to rest; without loads 0.3 of the gap)"),
          argument("--points", type=int, default=61, metavar="N", within=(2, 10000),
                   help="number of displacements"),
-         argument("--load", default="", metavar="MASSES",
+         argument("--mass", metavar="MASSES", formerly="--load",
                   help='weights whose equilibria are asked for, such as "10 g, 20 g"; each acts '
                        "together with what the rig has between plate and ground; the first is "
                        "that of stroke, work and blocked force of the whole result"),
@@ -192,7 +193,7 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          TOLERANCES, PRESSURE, RIG,
          output("also store the curves (CSV), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
-         example='oval.toml --voltage "0 kV, 3 kV" --to "6 mm" --load "20 g" -o force')
+         example='oval.toml --voltage "0 kV, 3 kV" --mass "20 g" -o force')
 def force(options: argparse.Namespace) -> None:
     """Compute the force on the plate against its displacement, and equilibria of loads.
 
@@ -205,12 +206,12 @@ def force(options: argparse.Namespace) -> None:
 
     specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
     voltages = parse_quantities(options.voltage, "voltage", "--voltage")
-    with naming_options(options, voltages="voltage"):
+    with naming_options(options):
         case = ForceCase(
             specimen, voltages=voltages, rig=rig, points=options.points,
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
-            to=parse_quantity(options.to, "length", "--to"),
-            masses=parse_quantities(options.load, "mass", "--load"), cycles=options.cycles,
+            to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
+            masses=parse_quantities(options.mass or "", "mass", "--mass"), cycles=options.cycles,
             rate=None if options.rate is None else parse_quantity(options.rate, "speed", "--rate"))
         with bar(len(voltages) * (1 if case.rate is None else 2)) as progress:
             result = force(case, read_settings(options), progress)
@@ -243,7 +244,7 @@ def sense(options: argparse.Namespace) -> None:
 
     specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
     voltages = parse_quantities(options.voltage, "voltage", "--voltage")
-    with naming_options(options, voltages="voltage"):
+    with naming_options(options):
         case = SenseCase(
             specimen, voltages=voltages, rig=rig, points=options.points,
             masses=parse_quantities(options.mass or "", "mass", "--mass"),
@@ -268,7 +269,7 @@ def sense(options: argparse.Namespace) -> None:
                                     "of the film's first limit)"),
          argument("--films", type=int, default=10_000, metavar="N", within=(100, 1_000_000),
                   help="how many are drawn, about"),
-         argument("--seed", type=int, default=1, metavar="N", within=SEEDS,
+         argument("--seed", type=int, default=0, metavar="N", within=SEEDS,
                   help="of the random numbers"),
          PRESSURE, RIG,
          output("also store the numbers (JSON) and a picture (PNG, SVG)"), JSON, MESH,
@@ -308,7 +309,7 @@ def tolerance(options: argparse.Namespace) -> None:
          argument("--rate", metavar="RATE",
                   help='in time instead, up and down again at a rate such as "100 V/s": the loop '
                        "of a film with viscous branches"),
-         argument("--to", metavar="VOLTAGE",
+         argument("--turn", metavar="VOLTAGE", formerly="--to",
                   help="where such a loop turns (default: 95 % of the film's first limit at "
                        "rest)"),
          argument("--fields", action="store_true",
@@ -328,7 +329,7 @@ def path(options: argparse.Namespace) -> None:
         raise InputError("must be given to say where the fields go", key="-o")
     with naming_options(options), bar(1) as progress:
         result = solving.follow(case, read_settings(options), options.along, options.rate,
-                                options.to, options.fields, options.beyond, progress)
+                                options.turn, options.fields, options.beyond, progress)
     if options.rate is not None:
         options.command = "transient"  # stored, drawn and printed as one
     finish(options, result)

@@ -22,6 +22,7 @@ from tympan.options import (
     naming_options,
     output,
     print_record,
+    read_workers,
 )
 from tympan.progress import shares
 
@@ -80,14 +81,14 @@ def diagnose(options: argparse.Namespace) -> None:
         dataset = by_formula(read_dataset(options.dataset, options.plan), options.formula)
     if options.plan:
         with naming_file(options.dataset), shares("films") as progress:
-            record, bench = plan_readings(dataset, options.workers, progress)
+            record, bench = plan_readings(dataset, read_workers(options), progress)
         record["self_check"] = _self_check(options, bench)
         if options.output is not None:
             write_json(options.output / "plan.json", record)
         print_record(options, record)
         return
     with naming_file(options.dataset), shares("films") as progress:
-        conclusions = conclude(dataset, options.workers, options.seed, progress)
+        conclusions = conclude(dataset, read_workers(options), options.seed, progress)
     diagnosis = conclusions.diagnosis(options.output is not None,
                                       _self_check(options, conclusions.bench))
     from tympan.reports.diagnosis import page
@@ -104,7 +105,7 @@ def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | N
         return None
     with shares("synthetic sets") as progress:
         check = self_checked(replace(bench, seed=options.seed), options.self_check,
-                             options.workers, progress)
+                             read_workers(options), progress)
     if options.output is not None:
         check.save(options.output)
         draw_result(check, options.output)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from tympan.commands.cases import TOLERANCES, given_tolerances
 from tympan.options import (
     JSON,
     MESH,
-    PROCESSES,
+    WORKERS,
     argument,
     command,
     either,
@@ -25,6 +24,7 @@ from tympan.options import (
     parse_quantity,
     print_record,
     read_settings,
+    read_workers,
     save_and_draw,
 )
 
@@ -53,11 +53,10 @@ def study(options: argparse.Namespace) -> None:
                   help="which specimens, masses and voltages"),
          output("tables as netCDF, Parquet and CSV; finished cases, which are not solved again",
                 required=True),
-         either(argument("--workers", type=int, metavar="N", within=PROCESSES,
-                         help="processes on this machine (default: its processors)"),
+         either(WORKERS,
                 argument("--scheduler", metavar="ADDRESS",
                          help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')),
-         argument("--at", metavar="VOLTAGE",
+         argument("--voltage", metavar="VOLTAGE", formerly="--at",
                   help="one of the sweep's, at which the page compares films, and --best does "
                        "(default: the highest)"),
          argument("--best", metavar="RESULT",
@@ -83,7 +82,7 @@ def sweep(options: argparse.Namespace) -> None:
     from tympan.studies.sweep.plan import read_sweep
     from tympan.studies.sweep.run import Checkpoint, run_sweep, unsolved
 
-    workers = _workers(options)
+    workers = read_workers(options)
     wait = parse_quantity(options.wait, "time", "--wait")
     if wait < 0:
         raise InputError("must not be negative", key="--wait", given=options.wait)
@@ -93,8 +92,8 @@ def sweep(options: argparse.Namespace) -> None:
         raise InputError("needs --best: conditions on the best cases", key="--under",
                          given=", ".join(options.under))
     with naming_options(options):
-        if options.at is not None:
-            planned = planned.compared_at(options.at)
+        if options.voltage is not None:
+            planned = planned.compared_at(options.voltage)
         if options.best is not None:  # its errors are reported before anything is solved
             unsolved(planned).best(options.best, under=options.under)
     # Drawing takes longer to import than a plan to read, whose errors are reported first.
@@ -119,19 +118,12 @@ def sweep(options: argparse.Namespace) -> None:
                            **result.json(), **asked}, states=LIMIT_STATES)
 
 
-def _workers(options: argparse.Namespace) -> int:
-    """Count the requested processes, by default one for each processor."""
-    return len(os.sched_getaffinity(0)) if options.workers is None else int(options.workers)
-
-
 @command("design",
          argument("requirements", type=Path, nargs="?", metavar="REQUIREMENTS.toml",
                   help="what is wanted, what is given and what may vary, as docs/howto/design.md "
                        "has it; left out: the paper's large ellipse, at most as large a frame"),
          output("for specimens and rigs (TOML), the numbers (JSON, CSV) and a picture (PNG, SVG)"),
-         argument("--workers", type=int, metavar="N", within=PROCESSES,
-                  help="processes for several kinds of films (default: the processors)"), JSON,
-         MESH,
+         WORKERS, JSON, MESH,
          example="REQUIREMENTS.toml -o design", formerly=("optimise",))
 def design(options: argparse.Namespace) -> None:
     """Find films for requirements: the best ones, the active bounds, and the cost of relaxing them.
@@ -147,7 +139,7 @@ def design(options: argparse.Namespace) -> None:
     requirements = (Requirements.shipped() if options.requirements is None
                     else Requirements.read(options.requirements))
     with naming_file(options.requirements), bar(len(requirements.specimens)) as progress:
-        result = best_films(requirements, read_settings(options), progress, _workers(options))
+        result = best_films(requirements, read_settings(options), progress, read_workers(options))
     finish(options, result)
 
 

@@ -35,7 +35,7 @@ def empty_values() -> Cases:
                          ("--voltage", f"{SOLVE} --voltage ''"), ("--rig", f"{SOLVE} --rig ''"),
                          ("-o/--output", "draw specimen.toml -o ''"),
                          ("SPECIMEN.toml", "solve '' --mass '1 g'"),
-                         ("--load", "force specimen.toml --to '1 mm' --load ''")):
+                         ("--mass", "force specimen.toml --to '1 mm' --mass ''")):
         yield Case(line, line, GOOD, f"{option}: given '': is empty",
                    check=lambda folder: "a file" if len(list(folder.iterdir())) > 1 else "")
 

@@ -87,7 +87,7 @@ def extreme_films() -> Cases:
         yield Case(f"endless, {loads}", f"solve film.toml {loads}", {"film.toml": film}, status=0,
                    never=_ODD, seconds=60.0)
     yield Case("aspect 20 at 100 kV, lumped", "lumped build film.toml -o out --mass '10 kg' "
-               "--voltages '0 kV..100 kV'", {"film.toml": next(iter(_ENDLESS.values()))},
+               "--voltage '0 kV..100 kV'", {"film.toml": next(iter(_ENDLESS.values()))},
                "the field model", never=_ODD, seconds=60.0)
     yield Case("magnet before any voltage", "solve disk.toml --mass '10 g' --voltage '2.5 kV' "
                "--rig mag.toml", {"disk.toml": _DISK, "mag.toml": _MAGNET}, status=0,

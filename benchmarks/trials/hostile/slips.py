@@ -32,7 +32,8 @@ def best() -> Cases:
     """Refused before anything is solved."""
     line = "sweep SWEEP.toml -o out"
     yield Case("no such result", f"{line} --best strok", SWEEP, "--best: .*did you mean 'stroke'")
-    yield Case("no such voltage", f"{line} --at '3 kV'", SWEEP, "--at: .*must be one of the sweep")
+    yield Case("no such voltage", f"{line} --voltage '3 kV'", SWEEP,
+               "--voltage: .*must be one of the sweep")
     yield Case("other unit", f"{line} --best stroke --under 'max_true_stress < 3 kV'", SWEEP,
                "--under: .*wrong dimension")
     yield Case("conditions alone", f"{line} --under 'stroke < 3 mm'", SWEEP, "needs --best")

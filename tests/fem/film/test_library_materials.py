@@ -63,7 +63,7 @@ def test_a_film_of_each_mounts_solves_and_finds_its_limits(name: str) -> None:
     assert charged.deflection_m is not None
     assert 5e-4 < rest.deflection_m < charged.deflection_m < 0.02
     assert not [text for text in rest.warnings if "range" in text]
-    limits = tympan.limits(specimen, COARSE, mass=mass).limits
+    limits = tympan.limits(specimen, settings=COARSE, mass=mass).limits
     assert limits.limit is not None
     assert 100.0 < limits.limit.voltage_V < 20e3
     assert (limits.breakdown is not None) <= bool(entry.breakdown)
@@ -130,6 +130,6 @@ def test_the_margin_to_breakdown_of_a_film_made_in_python() -> None:
     """The margin is strength over field: closed form on the flat film, E = U λ²/T."""
     film = tympan.Film("1 mm", 2.236, tympan.material("vhb-4910"))
     specimen = tympan.Specimen("flat", tympan.Circle("4.5 cm"), circular().plate, film)
-    result = tympan.solve(specimen, Settings(), voltage="3 kV")
+    result = tympan.solve(specimen, settings=Settings(), voltage="3 kV")
     field = 3e3 * 2.236**2 / 1e-3
     assert result.breakdown_margin == pytest.approx(30.6e6 * 2.236**1.13 / field, rel=1e-9)

@@ -127,7 +127,7 @@ def test_the_advice_of_each_message_leads_to_the_end(tmp_path: Path,
     assert main(command) == 0
     warnings = json.loads(capsys.readouterr().out)["warnings"]
     assert any("stretch is 'Displacement (mm)'" in words for words in warnings)
-    fitted = tympan.fit_material(file, laws=["neo_hooke"], mode="uniaxial", area="18 mm^2",
+    fitted = tympan.fit_material(file, law="neo_hooke", mode="uniaxial", area="18 mm^2",
                                  length="30 mm")
     assert fitted.coupons.stress[0] == pytest.approx(0.3 / 18e-6)
 
@@ -459,7 +459,7 @@ def test_force_of_a_plate_is_told_from_that_of_a_strip(tmp_path: Path, most: flo
     assert f"[columns.{kind}]" in words
     other = {"force": "coupon", "coupon": "force"}[kind]
     assert (f"--draft 'test 3.csv' --kind {other}" in words) == (not head)
-    told = tympan.draft(file, tmp_path / "other.toml", other).read_text("utf-8")
+    told = tympan.draft(file, target=tmp_path / "other.toml", kind=other).read_text("utf-8")
     assert f"[columns.{other}]" in told
     assert "--kind" not in told
 
@@ -480,7 +480,7 @@ def test_a_drafted_pull_of_a_plate_is_read(tmp_path: Path) -> None:
 def test_a_draft_in_another_folder_finds_table_and_specimen(tmp_path: Path) -> None:
     raw, mine = tmp_path / "raw data", tmp_path / "work" / "mine"
     raw.mkdir()
-    target = tympan.draft(pulled(raw, 4.0), mine / "dataset.toml")
+    target = tympan.draft(pulled(raw, 4.0), target=mine / "dataset.toml")
     words = target.read_text("utf-8")
     assert 'file = "../../raw data/test 3.csv"' in words
     assert 'file = "../../raw data/film.toml"' in words
@@ -492,10 +492,10 @@ def test_a_draft_in_another_folder_finds_table_and_specimen(tmp_path: Path) -> N
 def test_a_draft_keeps_both_marks_apart(tmp_path: Path) -> None:
     file = tmp_path / "zahlen.csv"
     file.write_text(THOUSANDS, "utf-8")
-    assert 'decimal = ","' in tympan.draft(file, tmp_path / "a.toml").read_text("utf-8")
+    assert 'decimal = ","' in tympan.draft(file, target=tmp_path / "a.toml").read_text("utf-8")
     file.write_text("a;b\n1;2\n", "utf-8")
     with pytest.raises(InputError, match="no line with two known headings"):
-        tympan.draft(file, tmp_path / "b.toml")
+        tympan.draft(file, target=tmp_path / "b.toml")
 
 
 def test_two_decimal_marks_below_a_preamble_are_refused_too(tmp_path: Path) -> None:
@@ -576,7 +576,7 @@ def test_a_load_in_newtons_is_a_force(tmp_path: Path) -> None:
     words = tympan.draft(pulled(tmp_path, 4.0)).read_text("utf-8")
     assert "[columns.force]" in words  # 'Load (N)'
     (tmp_path / "b.csv").write_text("Voltage (kV),Weg (mm),Weight (N)\n0,1,0.2\n1,2,0.2\n", "utf-8")
-    words = tympan.draft(tmp_path / "b.csv", tmp_path / "b.toml").read_text("utf-8")
+    words = tympan.draft(tmp_path / "b.csv", target=tmp_path / "b.toml").read_text("utf-8")
     assert 'mass_g = "Weight (N)"  # CORRECT THIS: the heading has no unit that fits' in words
 
 

@@ -501,7 +501,7 @@ def test_each_film_of_a_catalogue_is_searched_and_is_what_solve_makes_of_it(tmp_
     assert {(each.membrane.thickness, each.membrane.layers) for each in made} == {
         (0.7e-3, 1), (1e-3, 1), (0.7e-3, 2), (1e-3, 2)}
     for film, specimen in zip(result.films, made, strict=True):
-        solved = tympan.solve(specimen, coarse, mass="17.9 g", voltage="2.5 kV")
+        solved = tympan.solve(specimen, settings=coarse, mass="17.9 g", voltage="2.5 kV")
         assert film.quantity("stroke").value == pytest.approx(solved.stroke_m, rel=1e-6)
         assert film.quantity("stroke").reduced == pytest.approx(solved.stroke_m, rel=2e-3)
 
@@ -513,7 +513,7 @@ def test_the_former_names_are_those_of_design(tmp_path: Path, capsys: pytest.Cap
     coarse = Settings(tympan.MeshSettings().refined(0.5))
     with one_thread():  # as a command: sums of several threads round otherwise
         known = design(wanted, coarse)
-    assert tympan.optimise(tmp_path / "wanted.toml", coarse).films == known.films
+    assert tympan.optimise(tmp_path / "wanted.toml", settings=coarse).films == known.films
     (tmp_path / "old.toml").write_text(
         'specimen = "film.toml"\nmass = "17.9 g"\nvoltage = "4 kV"\nhold = "area"\n'
         '[vary]\n"plate.radius" = ["9 mm", "11 mm"]\n[limits]\npull_in_margin = 1.2\n',

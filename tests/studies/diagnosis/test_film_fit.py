@@ -145,7 +145,7 @@ def test_a_film_fitted_to_half_of_the_runs_foretells_the_other_half(tmp_path: Pa
     found.save(tmp_path / "fit")
     fitted = tympan.load(tmp_path / "fit" / "middle.toml")
     curve, = tympan.force(fitted, from_="0.5 mm", to="8 mm", points=len(PLACES),
-                          voltages=[CHARGED[1]]).curves
+                          voltage=[CHARGED[1]]).curves
     exact = [axisymmetric.solve_deflection(film(hidden), place, CHARGED[1]).force
              for place in PLACES.tolist()]
     assert np.array(curve.force_N) == pytest.approx(exact, abs=FORCE_NOISE)

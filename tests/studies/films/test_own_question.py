@@ -52,9 +52,9 @@ def test_the_question_of_the_handbook_is_answered_for_a_film_that_loses_tension_
     assert set(kind) <= {"tension", "breakdown", "instability", ""}
     deflection = films.under("17.9 g", limit / 2).deflection[:, 1]
     assert (np.isfinite(deflection) == np.isfinite(limit)).all()
-    nominal = tympan.limits(film, COARSE, mass="17.9 g").limits.limit
+    nominal = tympan.limits(film, settings=COARSE, mass="17.9 g").limits.limit
     assert np.nanmedian(limit) == pytest.approx(nominal.voltage_V, rel=0.05)
-    at_half = tympan.solve(film, COARSE, mass="17.9 g", voltage=nominal.voltage_V / 2)
+    at_half = tympan.solve(film, settings=COARSE, mass="17.9 g", voltage=nominal.voltage_V / 2)
     assert np.nanmedian(deflection) == pytest.approx(at_half.deflection_m, rel=0.1)
 
 

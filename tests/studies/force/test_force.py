@@ -42,7 +42,7 @@ EXACT = reference_film(SOFT)
 @pytest.mark.parametrize(("material", "place", "kilovolt", "expected", "stress"), HELD)
 def test_force_and_stress_are_those_of_the_equations(material, place, kilovolt, expected,
                                                      stress) -> None:
-    curve, = tympan.force(circular(material), to=f"{place} mm", voltages=[f"{kilovolt} kV"],
+    curve, = tympan.force(circular(material), to=f"{place} mm", voltage=[f"{kilovolt} kV"],
                           points=11, settings=FINE).curves
     assert curve.displacement_m[-1] == place * 1e-3
     assert curve.force_N[-1] == pytest.approx(expected, rel=1e-6)
@@ -146,7 +146,7 @@ def test_work_is_the_area_in_the_picture(loaded: ForceResult) -> None:
     low, *_, high = (crossing.displacement_m for crossing in line.crossings)
     assert line.stroke_m == high - low
     assert line.work_J == pytest.approx(8e-3 * 9.81 * (high - low), rel=1e-12)
-    first, last = (tympan.force(circular(SOFT), from_=low, to=high, voltages=[voltage],
+    first, last = (tympan.force(circular(SOFT), from_=low, to=high, voltage=[voltage],
                                 points=21).curves[0] for voltage in (0.0, 7e3))
     area = simpson(np.array(first.force_N) - np.array(last.force_N), x=first.displacement_m)
     assert line.ideal_work_J == pytest.approx(area, rel=1e-6)
@@ -250,7 +250,7 @@ ROUND = specimen_toml("round", 'shape = "circle"\nradius = "4.5 cm"')
     (("--to", "80 mm"), "--to"), (("--to", "2 mm", "--from", "3 mm"), "--to"),
     (("--to", "2 mm", "--from", "-90 mm"), "--from"), (("--to", "2 kV"), "--to"),
     (("--to", "2 mm", "--voltage", "1 kV, 1 kV"), "--voltage"),
-    (("--to", "2 mm", "--load", "900 kg"), "--load"),
+    (("--to", "2 mm", "--mass", "900 kg"), "--mass"),
     (("--to", "2 mm", "--voltage", ""), "--voltage"), (("--to", "inf mm"), "--to"),
     (("--to", "2 mm", "--rate", "0 mm/s"), "--rate"),
     (("--to", "2 mm", "--rate", "1 N"), "--rate")])
@@ -268,7 +268,7 @@ def test_json_has_what_was_agreed(tmp_path: Path, capsys) -> None:
     file = tmp_path / "round.toml"
     file.write_text(ROUND, encoding="utf-8")
     assert main(["force", str(file), "--voltage", "0 kV, 3 kV", "--from", "1 mm", "--to", "6 mm",
-                 "--load", "20 g", "--refine", "0.5", "--json"]) == 0
+                 "--mass", "20 g", "--refine", "0.5", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert {"specimen", "curves", "loads", "stroke_m", "work_J", "blocked_force_N"} <= set(printed)
     for curve in printed["curves"]:

@@ -523,7 +523,7 @@ def test_build_and_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     file.write_text((ACTUATORS / "circular.toml").read_text(encoding="utf-8")
                     + '\n[[membrane.branch]]\nmodulus = "1 MPa"\ntime = "30 s"\n')
     rig.write_text('spring = "3 N/m"\namplifier_gain = 0.05\n')
-    assert not main(["lumped", "build", str(file), "--mass", "17.9 g,22.45 g", "--voltages",
+    assert not main(["lumped", "build", str(file), "--mass", "17.9 g,22.45 g", "--voltage",
                      "0 kV..6 kV", "--count", "3", "--rig", str(rig), "-o", str(tmp_path),
                      "--json"])
     built, = json.loads(capsys.readouterr().out)["built"]

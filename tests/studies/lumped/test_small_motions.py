@@ -112,15 +112,15 @@ def test_shares_of_the_gain_are_what_a_small_step_does() -> None:
 
 
 def test_linearise_command_says_what_it_is_about(oval: str, capsys) -> None:
-    (linear,) = printed(capsys, "lumped", "linearise", oval, "--at", "3 kV", *COARSE)["linear"]
+    (linear,) = printed(capsys, "lumped", "linearise", oval, "--voltage", "3 kV", *COARSE)["linear"]
     assert linear["input"] == "U"
     assert linear["gain_m_per_V"] > 0
     assert any("Table 1" in words for words in linear["warnings"])
-    assert main(["lumped", "linearise", oval, "--at", "0 kV", *COARSE]) == 0
+    assert main(["lumped", "linearise", oval, "--voltage", "0 kV", *COARSE]) == 0
     words = capsys.readouterr().out
     assert "--input U2" in words
     assert "oscillation" in words
-    (squared,) = printed(capsys, "lumped", "linearise", oval, "--at", "0 kV", "--input", "U2",
+    (squared,) = printed(capsys, "lumped", "linearise", oval, "--voltage", "0 kV", "--input", "U2",
                          *COARSE)["linear"]
     assert squared["gain_m_per_V2"] > 0
     assert not any("--input" in words for words in squared["warnings"])
@@ -130,7 +130,7 @@ def test_constants_of_ones_own_are_not_called_borrowed(oval: str, tmp_path: Path
     said = {}
     for name, viscous in (("paper", []), ("own", ["--viscous", "20 MPa,100 MPa s,50 kPa s"])):
         out = tmp_path / name
-        assert main(["lumped", "build", oval, "--mass", "17.9 g", "--voltages", "0 kV..3 kV",
+        assert main(["lumped", "build", oval, "--mass", "17.9 g", "--voltage", "0 kV..3 kV",
                      "--count", "3", "--refine", "0.5", *viscous, "-o", str(out)]) == 0
         run = printed(capsys, "lumped", "simulate", "--model", str(out / "oval.lumped.toml"),
                       "--mass", "17.9 g", "--high", "2 kV", "--duration", "0.1 s")

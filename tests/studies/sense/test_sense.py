@@ -62,7 +62,7 @@ def test_capacitance_and_force_have_one_potential(sensed: SenseResult) -> None:
     """∂C/∂y at a voltage is −2 ∂F/∂U² at a deflection."""
     place, voltage, step = 5e-3, 3e3, 30.0
     first, last = (tympan.force(circular(NEO_HOOKE), from_="4 mm", to="5 mm", points=2,
-                                voltages=[voltage + way * step], settings=FINE).curves[0]
+                                voltage=[voltage + way * step], settings=FINE).curves[0]
                    for way in (-1, 1))
     slope = -2 * (last.force_N[-1] - first.force_N[-1]) / (4 * voltage * step)
     row = sense(SenseCase(circular(NEO_HOOKE), voltages=[voltage], start=4e-3, to=6e-3, points=5),
@@ -80,7 +80,7 @@ def test_inverse_returns_the_deflection_within_its_error(film: tympan.Specimen) 
     found = sense(SenseCase(film, voltages=VOLTAGES, to=6e-3, points=13), COARSE)
     assert found.inverse.error_m < 2e-6
     for voltage in (*VOLTAGES, 1e3, 3e3, 3.7e3):
-        curve, = tympan.force(film, from_="0.13 mm", to="5.9 mm", points=12, voltages=[voltage],
+        curve, = tympan.force(film, from_="0.13 mm", to="5.9 mm", points=12, voltage=[voltage],
                               settings=COARSE).curves
         back = found.sensed(curve.capacitance_F, voltage)
         assert np.abs(back - curve.displacement_m).max() <= max(2 * found.inverse.error_m, 1e-9)
@@ -106,7 +106,7 @@ def test_derivatives_are_those_of_films_solved_again(name: str) -> None:
             "prestretch": {"prestretch": tuple(factor * each for each in membrane.prestretch)}}
         other = replace(membrane, **changes[name])
         ends.append(np.array(tympan.force(
-            replace(film, membrane=other), from_="3 mm", to="6 mm", points=7, voltages=[3e3],
+            replace(film, membrane=other), from_="3 mm", to="6 mm", points=7, voltage=[3e3],
             settings=COARSE).curves[0].capacitance_F))
     by_share = (ends[1] - ends[0]) / (2 * share)
     moved = 0.01 * by_share * np.array(curve.per_capacitance_m_per_F)
@@ -193,8 +193,8 @@ def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["sense", str(tmp_path / "oval.toml"), "--mass", "20 g", "--voltage", "0 kV, 3 kV",
                  "--points", "5", "--json", "-o", str(folder)]) == 0
     printed = json.loads(capsys.readouterr().out)
-    result = tympan.sense(tympan.load(tmp_path / "oval.toml"), masses=["20 g"], points=5,
-                          voltages=["0 kV", "3 kV"])
+    result = tympan.sense(tympan.load(tmp_path / "oval.toml"), mass=["20 g"], points=5,
+                          voltage=["0 kV", "3 kV"])
     ours = json.loads(json.dumps(result.json()))
     assert printed | {"wall_s": 0} == ours | {"wall_s": 0}
     assert SenseResult.load(folder).inverse == result.inverse

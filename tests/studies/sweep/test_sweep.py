@@ -301,7 +301,7 @@ def _no_space(path: Path) -> None:
 
 def test_two_sweeps_do_not_share_a_folder(whole, tmp_path) -> None:
     with alone(tmp_path), pytest.raises(InputError, match="in use by another command"):
-        tympan.sweep(written(tmp_path / "files"), tmp_path)
+        tympan.sweep(written(tmp_path / "files"), folder=tmp_path)
 
 
 @pytest.mark.study(seconds=20)

@@ -71,12 +71,12 @@ def test_a_file_may_ask_for_bands_and_others_keep_their_cases(file: Path) -> Non
     """A sweep without bands has the same cases; one of other tolerances is not mistaken."""
     text = SWEEP.replace('voltage = ["0 kV", "3 kV", "20 kV"]', 'voltage = "3 kV"')
     file.write_text(text.replace('["1 cm", "1.4 cm"]', '["1 cm"]'))
-    plain = tympan.sweep(file, file.parent / "out")
+    plain = tympan.sweep(file, folder=file.parent / "out")
     assert "deflection_low_m" not in plain.table
     file.write_text('ask = ["bands"]\n' + file.read_text())
-    usual = tympan.sweep(file, file.parent / "out")
-    given = tympan.sweep(file, file.parent / "out", tolerances=GIVEN)
-    again = tympan.sweep(file, file.parent / "out", tolerances=GIVEN)
+    usual = tympan.sweep(file, folder=file.parent / "out")
+    given = tympan.sweep(file, folder=file.parent / "out", tolerances=GIVEN)
+    again = tympan.sweep(file, folder=file.parent / "out", tolerances=GIVEN)
     assert [each.kept for each in (plain, usual, given, again)] == [0, 0, 0, 2]
     assert (usual.table["id"] == plain.table["id"]).all()
     assert (again.table["deflection_low_m"] == given.table["deflection_low_m"]).all()

@@ -91,7 +91,7 @@ def by_hand(rows: pd.DataFrame, volts: float, most_Pa: float, margin: float) -> 
 def test_the_best_films_keep_conditions_at_every_voltage_on_the_way(
         result: SweepResult, at: float | str | None, most: float, margin: float) -> None:
     volts = 2e3 if at == 2e3 else 4e3
-    answer = result.best("stroke", at=at, count=100, under=[
+    answer = result.best("stroke", voltage=at, count=100, under=[
         f"max_true_stress < {most} Pa", f"breakdown_margin > {margin}"])
     expected = by_hand(frame(result.table), volts, most, margin)
     assert len(answer.rows) == len(expected) > 0
@@ -125,7 +125,7 @@ def test_a_least_stroke_is_one_at_the_voltage_itself(result: SweepResult) -> Non
         assert reached["value"] > 0.6
     assert len(result.best(under="stroke <= 0.6 m", count=100).rows) == (
         answer.equilibria - len(there))
-    assert not result.best(under="deflection > 1 m", at=0.0).rows
+    assert not result.best(under="deflection > 1 m", voltage=0.0).rows
 
 
 def test_a_least_force_is_one_at_the_voltage_itself(result: SweepResult) -> None:
@@ -152,8 +152,8 @@ def test_a_limit_that_was_never_reached_is_beyond_any(result: SweepResult) -> No
 @pytest.mark.parametrize(("asked", "words"), [
     ({"of": "strok"}, "best: given 'strok': .*stroke.*did you mean 'stroke'"),
     ({"of": "status"}, "best: given 'status': must be one of"),
-    ({"at": "3 kV"}, "at: given '3 kV': must be one of the sweep's voltages: 0, 2, 4 kV"),
-    ({"at": "3 mm"}, "at: given '3 mm': wrong dimension"),
+    ({"voltage": "3 kV"}, "voltage: given '3 kV': must be one of the sweep's voltages: 0, 2, 4 kV"),
+    ({"voltage": "3 mm"}, "voltage: given '3 mm': wrong dimension"),
     ({"under": "max_true_stress"}, "under: given 'max_true_stress': must be a result, one of <"),
     ({"under": "max_true_stress < 3 kV"}, "under: given 'max_true_stress < 3 kV': wrong dimension"),
     ({"under": "breakdown_margin > 3 kV"}, "must be compared with a number without a unit"),
@@ -198,18 +198,18 @@ voltage = ["0 kV", "2 kV", "4 kV"]
 def test_command_and_python_answer_alike(tmp_path: Path, capsys) -> None:
     file, under = written(tmp_path, SMALL), "max_true_stress < 300 kPa"
     line = ["sweep", str(file), "-o", str(tmp_path / "out"), "--workers", "1", "--refine", "0.6",
-            "--at", "2 kV", "--best", "stroke", "--under", under, "--json"]
+            "--voltage", "2 kV", "--best", "stroke", "--under", under, "--json"]
     assert main(line) == 0
     of_command = json.loads(capsys.readouterr().out)["best"]
     settings = tympan.Settings(tympan.MeshSettings().refined(0.6))
-    swept = tympan.sweep(file, tmp_path / "out", settings=settings, at="2 kV")
+    swept = tympan.sweep(file, folder=tmp_path / "out", settings=settings, voltage="2 kV")
     assert swept.kept == 6  # none was solved again
     assert swept.best("stroke", under=under).json() == of_command
     first = of_command["rows"][0]
     specimen = tympan.load(tmp_path / "oval.toml")
     plate = tympan.Plate(tympan.Circle(first["plate.radius_m"]))
     film = tympan.Specimen("film", specimen.frame, plate, specimen.membrane)
-    rest, charged = (tympan.solve(film, settings, mass="17.9 g", voltage=volts)
+    rest, charged = (tympan.solve(film, settings=settings, mass="17.9 g", voltage=volts)
                      for volts in (0.0, "2 kV"))
     assert first["stroke_m"] == pytest.approx(charged.deflection_m - rest.deflection_m, rel=1e-5)
     assert first["limited"][under]["value"] == pytest.approx(rest.max_true_stress_Pa, rel=1e-6)
@@ -221,7 +221,8 @@ def test_command_and_python_answer_alike(tmp_path: Path, capsys) -> None:
 
 
 @pytest.mark.parametrize(("asked", "words"), [
-    (["--at", "3 kV"], "--at: given '3 kV': must be one of the sweep's voltages: 0, 2, 4 kV"),
+    (["--voltage", "3 kV"],
+     "--voltage: given '3 kV': must be one of the sweep's voltages: 0, 2, 4 kV"),
     (["--best", "strok"], "--best: given 'strok': must be one of "),
     (["--best", "stroke", "--under", "a < 3"], "--under: given ['a < 3']: must be one of "),
     (["--under", "stroke < 3 mm"], "--under: given 'stroke < 3 mm': needs --best"),

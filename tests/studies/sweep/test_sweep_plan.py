@@ -101,8 +101,11 @@ def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_pat
     assert equal.ids == task.ids
 
 
-def test_masses_may_be_so_many_from_one_to_another(tmp_path) -> None:
-    text = LOADS.replace('"17.9 g"', '{ from = "10 g", to = "20 g", count = 3 }')
+@pytest.mark.parametrize("written", [
+    '{ from = "10 g", to = "20 g", count = 3 }', '"10 g..20 g in 3"', '"10 g, 15 g, 20 g"',
+    '["10 g", "15 g", "0.02 kg"]'])
+def test_several_masses_are_written_as_everywhere(tmp_path, written: str) -> None:
+    text = LOADS.replace('"17.9 g"', written)
     [task] = tasks(tmp_path, text)
     assert task.masses == pytest.approx((0.01, 0.015, 0.02))
 

@@ -202,8 +202,8 @@ def test_a_film_without_a_load_has_no_band() -> None:
         with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
             tympan.tolerance(oval(), mass=mass, voltage=VOLTAGE)
     with pytest.raises(InputError, match=r"^mass: given '0 g': must be above 0"):
-        tympan.solve(oval(), COARSE, mass="0 g", voltage=VOLTAGE, tolerances=GIVEN)
-    curves = tympan.curve(oval(), 0.0, MASS, settings=COARSE, tolerances=GIVEN).curves
+        tympan.solve(oval(), settings=COARSE, mass="0 g", voltage=VOLTAGE, tolerances=GIVEN)
+    curves = tympan.curve(oval(), mass=[0.0, MASS], settings=COARSE, tolerances=GIVEN).curves
     bands = {curve.mass_kg: curve.band_deflection_m for curve in curves}
     assert {edge for band in bands[0.0] if band for edge in (band.low, band.high)} == {0.0}
     assert bands[MASS][0].low > 1e-3
@@ -389,8 +389,8 @@ def test_the_words_of_what_is_wanted_are_those_of_a_file_the_option_and_python(
     assert main([*command, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     found = tympan.tolerance(
-        oval(), scatter, want={"stroke": "0.2 mm", "deflection": "at most 5 mm"}, films=200,
-        settings=COARSE, **loads)
+        oval(), tolerances=scatter, want={"stroke": "0.2 mm", "deflection": "at most 5 mm"},
+        films=200, settings=COARSE, **loads)
     assert record["wanted"] == found.json()["wanted"]
     assert record["kept"] == found.json()["kept"]
     assert [each["name"] for each in record["wanted"]] == ["frequency", "stroke", "deflection"]
@@ -498,8 +498,8 @@ GIVEN = Tolerances(**{**vars(STILL), "thickness": Scatter(batch=0.05),
 def test_bands_of_a_curve_and_of_one_case_are_the_quantiles_of_ten_thousand_films() -> None:
     many = tolerance(ToleranceCase(oval(), mass=MASS, voltage=VOLTAGE, tolerances=GIVEN),
                      COARSE).quantities
-    curves = tympan.curve(oval(), 0.5 * MASS, MASS, settings=COARSE, tolerances=GIVEN).curves
-    solved = tympan.solve(oval(), COARSE, mass=MASS, voltage=VOLTAGE, tolerances=GIVEN)
+    curves = tympan.curve(oval(), mass=[0.5 * MASS, MASS], settings=COARSE, tolerances=GIVEN).curves
+    solved = tympan.solve(oval(), settings=COARSE, mass=MASS, voltage=VOLTAGE, tolerances=GIVEN)
     band = curves[1].banded
     along = [np.interp(VOLTAGE, [voltage for voltage, _ in band], [getattr(each, edge)
              for _, each in band]) for edge in ("low", "median", "high")]
@@ -521,7 +521,7 @@ def test_the_band_of_a_force_is_that_of_films_held_by_finite_elements() -> None:
     """The median film's force is that of stiffness and thickness alone: F goes as μ T."""
     given = replace(STILL, stiffness=Scatter(film=0.1))
     plain, found = (tympan.force(oval(), settings=COARSE, to="6 mm", points=4,
-                                 voltages=[0.0, "3 kV"], **more)
+                                 voltage=[0.0, "3 kV"], **more)
                     for more in ({}, {"tolerances": given}))
     assert plain.curves[0].band_force_N == ()
     for curve in found.curves:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tympan.base.errors import InputError
+from tympan.base.units import RANGE
 from tympan.options import (
     JSON,
     MESH,
@@ -31,11 +32,11 @@ if TYPE_CHECKING:
          argument("--mass", metavar="MASS,MASS",
                   help="on the plate; the first one is fitted, the others are tested (default: "
                        "some that suit the films)"),
-         argument("--voltages", metavar="FROM..TO",
-                  help="the lowest, the middle and the highest are fitted, the others tested "
-                       "(default: up to 0.6 of the films' first limit)"),
-         argument("--count", type=int, default=11, metavar="N", within=(2, 200),
-                  help="of voltages"),
+         argument("--voltage", metavar="FROM..TO", formerly="--voltages",
+                  help='such as "0 kV..5 kV"; the lowest, the middle and the highest are fitted, '
+                       "the others tested (default: up to 0.6 of the films' first limit)"),
+         argument("--count", type=int, metavar="N", within=(2, 200),
+                  help="of voltages between these ends (default: 11)"),
          argument("--circles", type=int, default=2, metavar="N", help="how many"),
          argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                   help="of the circles, as for `tympan alpha`"),
@@ -53,28 +54,25 @@ def lumped_build(options: argparse.Namespace) -> None:
 
     masses = (parse_quantities(options.mass, "mass", "--mass") if options.mass is not None
               else None)
-    voltages = _voltages(options) if options.voltages is not None else None
+    voltages = _voltages(options) if options.voltage is not None else None
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = read_specimens(options.specimens)
     with naming_options(options, masses="mass"):
         chosen = BuildSettings.suited(
-            specimens, settings, rig, masses=masses, voltages=voltages, count=options.count,
-            circles=options.circles, radii=options.radii, viscous=_viscous(options.viscous))
+            specimens, settings, rig, masses=masses, voltages=voltages,
+            count=options.count or RANGE, circles=options.circles, radii=options.radii,
+            viscous=_viscous(options.viscous))
     with bar(sum(4 + bool(item.membrane.branches) for item in specimens)) as progress:
         result = BuildResult.built(specimens, settings, chosen, rig, progress)
     finish(options, result, kinematics=KINEMATICS)
 
 
 def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
-    from tympan.studies.lumped.build import evenly
+    from tympan.studies.lumped.build import between
 
-    ends = options.voltages.split("..")
-    if len(ends) != 2:
-        raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
-                         key="--voltages", given=options.voltages)
-    low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
+    given = parse_quantities(options.voltage, "voltage", "--voltage")
     with naming_options(options):
-        return evenly(low, high, options.count)
+        return between(given, options.count)
 
 
 def _viscous(text: str | None) -> Viscous | None:

@@ -89,20 +89,21 @@ def lumped_simulate(options: argparse.Namespace) -> None:
 
 
 @command("lumped linearise", *ACTUATORS,
-         argument("--at", default="3 kV", metavar="VOLTAGE", help="about rest at this voltage"),
+         argument("--voltage", default="3 kV", formerly="--at",
+                  help="about rest at this voltage"),
          argument("--input", choices=("U", "U2"), default="U",
                   help="what drives it: the voltage, or its square, with which the film's pull "
                        "goes, at 0 kV too"),
          argument("--save", type=Path, metavar="FILE",
                   help="also store A, B, C, D: NAME.mat for MATLAB, NAME.npz for NumPy, NAME.csv "
                        "or NAME.json"), JSON, MESH,
-         example='oval.toml --at "3 kV" --mass "17.9 g"')
+         example='oval.toml --voltage "3 kV" --mass "17.9 g"')
 def lumped_linearise(options: argparse.Namespace) -> None:
     """Linearise about an equilibrium: state space A, B, C, D, poles by name, gain."""
     from tympan.result import Result, file_writers
     from tympan.studies.lumped.linear import LinearResult
 
-    voltage = parse_quantity(options.at, "voltage", "--at")
+    voltage = parse_quantity(options.voltage, "voltage", "--voltage")
     if options.save is not None:
         file_writers(LinearResult, options.save, "--save")
     chosen = chosen_actuators(options, read_case(options), abs(voltage))

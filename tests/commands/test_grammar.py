@@ -1,0 +1,168 @@
+"""Commands, functions and files have one name for one thing, as the page of grammar says."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import tympan
+from tests.support import grammar, python_doors
+from tests.support.specimens import circular
+from tympan.base.errors import InputError
+from tympan.base.units import any_quantity
+from tympan.commands import COMMANDS
+from tympan.geometry.mesher import MeshSettings
+from tympan.grammar import BY_QUESTION, LOADS, SUBJECTS, WORDS
+from tympan.studies.case import Settings
+
+#: Names of arguments that hand others on.
+HANDED_ON = ("loads", "wave", "sizes", "table")
+#: Longest signature: three lines of a notebook.
+LONGEST = 200
+COARSE = Settings(MeshSettings().refined(0.5))
+
+
+def arguments(function: Any) -> dict[str, inspect.Parameter]:
+    """Arguments as a notebook shows them, and those that are handed on but not shown."""
+    shown = dict(inspect.signature(function).parameters)
+    return {name: item for name, item in shown.items() if name not in HANDED_ON}
+
+
+def plain(default: object) -> object:
+    """A default without its form."""
+    try:
+        found = any_quantity(default)
+    except InputError:
+        found = None
+    return default if found is None else found[0]
+
+
+def test_every_option_and_argument_is_a_word_and_every_word_is_used() -> None:
+    spoken = {*grammar.spoken()}
+    written = {name.rstrip("_") for function in grammar.functions().values()
+               for name in arguments(function)}
+    handed = {name for command in COMMANDS if command.name not in python_doors.WITHOUT
+              for name in python_doors.arguments(command.name)} - {*HANDED_ON, "from_"}
+    assert spoken | written | handed == {*WORDS}
+
+
+def test_a_default_is_the_same_wherever_its_word_stands() -> None:
+    places = [(name, where, default) for name, found in grammar.spoken().items()
+              for where, default in found]
+    places += [(name.rstrip("_"), where, item.default)
+               for where, function in grammar.functions().items()
+               for name, item in arguments(function).items()
+               if item.default is not inspect.Parameter.empty]
+    for name, where, default in places:
+        if WORDS[name].default is not BY_QUESTION:
+            assert default in (None, (), []) or plain(default) == plain(WORDS[name].default), (
+                f"{where}: {name}")
+
+
+@pytest.mark.parametrize("name", [*grammar.functions()])
+def test_arguments_stand_in_order_and_are_few_lines(name: str) -> None:
+    function = grammar.functions()[name]
+    assert len(str(inspect.signature(function))) < LONGEST
+    listed = arguments(function)
+    first = [item.name for item in listed.values()
+             if item.kind in (item.POSITIONAL_OR_KEYWORD, item.VAR_POSITIONAL)]
+    assert {*first} <= {*SUBJECTS}
+    named = [item for item in listed if item not in first]
+    loads = [item for item in named if item in LOADS]
+    assert named[:len(loads)] == [load for load in LOADS if load in loads]
+    assert "settings" not in named or named[-1] == "settings"
+    if "settings" in named:
+        assert listed["settings"].default is None
+    # Every argument is explained, by its name or as one of a few.
+    words = inspect.getdoc(function) or ""
+    assert words.split("\n")[0].endswith(".")
+
+
+#: Functions of one state, and those that take several loads.
+ONE = ("solve", "limits", "tolerance", "path", "modes", "response", "sensitivity", "transient",
+       "lumped.simulate", "lumped.linearise", "lumped.control")
+SEVERAL = ("curve", "force", "sense", "export", "films_within", "lumped.build")
+
+
+def test_each_question_takes_one_load_or_several() -> None:
+    with_mass = {name for name, function in grammar.functions().items()
+                 if "mass" in inspect.signature(inspect.unwrap(function)).parameters
+                 or "loads" in inspect.signature(inspect.unwrap(function)).parameters}
+    assert with_mass - {"lumped.export"} == {*ONE, *SEVERAL}
+
+
+@pytest.mark.parametrize("name", ONE)
+@pytest.mark.parametrize("given", ["10 g, 20 g", "10 g..20 g", ["10 g", "20 g"],
+                                   {"from": "1 g", "to": "2 g"}])
+def test_a_question_of_one_state_says_so_when_it_gets_several(name: str, given: object) -> None:
+    with pytest.raises(InputError, match=r"mass: given .*must be one: .*about one state"):
+        grammar.functions()[name](circular(), mass=given)
+
+
+@pytest.mark.parametrize("given", [
+    "0 kV, 1 kV, 2 kV", "0 kV..2 kV in 3", [0, 1e3, "2 kV"],
+    {"from": 0, "to": "2 kV", "count": 3}, ("0 V", 1000, 2000.0)])
+def test_forms_of_several_loads_are_the_same(given: Any) -> None:
+    found = tympan.force(circular(), voltage=given, mass="10 g", to="4 mm", points=3,
+                         settings=COARSE)
+    assert [curve.voltage_V for curve in found.curves] == [0.0, 1000.0, 2000.0]
+
+
+def test_a_film_and_a_rig_are_named_made_or_written_out(tmp_path: Any) -> None:
+    from tympan.fem.toml_writer import specimen_to_toml
+
+    film = circular()
+    file, rig = tmp_path / "circle.toml", tmp_path / "rig.toml"
+    file.write_text(specimen_to_toml(film), encoding="utf-8")
+    rig.write_text('spring = "12 N/m"\n', encoding="utf-8")
+    loads: dict[str, Any] = {"mass": "17.9 g", "voltage": "2 kV", "settings": COARSE}
+    found = [tympan.solve(subject, rig=holder, **loads).deflection_m for subject, holder in (
+        (film, tympan.Rig(spring=12.0)), (str(file), str(rig)), (file, {"spring": "12 N/m"}))]
+    assert found[0] == found[1] == found[2] != tympan.solve(film, **loads).deflection_m
+
+
+def _formerly() -> Iterator[Any]:
+    yield lambda film: tympan.curve(film, "10 g", settings=COARSE), "mass=.* has to be named now"
+    yield (lambda film: tympan.curve(film, mass="10 g", voltages=["1 kV"], settings=COARSE),
+           "voltages= is voltage= now")
+    yield lambda film: tympan.solve(film, COARSE, mass="10 g"), "settings= has to be named now"
+
+
+@pytest.mark.parametrize(("ask", "words"), [*_formerly()])
+def test_a_former_way_still_works_with_one_line_of_advice(ask: Any, words: str) -> None:
+    with pytest.warns(FutureWarning, match=words) as told:
+        assert ask(circular()).specimen == circular().name
+    assert len(told) == 1
+    assert told[0].filename == __file__
+
+
+def test_former_arguments_are_words_no_more() -> None:
+    for where, then, now in grammar.former_arguments():
+        listed = {*python_doors.inspect.signature(
+            inspect.unwrap(grammar.functions()[where])).parameters}
+        assert then.rstrip("=") not in listed
+        assert now.partition("=")[0] in listed
+
+
+@pytest.mark.parametrize(("command", "then", "now"), [*grammar.former_options()])
+def test_a_former_option_sets_the_one_of_now(command: str, then: str, now: str,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    parser = argparse.ArgumentParser()
+    for add in next(each for each in COMMANDS if each.name == command).arguments:
+        add(parser)
+    subject = [] if command.startswith("lumped") and command != "lumped build" else ["a.toml"]
+    needed = ["-o", "out"] if command == "sweep" else []
+    options = parser.parse_args([*subject, *needed, then, "1 kV"])
+    assert vars(options)[now.lstrip("-")] == "1 kV"
+    line, = capsys.readouterr().err.splitlines()
+    assert f"{then} is {now} now" in line
+    assert then not in parser.format_help()
+
+
+def test_the_page_is_up_to_date() -> None:
+    """If it fails: ``python -m tests.support.grammar``."""
+    assert grammar.PAGE.read_text(encoding="utf-8") == grammar.page()

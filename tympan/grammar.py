@@ -1,0 +1,188 @@
+"""One name for one thing: the words of commands, of Python's functions and of files.
+
+Every option of a command and every argument of a function is one of :data:`WORDS`, with the same
+meaning wherever it stands. The page ``docs/grammar.md`` is made from them, and the list of
+arguments in the docstring of each function.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from inspect import Parameter, cleandoc, get_annotations, signature, unwrap
+from typing import Any, TypeVar, cast
+
+from tympan.base.fields import names_arguments
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+#: Default of a word that each question chooses for itself.
+BY_QUESTION: Any = object()
+#: Loads, and what holds the film, in the order in which they stand after the subject.
+LOADS = ("mass", "voltage", "pressure", "rig")
+
+
+@dataclass(frozen=True)
+class Word:
+    """Meaning of a name, and its ``default``; a question may also choose it by itself (None).
+
+    ``unit``: of an SI number.
+    """
+
+    meaning: str
+    unit: str = ""
+    default: Any = BY_QUESTION
+
+
+#: Subjects: what a command or a function is about, given first and without a name.
+SUBJECTS = {
+    "specimen": Word("the film in its frame: a file, or a `Specimen`"),
+    "specimens": Word("several of them"),
+    "models": Word("specimens, or lumped models of `lumped build`"),
+    "model": Word("a lumped model: a file NAME.lumped.toml, or one of `lumped.build`"),
+    "dataset": Word("a folder of measurements with its dataset.toml"),
+    "coupons": Word("files of coupon tests, or one dataset"),
+    "files": Word("files of coupon tests, or one dataset"),
+    "file": Word("the file of a sweep, a study, or a table of measurements"),
+    "requirements": Word("a file that says what is wanted, given and free"),
+    "material": Word("a material of the library, or of a specimen's file"),
+    "name": Word("a material of the library, or of a specimen's file"),
+    "folder": Word("where results are, or go"),
+    "subject": Word("a specimen, a dataset, or a folder of specimens"),
+    "target": Word("axes or a file to draw on, or the file to write"),
+}
+#: All other words.
+WORDS = SUBJECTS | {
+    "mass": Word("all that hangs on the film: plate, hook and weight", "kg"),
+    "voltage": Word("across the film, before an amplifier's gain", "V"),
+    "pressure": Word("of the gas below the film; positive lifts it", "Pa"),
+    "rig": Word("what else acts on film and plate: a file, its keys, or a `Rig`"),
+    "elapsed": Word("time since the run began, for a rig that drifts", "s", "0 s"),
+    "direction": Word("way on which the voltage was reached: up or down", default=""),
+    "tolerances": Word("scatter between films: a file, or a `Tolerances`"),
+    "settings": Word("mesh, path, and the film's formula", default=None),
+    "refine": Word("divides every element size", default=1.0),
+    "formula": Word("a film in closed form in place of finite elements", default=None),
+    "output": Word("folder for files and pictures"),
+    "json": Word("print one JSON object", default=False),
+    "workers": Word("processes; in Python 1, since more need a main guard"),
+    "seed": Word("of random numbers", default=0),
+    "from": Word("first deflection of the plate", "m", "0 mm"),
+    "to": Word("last deflection of the plate", "m", None),
+    "points": Word("rows of a table over the deflection"),
+    "count": Word("number of what the question lists: modes, levels, voltages"),
+    "films": Word("number of random films"),
+    "cycles": Word("loops of the plate", default=1),
+    "rate": Word("speed of the plate, or of the voltage, in time", "m/s or V/s", None),
+    "turn": Word("voltage at which a loop turns", "V", None),
+    "along": Word("load that grows: voltage, charge, mass or pressure", default="voltage"),
+    "beyond": Word("follow the film to where no real one gets", default=False),
+    "fields": Word("store the film of every state", default=False),
+    "states": Word("compute all variables of a state at each sample", default=False),
+    "at": Word("times at which the film is stored", "s", None),
+    "after": Word("time since the voltage was switched on", "s", None),
+    "rest": Word("time at rest before a signal", "s", None),
+    "frequency": Word("of a small sine", "Hz", None),
+    "of": Word("quantities whose derivatives are wanted", default="heave"),
+    "point_mass": Word("part of the mass in the plate's centre", "kg", "0 g"),
+    "swing": Word("the plate has inertia", default=False),
+    "signal": Word("step, ramp, sine, random, or a CSV file", default="step"),
+    "low": Word("voltage before a step; lower end of other signals", "V", "0 kV"),
+    "high": Word("voltage after a step; upper end of other signals", "V", "3.5 kV"),
+    "duration": Word("of step and ramp, a random level, a period", "s", "30 s"),
+    "interval": Word("between samples", "s"),
+    "animate": Word("draw a moving picture", default=False),
+    "want": Word("bounds that films should keep", default=""),
+    "circles": Word("number of circles of a lumped model", default=2),
+    "radii": Word("choice of these circles", default="semi_axes"),
+    "uncertainty": Word("how α changes with mesh, material and loads", default=False),
+    "alpha_settings": Word("loads on which α is fitted", default=None),
+    "basis": Word("formerly the kind of circles; both are printed", default="membrane"),
+    "viscous": Word("constants of films without viscous branches", default=None),
+    "exact": Word("solve all by finite elements", default=False),
+    "scheduler": Word("address of a Dask cluster", default=None),
+    "wait": Word("for a worker of the cluster", "s", "60 s"),
+    "best": Word("result whose largest values are listed", default=None),
+    "under": Word("conditions that these keep", default=None),
+    "inp": Word("write input of CalculiX or Abaqus instead", default=False),
+    "width": Word("of frame and clamp ring around the film", "m", "10 mm"),
+    "frame_height": Word("of the frame", "m", "4 mm"),
+    "clamp_height": Word("of the clamp ring", "m", "2 mm"),
+    "plate_height": Word("of the plate", "m", "2 mm"),
+    "screw": Word("diameter of the holes", "m", "3.2 mm"),
+    "spacing": Word("of the holes along the frame, at most", "m", "40 mm"),
+    "held": Word("stretch across, for a table of stresses", default=None),
+    "markdown": Word("print a page of these docs", default=False),
+    "draft": Word("write a first dataset.toml for a table", default=None),
+    "kind": Word("what a table of measurements is", default=None),
+    "plan": Word("say what such readings can show", default=False),
+    "self_check": Word("number of synthetic sets whose verdicts are counted", default=0),
+    "law": Word("laws to fit or to compare"),
+    "constants": Word("constants of the law that are fitted one by one", default=None),
+    "branches": Word("number of viscous branches", default=None),
+    "noise": Word("standard deviation of one stress", "Pa", None),
+    "film": Word("film that is solved with the fitted law", default=None),
+    "mode": Word("mode of tests whose table does not say it", default=None),
+    "unit": Word("of stresses whose heading has none", default=None),
+    "area": Word("cross-section of a strip before the test", "m²", None),
+    "length": Word("of a strip before the test", "m", None),
+    "decimal": Word("decimal mark of a table's numbers", default=None),
+    "input": Word("what drives a linear model: U or U2", default="U"),
+    "save": Word("file for A, B, C, D", default=None),
+    "supply": Word("highest voltage of the controller", "V", "7 kV"),
+    "method": Word("kind of controller: pi or lqg", default="pi"),
+    "sensor": Word("what the controller reads", default="deflection"),
+    "sensor_lag": Word("time by which the sensor lags", "s", None),
+    "fmu": Word("write an FMU 2.0", default=False),
+    "slow_fast": Word("write two transfer functions", default=False),
+    "paper": Word("the source paper's cones in place of membrane circles", default=False),
+    "alpha": Word("weights of circles, or how they are identified", default=None),
+    "table_1": Word("relative permittivity with the paper's constants", default=None),
+    "dynamic": Word("also identify the viscous constants", default=False),
+    "weights": Word("both α of all shapes, of the paper's cones", default=None),
+    "objective": Word("misfit that is made small", default="deflection"),
+    "limits": Word("compute profiles for the 95 % limits", default=True),
+    "no_limits": Word("linearised limits only", default=False),
+    "nelder_mead": Word("also fit by the simplex", default=False),
+    "levels": Word("number of the paper's random voltages", default=20),
+    "reading": Word("how the paper's ranges are read", default=None),
+    "period": Word("of the paper's sines", "s", None),
+    "host": Word("address to listen on", default="127.0.0.1"),
+    "port": Word("to listen on", default=0),
+    "no_browser": Word("print the address only", default=False),
+}
+
+#: Where the list of arguments stands in a docstring: before these sections, or at its end.
+_SECTIONS = re.compile(r"\n\n(?=(?:Raises|Examples)\n-)")
+
+
+def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
+    """Make a public function: it names wrong arguments, and its docstring lists all of them.
+
+    Arguments are those of :func:`~tympan.base.fields.names_arguments`.
+    """
+    def listed(function: F) -> F:
+        made: Any = names_arguments(more, **formerly)(function)
+        text = cleandoc(made.__doc__ or "")
+        lines = "\n".join(_arguments(function, get_annotations(more) if more else {}))
+        if lines:
+            head, *rest = _SECTIONS.split(text, maxsplit=1)
+            made.__doc__ = "\n\n".join([head, f"Parameters\n----------\n{lines}", *rest])
+        return cast(F, made)
+
+    return listed
+
+
+def _arguments(function: Callable[..., Any], passed: Any) -> Iterator[str]:
+    """Write each argument with its unit, its default and its meaning."""
+    for item in signature(unwrap(function)).parameters.values():
+        names = passed if item.kind is item.VAR_KEYWORD else (item.name,)
+        for name in names:
+            word = WORDS[name.rstrip("_")]
+            default = item.default if item.kind is not item.VAR_KEYWORD else word.default
+            known = not any(default is each for each in (Parameter.empty, BY_QUESTION, None, False,
+                                                         (), ""))
+            notes = [word.unit] * bool(word.unit) + [f"default {default!r}"] * known
+            star = "*" * (item.kind is item.VAR_POSITIONAL)
+            yield f"{star}{name}{' : ' * bool(notes)}{', '.join(notes)}\n    {word.meaning}"
