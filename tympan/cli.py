@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from tympan.base.process.interruption import raise_again
 from tympan.base.reader_process import ready_for
 from tympan.base.system import out_of_memory
 from tympan.base.toml_reader import one_of
-from tympan.commands import COMMANDS, GROUPS, HEADINGS
+from tympan.commands import COMMANDS, ELSEWHERE, FIRST, GROUPS, HEADINGS
+from tympan.options import Command
 
 #: Words that people write for an option, by the option's own name without dashes.
 _SYNONYMS = {"weight": "mass", "load": "mass", "gram": "mass", "potential": "voltage",
@@ -25,6 +26,8 @@ _SYNONYMS = {"weight": "mass", "load": "mass", "gram": "mass", "potential": "vol
 #: Types of values that argparse converts, in words.
 _KINDS: dict[Any, str] = {int: "a whole number", float: "a number"}
 
+#: Name of the program in its help.
+_PROGRAM = "tympan"
 #: Shells whose completion scripts shtab writes.
 SHELLS = ("bash", "zsh", "tcsh")
 
@@ -32,7 +35,7 @@ SHELLS = ("bash", "zsh", "tcsh")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     try:
-        given = sys.argv[1:] if arguments is None else list(arguments)
+        given = _by_help(sys.argv[1:] if arguments is None else list(arguments))
         options = build_parser(given).parse_args(given)
         with ready_for(_files(options)), alone(getattr(options, "output", None)):
             options.run(options)
@@ -64,7 +67,12 @@ class _Asking(argparse.ArgumentParser):
         if isinstance(action, argparse._SubParsersAction):
             former = {name for command in COMMANDS for name in command.formerly}
             names = [name for name in options if name not in former]
-            spelled = {word: repr(name) for name in names for word in (name, *_also(name))}
+            if value in ELSEWHERE:
+                raise InputError(f"unknown command: {ELSEWHERE[value]}", given=value)
+            spelled = {name: repr(name) for name in names} | {
+                word: repr(command.name) for command in COMMANDS
+                if self.prog == _PROGRAM or command.name.startswith(f"{self.prog.split()[-1]} ")
+                for word in (*command.also, *command.formerly)}
             raise InputError(f"unknown command: {did_you_mean(value, spelled)}known are "
                              f"{', '.join(names)}", given=value)
         raise InputError(one_of(str(value), options), given=value, key=_name(action))
@@ -105,19 +113,25 @@ def _name(action: argparse.Action) -> str:
     return "/".join(action.option_strings) or str(action.metavar or action.dest)
 
 
-def _also(name: str) -> tuple[str, ...]:
-    return next(((*command.also, *command.formerly) for command in COMMANDS
-                 if command.name == name), ())
+def _by_help(given: list[str]) -> list[str]:
+    """Translate ``tympan help``, ``tympan help all`` and ``tympan help COMMAND``."""
+    if given[:1] != ["help"]:
+        return given
+    return ["--help-all"] if given[1:] == ["all"] else [*given[1:], "--help"]
 
 
 class _Parser(_Asking):
-    """Parser that lists the commands under their headings."""
+    """Parser that lists commands under headings: the first ones, or all."""
 
     def format_help(self) -> str:
+        return self.listed(FIRST)
+
+    def listed(self, headings: Mapping[str, Sequence[Command]]) -> str:
+        """Write the help with these commands."""
         formatter = self._get_formatter()
         formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
         formatter.add_text(self.description)
-        for heading, commands in HEADINGS.items():
+        for heading, commands in headings.items():
             formatter.start_section(heading)
             formatter.add_arguments([
                 argparse.Action([], command.name, metavar=command.name,
@@ -137,9 +151,11 @@ def build_parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
     all of them takes as long as to solve a film.
     """
     parser = _Parser(
-        prog="tympan", description="Shape studies of dielectric-elastomer membrane actuators.",
+        prog=_PROGRAM, description="Shape studies of dielectric-elastomer membrane actuators.",
         epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV". '
-               "tympan COMMAND --help says more, with an example.")
+               "tympan COMMAND --help says more, with an example. tympan help all lists all "
+               f"{len(COMMANDS)} commands.")
+    parser.add_argument("--help-all", action=_HelpAll)
     parser.add_argument("--version", action=_Version)
     parser.add_argument("--print-completion", action=_Completion, choices=SHELLS)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND",
@@ -154,6 +170,18 @@ def build_parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
             ).add_subparsers(title="commands", required=True, metavar="COMMAND")
         command.add(groups[group])
     return parser
+
+
+class _HelpAll(argparse.Action):
+    """Action of ``--help-all``, which lists every command."""
+
+    def __init__(self, option_strings: list[str], dest: str, **_: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="list all commands and exit")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        assert isinstance(parser, _Parser)
+        print(parser.listed(HEADINGS), end="")
+        parser.exit()
 
 
 class _Version(argparse.Action):

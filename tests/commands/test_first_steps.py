@@ -21,7 +21,7 @@ from tests.support.costs import dear
 from tests.support.specimens import PATCH_TOML, circular, specimen_toml
 from tympan import cli
 from tympan.cli import main
-from tympan.commands import COMMANDS, HEADINGS, doctor
+from tympan.commands import COMMANDS, ELSEWHERE, FIRST, HEADINGS, doctor
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode
@@ -40,15 +40,41 @@ def oval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "oval.toml"
 
 
-def test_help_lists_every_command_once_under_its_heading(capsys) -> None:
+@pytest.mark.parametrize(("asked", "headings"), [
+    (["--help"], FIRST), (["help"], FIRST), (["help", "all"], HEADINGS),
+    (["--help-all"], HEADINGS)])
+def test_help_lists_commands_once_under_their_heading(asked: list[str], headings: Any,
+                                                      capsys) -> None:
     with pytest.raises(SystemExit):
-        main(["--help"])
+        main(asked)
     text = capsys.readouterr().out
-    sections = [text.partition(f"\n{heading}:\n")[2].partition("\n\n")[0] for heading in HEADINGS]
+    sections = [text.partition(f"\n{heading}:\n")[2].partition("\n\n")[0] for heading in headings]
     listed = [line[2:].split("  ")[0] for section in sections for line in section.splitlines()
               if line[:3].strip()]
-    assert listed == [command.name for command in COMMANDS]
+    assert listed == [command.name for commands in headings.values() for command in commands]
     assert text.index("options:") > text.index(listed[-1])
+
+
+def test_the_first_help_is_ten_commands_in_three_groups_of_all() -> None:
+    first = [command for commands in FIRST.values() for command in commands]
+    assert (len(FIRST), len(first)) == (3, 10)
+    assert {*first} <= {*COMMANDS}
+
+
+@pytest.mark.parametrize(("slip", "meant"), [
+    ("simulate", "'solve'"), ("fit", "'material fit'"), ("optimize", "'design'"),
+    ("hysteresis", "'path'"), ("blocked-force", "'force'"), ("fatigue", "no lifetime is"),
+    ("bode", "'response'"), ("monte-carlo", "'tolerance'"), ("identify", "'lumped identify'")])
+def test_words_of_the_trade_lead_to_a_command(slip: str, meant: str, capsys) -> None:
+    assert main([slip, "oval.toml"]) == 2
+    line, = capsys.readouterr().err.splitlines()
+    assert meant in line
+
+
+def test_no_word_leads_to_two_commands() -> None:
+    words = [word for command in COMMANDS for word in (
+        command.name, *command.also, *command.formerly)] + [*ELSEWHERE]
+    assert len(words) == len({*words})
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)

@@ -105,9 +105,9 @@ def test_a_signal_that_is_swallowed_comes_again_and_nothing_is_written(tmp_path)
 
 
 @pytest.mark.parametrize(("arguments", "words", "environment"), [
-    (["--help"], "derive alpha", {"PYTHONIOENCODING": "ascii"}),
+    (["help", "all"], "derive alpha", {"PYTHONIOENCODING": "ascii"}),
     (["materials"], "a Gent law with mu 18 kPa", {"PYTHONIOENCODING": "latin-1"}),
-    (["--help"], "derive alpha",
+    (["help", "all"], "derive alpha",
      {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": ""})])
 def test_terminals_without_greek_get_it_spelled(arguments: list[str], words: str,
                                                 environment: dict[str, str]) -> None:

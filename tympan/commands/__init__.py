@@ -39,6 +39,20 @@ HEADINGS = {
         lumped_identify.lumped_identify, lumped_export.lumped_export,
         lumped_paper.lumped_paper),
 }
+#: Commands that ``tympan --help`` shows, by what one wants; ``tympan help all`` shows all.
+FIRST = {
+    "one film": (cases.solve, cases.limits, cases.curve, cases.force, explore.explore),
+    "many films": (runs.sweep, cases.tolerance, runs.design),
+    "your measurements": (data.data, data.diagnose),
+}
+#: Words of the trade for which there is no command, with what there is.
+ELSEWHERE = {
+    "fatigue": "no lifetime is predicted; tympan limits finds where a rising voltage ends the film",
+    "lifetime": "no lifetime is predicted; tympan limits finds where a rising voltage ends the "
+                "film",
+    "temperature": "the effect of temperature is a key of the rig, and one that tympan diagnose "
+                   "looks for",
+}
 COMMANDS = tuple(command for commands in HEADINGS.values() for command in commands)
 #: Purpose of each group of commands with two words.
 GROUPS = {"lumped": "the lumped model: a mass on circles of film",

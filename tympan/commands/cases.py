@@ -79,7 +79,8 @@ def _banded(options: argparse.Namespace, result: Any, specimen: Specimen, rig: R
                        "plate that rubs (default: not known, without either)"),
          TOLERANCES,
          output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON,
-         example='oval.toml --mass "17.9 g" --voltage "3.5 kV"', also=("run", "simulate"))
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV"',
+         also=("run", "simulate", "simulation", "equilibrium", "stress"))
 def solve(options: argparse.Namespace) -> None:
     """Solve one specimen under one load and voltage, and find how far the voltage can be raised.
 
@@ -139,7 +140,7 @@ def limits(options: argparse.Namespace) -> None:
          TOLERANCES, PRESSURE, RIG, _BEYOND,
          output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
-         example='oval.toml --mass "10 g, 17.9 g" -o curve')
+         example='oval.toml --mass "10 g, 17.9 g" -o curve', also=("actuation", "stroke"))
 def curve(options: argparse.Namespace) -> None:
     """Compute deflection against voltage, to the film's limit and on to its end."""
     from tympan.progress import bar
@@ -193,7 +194,8 @@ def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple
          TOLERANCES, PRESSURE, RIG,
          output("also store the curves (CSV), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
          MESH,
-         example='oval.toml --voltage "0 kV, 3 kV" --mass "20 g" -o force')
+         example='oval.toml --voltage "0 kV, 3 kV" --mass "20 g" -o force',
+         also=("blocked", "blocked-force", "stiffness", "work"))
 def force(options: argparse.Namespace) -> None:
     """Compute the force on the plate against its displacement, and equilibria of loads.
 
@@ -231,7 +233,8 @@ def force(options: argparse.Namespace) -> None:
          PRESSURE, RIG,
          output("also store the table (CSV), the numbers (JSON), the polynomial as a C function "
                 "and a picture (PNG, SVG)"), JSON, MESH,
-         example='oval.toml --mass "20 g" --voltage "0 kV, 3 kV" -o sense')
+         example='oval.toml --mass "20 g" --voltage "0 kV, 3 kV" -o sense',
+         also=("capacitance", "sensor", "self-sensing"))
 def sense(options: argparse.Namespace) -> None:
     """Compute capacitance against deflection at several voltages, and the inverse.
 
@@ -273,7 +276,8 @@ def sense(options: argparse.Namespace) -> None:
                   help="of the random numbers"),
          PRESSURE, RIG,
          output("also store the numbers (JSON) and a picture (PNG, SVG)"), JSON, MESH,
-         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o tolerance')
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o tolerance',
+         also=("monte-carlo", "scatter", "uncertainty", "spread"))
 def tolerance(options: argparse.Namespace) -> None:
     """Compute distributions of deflection, stroke, force, frequency and others between films.
 
@@ -318,7 +322,7 @@ def tolerance(options: argparse.Namespace) -> None:
          _BEYOND,
          output("also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
                 "critical mode at each limit point (VTU)"), JSON,
-         example='oval.toml --mass "17.9 g" -o path')
+         example='oval.toml --mass "17.9 g" -o path', also=("hysteresis", "loop", "snap-through"))
 def path(options: argparse.Namespace) -> None:
     """Follow equilibria through limit points, stable or not, by arc length; or a loop in time."""
     from tympan import solving
@@ -344,7 +348,8 @@ def path(options: argparse.Namespace) -> None:
          argument("--animate", action="store_true",
                   help="also draw them swinging, with -o (GIF; MP4 where FFmpeg is)"),
          output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON,
-         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o modes')
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o modes',
+         also=("frequency", "resonance", "vibration", "eigenfrequencies"))
 def modes(options: argparse.Namespace) -> None:
     """Solve natural frequencies and shapes under one load and voltage."""
     from tympan.studies.modes import modes

@@ -28,7 +28,7 @@ _PORTS = (0, 65535)
                   help="to listen on; others than this machine's own let other machines in, who "
                        "know the token"),
          argument("--no-browser", action="store_true", help="print the address only"),
-         example="oval.toml")
+         example="oval.toml", also=("gui", "view", "interactive"))
 def explore(options: argparse.Namespace) -> None:
     """Explore a film live in the browser: sliders, stress in 3-D, curve, readings, limits.
 

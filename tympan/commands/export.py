@@ -43,7 +43,8 @@ SIZES = {
          argument("--mass", help='with --inp: loads to put on, such as "10 g, 20 g", a step each'),
          argument("--voltage", help='with --inp: voltages under the last of them, such as "3 kV"'),
          argument("--pressure", help='with --inp: of a gas below film and plate, such as "50 Pa"'),
-         example='oval.toml -o parts --screw "4 mm"')
+         example='oval.toml -o parts --screw "4 mm"',
+         also=("cad", "mesh", "dxf", "stl"))
 def export(options: argparse.Namespace) -> None:
     """Write frame, clamp, plate and film as STEP, DXF and SVG; mesh; or finite-element input."""
     from tympan.fem.film.library import load_specimen

@@ -91,7 +91,7 @@ def material_show(options: argparse.Namespace) -> None:
                                                          "found)"),
          output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
                 "specimen files (TOML)"), FORMULA, JSON,
-         example="coupon.csv -o fit")
+         example="coupon.csv -o fit", also=("fit",))
 def material_fit(options: argparse.Namespace) -> None:
     """Fit laws, and viscous branches in time, to coupon tests; or a film to its actuators."""
     from tympan.studies.case import Settings

@@ -124,7 +124,8 @@ def sweep(options: argparse.Namespace) -> None:
                        "has it; left out: the paper's large ellipse, at most as large a frame"),
          output("for specimens and rigs (TOML), the numbers (JSON, CSV) and a picture (PNG, SVG)"),
          WORKERS, JSON, MESH,
-         example="REQUIREMENTS.toml -o design", formerly=("optimise",))
+         example="REQUIREMENTS.toml -o design", also=("optimize", "best"),
+         formerly=("optimise",))
 def design(options: argparse.Namespace) -> None:
     """Find films for requirements: the best ones, the active bounds, and the cost of relaxing them.
 

@@ -45,7 +45,8 @@ _FRAMES = 48
          argument("--animate", action="store_true",
                   help="also draw the film as it moves, with -o (GIF; MP4 where FFmpeg is)"), RIG,
          output("write a dataset, transient.csv and dataset.toml, transient.json and figures"),
-         JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step')
+         JSON, MESH, example='oval.toml --mass "17.9 g" --signal step --high "5 kV" -o step',
+         also=("step", "creep", "relaxation", "dynamic"))
 def transient(options: argparse.Namespace) -> None:
     """Simulate films with viscous branches: a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
@@ -84,7 +85,8 @@ def transient(options: argparse.Namespace) -> None:
                   help='such as "0.1 Hz, 1 Hz, 10 Hz" (default: from the slowest branch to far '
                        "above the plate's own frequency)"),
          output("also store the numbers and a picture (PNG, SVG)"), JSON,
-         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o response')
+         example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o response',
+         also=("bode", "frequency-response"))
 def response(options: argparse.Namespace) -> None:
     """Compute amplitude and phase of a loaded film under a small sine of the voltage."""
     from tympan.progress import bar

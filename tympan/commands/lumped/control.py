@@ -40,7 +40,7 @@ from tympan.options import (
          output("store the run (CSV), the controller with its margins (JSON) and as C99, and a "
                 "picture (PNG, SVG)"), JSON, MESH,
          example='oval.toml --mass "17.9 g" --high "3 kV" --duration "2 s" --supply "5 kV" '
-                 "-o control")
+                 "-o control", also=("pid", "controller", "feed-forward"))
 def lumped_control(options: argparse.Namespace) -> None:
     """Design a controller with feed-forward: its margins, and a run compared to one without it.
 

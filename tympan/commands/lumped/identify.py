@@ -53,7 +53,8 @@ if TYPE_CHECKING:
          argument("--nelder-mead", action="store_true",
                   help="also by the simplex of Nelder and Mead, to compare"),
          output("write estimates.json as soon as there are any, identify.json and figures"), JSON,
-         MESH, example="readings --dynamic -o identified")
+         MESH, example="readings --dynamic -o identified",
+         also=("identify",))
 def lumped_identify(options: argparse.Namespace) -> None:
     """Identify the constants of lumped models from a dataset's readings."""
     from tympan.progress import bar
