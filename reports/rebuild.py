@@ -29,11 +29,11 @@ class DrawnKind:
         """Draw a result into a folder; return its page, or its figures where it has no page."""
         return list(resolve_name(f"tympan.{self.function}")(result, folder))
 
-    def draw_stored(self, file: Path) -> list[Path]:
-        """Draw the result again from its last file."""
+    def load(self, file: Path) -> Any:
+        """Read the result of its last file."""
         stored = resolve_name(f"tympan.{self.loader or self.result}")
         names = [file.name.removesuffix(self.marker.lstrip("*"))] if "*" in self.marker else []
-        return self.draw(stored.load(file.parent, *names), file.parent)
+        return stored.load(file.parent, *names)
 
 
 #: Kinds of results by the command that stores them; the fields of each are names within tympan.
@@ -108,6 +108,12 @@ def _is_solved(film: Path) -> bool:
 
 def rebuild(folder: Path) -> list[Path]:
     """Draw the figures and pages of everything stored in a folder; return what to look at."""
+    return [drawn for kind, file in stored_results(folder)
+            for drawn in kind.draw(kind.load(file), file.parent)]
+
+
+def stored_results(folder: Path) -> list[tuple[DrawnKind, Path]]:
+    """List the results that are stored in a folder, with the last file of each."""
     stored = [(kind, file) for command, kind in KINDS.items()
               for file in sorted(folder.glob(kind.marker))
               if command != "solve" or _is_solved(file)]
@@ -116,4 +122,4 @@ def rebuild(folder: Path) -> list[Path]:
         commands = ", ".join(command_line(*command.split()) for command in KINDS)
         raise InputError(f"holds none of {markers}: only what these wrote is rebuilt: {commands}",
                          file=folder)
-    return [drawn for kind, file in stored for drawn in kind.draw_stored(file)]
+    return stored

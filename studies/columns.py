@@ -15,6 +15,7 @@ import numpy as np
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.read_file import STORED, file_bytes
+from tympan.base.toml_reader import one_of
 from tympan.base.units import DIMENSIONS, suffix_of, unit_of
 from tympan.studies.files import read_text, write_csv
 from tympan.tables.columns import TOGETHER, sheet_of
@@ -38,6 +39,26 @@ def write_rows(file: Path, rows: Mapping[str, Array]) -> None:
 def _column_of(name: str, values: Array) -> Column:
     """Make the column of a record's field, in the unit of tables."""
     return Column.labels(name) if values.dtype.kind == "O" else column_of(name)
+
+
+def column_named(name: str, columns: Sequence[str], key: str) -> str:
+    """Find a column by name, with or without its SI unit, with blanks or underscores.
+
+    Raises
+    ------
+    InputError
+        When there is none, naming the ``key`` that asked.
+    """
+    spelled: dict[str, str] = {}
+    for label in columns:
+        suffix = next((item.suffix for item in DIMENSIONS.values() if item.si == unit_of(label)),
+                      "")
+        for word in (label, label.removesuffix(suffix)):
+            spelled |= {word: label, word.replace("_", " "): label}
+    if name not in spelled:
+        shortest = {label: word for word, label in spelled.items() if " " not in word}
+        raise InputError(one_of(name, dict.fromkeys(shortest.values())), key=key, given=name)
+    return spelled[name]
 
 
 def column_of(name: str) -> Column:

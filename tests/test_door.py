@@ -668,6 +668,38 @@ def test_an_argument_of_a_wrong_type_is_an_input_error(name: str, wrong: Any) ->
             function(**{**({} if isinstance(function, type) else right), argument: wrong})
 
 
+#: One question of each kind that stores a result, each in less than a second.
+STORED: dict[str, dict[str, Any]] = {
+    "solve": {"mass": "17.9 g", "voltage": "2 kV"}, "curve": {"mass": ["10 g", "17.9 g"]},
+    "force": {"mass": "10 g", "voltage": "0 kV, 2 kV", "points": 7}, "sense": {"mass": "10 g"},
+    "modes": {"mass": "10 g"}, "path": {"mass": "10 g"},
+    "response": {"mass": "10 g", "voltage": "2 kV"}, "tolerance": {"mass": "10 g", "films": 200},
+    "transient": {"mass": "10 g", "duration": "0.1 s", "interval": "10 ms"}}
+
+
+@pytest.mark.parametrize("name", [*STORED])
+def test_a_result_is_read_back_and_is_the_same(name: str, tmp_path: Path) -> None:
+    found = getattr(tympan, name)(circular(), settings=COARSE, **STORED[name])
+    back = tympan.Result.load(found.save(tmp_path / "there"))
+    for other in (back, pickle.loads(pickle.dumps(found))):
+        assert type(other.numbers) is type(found.numbers)
+        assert other.json() == found.json()
+    assert back.to_pandas().shape == found.to_pandas().shape
+    with pytest.raises(InputError, match="holds none of"):
+        tympan.Result.load(tmp_path)
+
+
+def test_columns_are_found_by_their_names() -> None:
+    curve = tympan.curve(circular(), mass=["10 g", "17.9 g"], settings=COARSE)
+    table = curve.to_pandas()
+    assert (curve["deflection"] == table["deflection"].to_numpy()).all()
+    solved = tympan.solve(circular(), mass="17.9 g", voltage="2 kV", settings=COARSE)
+    assert solved["deflection"] == solved["deflection_m"] == solved.deflection_m
+    assert solved["max stretch"] == solved.max_stretch
+    with pytest.raises(InputError, match="did you mean 'deflection'"):
+        solved["deflektion"]
+
+
 def test_bands_of_a_film_in_time_are_refused_and_those_at_rest_are_not() -> None:
     with pytest.raises(InputError, match="is for films at rest: after must be left out"):
         tympan.solve(circular(), mass="10 g", after="1 s", tolerances=tympan.Tolerances())

@@ -135,6 +135,47 @@ class Result(Generic[Numbers]):
                 draw_result(self.numbers, target)
         return target
 
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Result[Any]:
+        """Read back what :meth:`save` or a command stored in a folder.
+
+        It is the same result, with the digits of its files. Where several are there, give the file
+        of one. The ``actuator`` is not stored: :meth:`line` goes through the frame's centre.
+
+        Raises
+        ------
+        InputError
+            When nothing or several results are stored there.
+        """
+        from tympan.reports.rebuild import stored_results
+
+        given = Path(folder)
+        stored = stored_results(given if given.is_dir() else given.parent)
+        if not given.is_dir():
+            stored = [(kind, file) for kind, file in stored if file.name == given.name]
+        if len(stored) != 1:
+            raise InputError("must be one of " + ", ".join(str(file) for _, file in stored)
+                             if stored else "is no stored result", key="folder", given=folder)
+        (kind, file), = stored
+        return cls(kind.load(file))
+
+    def __getitem__(self, name: str) -> Any:
+        """Return numbers of the table by a column's name, with or without its unit.
+
+        ``result["stroke"]`` is an array with one number for each row, and one number of one state.
+
+        Raises
+        ------
+        InputError
+            When there is no such column, with the names of those that there are.
+        """
+        from tympan.studies.columns import column_named
+
+        table = self.to_pandas()
+        numeric = [str(label) for label in table.columns if table[label].dtype.kind in "fi"]
+        values = table[column_named(name, numeric, "name")].to_numpy()
+        return values.item() if len(values) == 1 else values
+
     def to_pandas(self) -> pd.DataFrame:
         """Convert the rows of the result's CSV to a table; one state has a single row."""
         from tympan.reports.tables import table

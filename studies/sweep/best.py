@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tympan.base.errors import InputError
-from tympan.base.toml_reader import one_of
-from tympan.base.units import DIMENSIONS, quantity, unit_of
+from tympan.base.units import DIMENSIONS, quantity
+from tympan.studies.columns import column_named
 from tympan.studies.sweep.asked import QUESTIONS
 from tympan.studies.sweep.plan import voltage_of
 from tympan.studies.sweep.table import LOAD_UNITS, beyond_limits, column_name
@@ -177,17 +177,8 @@ def _changes() -> set[str]:
 
 def column_of(name: str, table: xr.Dataset, key: str = "under") -> str:
     """Find the column of numbers by name, with or without its unit, with blanks or underscores."""
-    spelled: dict[str, str] = {}
-    for label, values in table.data_vars.items():
-        if values.dtype.kind in "fi":
-            suffix = next((item.suffix for item in DIMENSIONS.values()
-                           if item.si == unit_of(str(label))), "")
-            for word in (str(label), str(label).removesuffix(suffix)):
-                spelled |= {word: str(label), word.replace("_", " "): str(label)}
-    if name not in spelled:
-        shortest = {label: word for word, label in spelled.items() if " " not in word}
-        raise InputError(one_of(name, dict.fromkeys(shortest.values())), key=key, given=name)
-    return spelled[name]
+    return column_named(name, [str(label) for label, values in table.data_vars.items()
+                               if values.dtype.kind in "fi"], key)
 
 
 def _value(text: str, unit: str) -> float:
