@@ -19,6 +19,7 @@ itself checks relations between fields, in ``__post_init__``.
 from __future__ import annotations
 
 import builtins
+import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
@@ -662,6 +663,36 @@ def numbers(values: Any, dimension: str, key: str) -> tuple[float, ...]:
     if isinstance(values, str) or not hasattr(values, "__len__"):
         values = (values,)
     return tuple(number(value, dimension, key) for value in values)
+
+
+#: What several quantities in one text have between them.
+_SEVERAL = re.compile(r"\.\.|[^\W\d_]\s*,")
+
+
+def only(given: Any, key: str, default: Any = None) -> Any:
+    """Return the load of a question about one state, where none is given a default.
+
+    Raises
+    ------
+    InputError
+        When several are given, or a range.
+
+    Examples
+    --------
+    >>> only(["20 g"], "mass"), only("3 kV", "voltage"), only(None, "mass", 0.0)
+    ('20 g', '3 kV', 0.0)
+    """
+    if given is None:
+        return default
+    if isinstance(given, str):
+        if not _SEVERAL.search(given):
+            return given
+    elif not isinstance(given, Mapping):
+        values = given if hasattr(given, "__len__") else [given]
+        if len(values) == 1:
+            return values[0]
+    raise InputError("must be one: this question is about one state; curve, force and sweep take "
+                     "several", key=key, given=given if isinstance(given, str) else str(given))
 
 
 def _spanned(span: Mapping[Any, Any], dimension: str, key: str) -> tuple[float, ...]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack, cast
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
 
 from tympan.base.errors import InputError as InputError
-from tympan.base.fields import number, numbers
+from tympan.base.fields import number, numbers, only
 from tympan.base.process.folder import alone, temporary_folder
 from tympan.base.process.threads import one_thread
 from tympan.base.toml_reader import Table
@@ -57,8 +56,6 @@ SpecimenOrFile = Specimen | File
 Holder = Rig | File | Mapping[str, Any] | None
 #: One load, several, or a range: "0 kV..5 kV", ``{"from": 0, "to": "5 kV", "count": 11}``.
 Load = float | str | Sequence[float | str] | Mapping[str, Any]
-#: What several quantities in one text have between them.
-_SEVERAL = re.compile(r"\.\.|[^\W\d_]\s*,")
 #: Most films that are drawn.
 _MOST_FILMS = 1_000_000
 Solved = TypeVar("Solved")
@@ -134,21 +131,6 @@ def held(given: Holder, pressure: float | str | None = None) -> Rig:
     return (given or Rig()).pressed(pressure)
 
 
-def only(given: Load | None, name: str, default: float | str = 0.0) -> float | str:
-    """Return the load of a question about one state; several are refused, in words."""
-    if given is None:
-        return default
-    if isinstance(given, str):
-        if not _SEVERAL.search(given):
-            return given
-    elif not isinstance(given, Mapping):
-        values: Any = given if hasattr(given, "__len__") else [given]
-        if len(values) == 1:
-            return cast(float, values[0])
-    raise InputError("must be one: this question is about one state; curve, force and sweep take "
-                     "several", key=name, given=str(given))
-
-
 def several(given: Load | None, dimension: str, name: str) -> tuple[float, ...]:
     """Convert loads to SI; none where none is given."""
     return () if given is None else numbers(given, dimension, name)
@@ -160,7 +142,7 @@ def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
 
     given: dict[str, Any] = {**loads}
     rig = held(given.pop("rig", None), given.pop("pressure", None))
-    mass, voltage = (only(given.pop(name, None), name) for name in ("mass", "voltage"))
+    mass, voltage = (only(given.pop(name, None), name, 0.0) for name in ("mass", "voltage"))
     return charged(Case(specimen, mass=mass, rig=rig, **given), voltage, settings)
 
 

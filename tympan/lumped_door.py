@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from tympan.base.errors import InputError
-from tympan.base.fields import number, numbers
+from tympan.base.fields import number, numbers, only
 from tympan.base.process.threads import one_thread
 from tympan.base.units import RANGE
 from tympan.door import (
@@ -20,7 +20,6 @@ from tympan.door import (
     Waves,
     held,
     loaded,
-    only,
     several,
 )
 from tympan.geometry.specimen import Specimen, require_different_names

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tympan.base.errors import InputError
-from tympan.base.fields import numbers
+from tympan.base.fields import numbers, only
 from tympan.base.process.interruption import raise_again
 from tympan.base.units import BENCH, quantity, suffix_of, unit_of
 
@@ -291,7 +291,9 @@ def naming_file(file: Path | None) -> Iterator[None]:
 
 
 def parse_quantity(text: str, dimension: str, option: str) -> float:
-    """Read a quantity given to an option [SI]."""
+    """Read a quantity given to an option [SI]; of several masses or voltages the error says so."""
+    if dimension in ("mass", "voltage"):
+        only(text, option)
     try:
         value = quantity(text, dimension)
     except InputError as error:

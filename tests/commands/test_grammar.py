@@ -11,9 +11,10 @@ import pytest
 
 import tympan
 from tests.support import grammar, python_doors
-from tests.support.specimens import circular
+from tests.support.specimens import circular, specimen_toml
 from tympan.base.errors import InputError
 from tympan.base.units import any_quantity
+from tympan.cli import main
 from tympan.commands import COMMANDS
 from tympan.geometry.mesher import MeshSettings
 from tympan.grammar import BY_QUESTION, LOADS, SUBJECTS, WORDS
@@ -101,6 +102,15 @@ def test_each_question_takes_one_load_or_several() -> None:
 def test_a_question_of_one_state_says_so_when_it_gets_several(name: str, given: object) -> None:
     with pytest.raises(InputError, match=r"mass: given .*must be one: .*about one state"):
         grammar.functions()[name](circular(), mass=given)
+
+
+@pytest.mark.parametrize("given", ["10 g, 20 g", "10 g..20 g", "1 g..2 g in 3"])
+@pytest.mark.parametrize("command", ["solve", "limits", "tolerance", "modes", "lumped linearise"])
+def test_so_does_its_command(command: str, given: str, tmp_path: Any,
+                             capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    assert main([*command.split(), str(tmp_path / "oval.toml"), "--mass", given]) == 2
+    assert f"--mass: given '{given}': must be one: this question" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("given", [

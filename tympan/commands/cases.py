@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tympan.base.errors import InputError
+from tympan.base.fields import only
 from tympan.commands.lines import limits_text, solved_text
 from tympan.options import (
     JSON,
@@ -126,6 +127,7 @@ def limits(options: argparse.Namespace) -> None:
     from tympan.studies.case import Case
     from tympan.studies.limits import LimitsResult
 
+    only(options.mass, "--mass")  # by default there are several, of which the first one is asked
     specimen, rig, settings, (mass, *_) = _loaded(options)
     with waiting("limits"):
         result = LimitsResult.of(Case(specimen, mass=mass, rig=rig), settings, options.beyond)
