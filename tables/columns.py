@@ -19,6 +19,7 @@ import numpy as np
 from tympan.base.arrays import AnyArray, Numbers
 from tympan.base.errors import InputError
 from tympan.base.read_file import file_bytes
+from tympan.tables.cell_units import with_units_above
 from tympan.tables.column import Column as Column
 from tympan.tables.formats import Row, TwoMarks, read_rows, unfolded, unread
 from tympan.tables.layouts import Layout, Reader, Source
@@ -106,7 +107,9 @@ def read_sheet(file: Path | str, columns: Sequence[Column], some: bool = False,
     """
     file = Path(file)
     raw = file_bytes(file)
-    rows: Callable[[], Iterable[Row]] = partial(read_rows, file, raw, layout.decimal)
+    def rows() -> Iterable[Row]:
+        return with_units_above(read_rows(file, raw, layout.decimal))
+
     wide = False
     reader = Reader(file, columns, layout, table, usual or {})
     try:

@@ -53,6 +53,9 @@ _BETWEEN_THOUSANDS = re.compile("[.,' \u2019\u00a0\u202f]")
 #: A first line that tells Excel the separator of cells.
 _SEP_LINE = re.compile(r'\ufeff?"?sep=([^\w\s"\'.+-]|\t)"?[ \t;,]*\n', re.IGNORECASE)
 
+#: Tabs that stand together: between two cells, or a blank cell.
+_DOUBLE_TABS = re.compile(r"\t[\t ]*\t")
+
 #: First line that is not blank.
 _FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
 
@@ -221,6 +224,8 @@ def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterato
     if said:  # its line remains, so that the others keep their numbers
         text = "\n" + text[said.end():]
     mark = said[1] if said else _separator(text)
+    if mark == "\t" and _DOUBLE_TABS.search(text):
+        text = _single_tabs(text)
     if (columns := _unquoted(text).count(mark) + 1) > _MOST_COLUMNS:
         raise _too_many(file, columns, _MOST_COLUMNS, "columns")
     if (cells := text.count(mark) + text.count("\n")) > _MOST_CELLS:
@@ -239,6 +244,14 @@ def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterato
         _check_rounds(file, rows)
     for line, row in rows:
         yield line, row if mark == "," else [decimal_point(cell) for cell in row]
+
+
+def _single_tabs(text: str) -> str:
+    """Make one tab of several between cells, if no line then has another number of cells."""
+    single = _DOUBLE_TABS.sub("\t", text)
+    lines = [line.strip("\t ") for line in islice(_lines(single), _LOOKED_AT)]
+    widths = {line.count("\t") for line in lines if line.count("\t")}
+    return single if len(widths) == 1 else text
 
 
 def _split(file: Path, text: str, mark: str) -> Iterator[Row]:

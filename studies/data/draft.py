@@ -23,6 +23,7 @@ from tympan.studies.data.dataset import FILES, GUESS
 from tympan.studies.data.guesses import SHOWN, ColumnChoice, Guesses
 from tympan.studies.data.preamble import stated_specimen
 from tympan.studies.files import write_text
+from tympan.tables.cell_units import with_units_above
 from tympan.tables.column import NUMBER, Column
 from tympan.tables.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
 from tympan.tables.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
@@ -208,7 +209,8 @@ class Draft:
     def _naming(self) -> int | None:
         """Index of the column of specimens: by its heading, else by cells that name films here."""
         by_heading = self.guesses.sources.get("specimen")
-        by_cells = [place for place in self.guesses.unknown if any(
+        chosen = {choice.place for choice in self.guesses.choices.values()}
+        by_cells = [place for place in self.guesses.unknown if place not in chosen and any(
             self._file_of(name) for name in self.guesses.labels(place))]
         return by_heading.place if by_heading else next(iter(by_cells), None)
 
@@ -425,7 +427,7 @@ def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
     """Read the rows of a table, with a decimal mark where the reader does not recognise it."""
     content = file_bytes(file)
     try:
-        rows = tuple(read_rows(file, content))
+        rows = tuple(with_units_above(read_rows(file, content)))
     except TwoMarks as error:
         decimal = Decimal("." if "," in str(error.given) else ",", "numbers have both marks; the "
                           "other one is taken to separate thousands")
@@ -435,7 +437,7 @@ def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
                 NUMBER.fullmatch(cell) for cell in marked)):
             return rows, None
         decimal = Decimal(",", "numbers have decimal commas, though commas stand between columns")
-    return tuple(read_rows(file, content, decimal.mark)), decimal
+    return tuple(with_units_above(read_rows(file, content, decimal.mark))), decimal
 
 
 def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:

@@ -12,10 +12,13 @@ import pytest
 import tympan
 from benchmarks.trials.lab_drafts import REFUSED, RIGHT, SILENT, Judged, judged, lab_tables
 from tests.support.datasets import SPECIMEN
+from tests.support.specimens import specimen_toml
 from tympan.base.errors import InputError
 from tympan.base.units import quantity
 from tympan.studies.data import doubts
 from tympan.studies.data.dataset import Dataset, read_dataset
+from tympan.studies.data.draft import write_draft
+from tympan.tables.cell_units import with_units_above
 
 TABLES = lab_tables()
 #: Tables that no draft and no line of dataset.toml can make readable.
@@ -252,3 +255,49 @@ def test_the_usual_deflection_is_that_of_the_solved_film(tmp_path: Path) -> None
     solved = tympan.solve(actuator, mass="20 g", voltage=0).deflection_m
     usual, = doubts.usual_deflections(actuator, np.array([0.02]))
     assert usual == pytest.approx(solved, rel=0.05)
+
+
+#: Tables as other programs write them, each of the same five readings.
+SHAPED = {
+    "units in the cells": "mass,voltage,deflection\n17.9 g,0 kV,2.10 mm\n17.9 g,1 kV,2.13 mm\n"
+                          "17.9 g,2 kV,2.21 mm\n17.9 g,3 kV,2.34 mm\n17.9 g,4 kV,2.56 mm\n",
+    "units in the cells, commas": "mass;voltage;deflection\n17,9 g;0 kV;2,10 mm\n"
+                                  "17,9 g;1 kV;2,13 mm\n17,9 g;2 kV;2,21 mm\n17,9 g;3 kV;2,34 mm\n"
+                                  "17,9 g;4 kV;2,56 mm\n",
+    "double tabs": "mass_g\tvoltage_kV\tdisplacement_mm\n17.9\t\t0\t\t2.10\n17.9\t\t1\t\t2.13\n"
+                   "17.9\t\t2\t\t2.21\n17.9\t\t3\t\t2.34\n17.9\t\t4\t\t2.56\n",
+    "names, units, objects": "TIME;MASS;U;S\ns;g;kV;mm\n;oval;oval;oval\n0;17,9;0;2,10\n"
+                             "60;17,9;1;2,13\n120;17,9;2;2,21\n180;17,9;3;2,34\n240;17,9;4;2,56\n",
+}
+
+
+@pytest.mark.parametrize("shape", [*SHAPED])
+def test_a_table_of_another_shape_is_read_as_it_is(shape: str, tmp_path: Path) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    (tmp_path / "table.csv").write_text(SHAPED[shape], encoding="utf-8")
+    write_draft(tmp_path / "table.csv")
+    static = read_dataset(tmp_path).static
+    assert static is not None
+    assert static.mass == pytest.approx([17.9e-3] * 5)
+    assert static.voltage == pytest.approx([0, 1e3, 2e3, 3e3, 4e3])
+    assert static.displacement == pytest.approx([2.1e-3, 2.13e-3, 2.21e-3, 2.34e-3, 2.56e-3])
+    assert {*static.specimen} == {"oval"}
+
+
+@pytest.mark.parametrize(("cells", "kept"), [
+    (["17.9 g", "18 g"], ["17.9", "18"]), (["17.9 g", "18"], ["17.9 g", "18"]),
+    (["17.9 g", "0.018 kg"], ["17.9 g", "0.018 kg"]), (["1,000 g", "2,000 g"], None),
+    (["17.9 cows", "18 cows"], None), (["17,9 g", ""], ["17.9", ""])])
+def test_only_a_unit_of_a_whole_column_moves_into_its_heading(cells: list[str],
+                                                              kept: list[str] | None) -> None:
+    rows = [(1, ["mass", "voltage"]), *((2 + number, [cell, "1 kV"])
+                                        for number, cell in enumerate(cells))]
+    (_, titles), *below = with_units_above(rows)
+    assert [row[0] for _, row in below] == (kept or cells)
+    moved = kept is not None and kept != cells
+    assert titles == ["mass (g)" if moved else "mass", "voltage (kV)"]
+
+
+def test_a_unit_that_contradicts_the_heading_is_left_and_refused() -> None:
+    rows = [(1, ["mass (g)", "U"]), (2, ["1 kg", "1 kV"])]
+    assert list(with_units_above(rows)) == [(1, ["mass (g)", "U (kV)"]), (2, ["1 kg", "1"])]
