@@ -39,10 +39,10 @@ DOORS = {
         'result = tympan.solve(tympan.load("rounded.toml"), mass="20 g", voltage="2 kV")'),
     "force, circle": (
         ("force", "round.toml", "--voltage", "0 kV, 2 kV", "--to", "5 mm", "--json"),
-        'result = tympan.force(tympan.load("round.toml"), to="5 mm", voltages=["0 kV", "2 kV"])'),
+        'result = tympan.force(tympan.load("round.toml"), to="5 mm", voltage=["0 kV", "2 kV"])'),
     "curve, circle": (
         ("curve", "round.toml", "--mass", "20 g", "--json"),
-        'result = tympan.curve(tympan.load("round.toml"), "20 g")'),
+        'result = tympan.curve(tympan.load("round.toml"), mass="20 g")'),
     "path, circle": (
         ("path", "round.toml", "--mass", "20 g", "--json"),
         'result = tympan.path(tympan.load("round.toml"), mass="20 g")'),

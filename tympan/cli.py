@@ -72,7 +72,7 @@ class _Asking(argparse.ArgumentParser):
             spelled = {name: repr(name) for name in names} | {
                 word: repr(command.name) for command in COMMANDS
                 if self.prog == _PROGRAM or command.name.startswith(f"{self.prog.split()[-1]} ")
-                for word in (*command.also, *command.formerly)}
+                for word in (*command.also, *command.formerly) if word not in names}
             raise InputError(f"unknown command: {did_you_mean(value, spelled)}known are "
                              f"{', '.join(names)}", given=value)
         raise InputError(one_of(str(value), options), given=value, key=_name(action))

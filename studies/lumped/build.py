@@ -127,9 +127,12 @@ def between(given: Sequence[float], count: int | None = None) -> tuple[float, ..
 
     Two voltages are such ends.
     """
-    if not (given and given[0] >= 0 and all(map(lt, given, given[1:]))):
+    if len(given) < 2:
+        raise InputError("must be two voltages or more, or a range such as 0 kV..5 kV",
+                         key="voltage", given=", ".join(f"{1e-3 * each:g} kV" for each in given))
+    if not (given[0] >= 0 and all(map(lt, given, given[1:]))):
         raise InputError("must ascend, from 0 kV on", key="voltage",
-                         given=", ".join(f"{1e-3 * each:g} kV" for each in given) or "none")
+                         given=", ".join(f"{1e-3 * each:g} kV" for each in given))
     if count is None and len(given) > 2:
         return tuple(given)
     return tuple(evenly(given[0], given[-1], count or RANGE))

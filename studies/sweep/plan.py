@@ -19,7 +19,7 @@ from tympan.base.fields import Key, Special, read
 from tympan.base.points import Drawing, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Rule, Table, one_of
-from tympan.base.units import DIMENSIONS, any_quantity, quantities, quantity
+from tympan.base.units import DIMENSIONS, RANGE, any_quantity, quantities, quantity
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen, Unbuildable
@@ -75,7 +75,7 @@ class LoadSpan:
 
     low: Annotated[Any, Key("lowest value", name="from")]
     high: Annotated[Any, Key("highest value", name="to")]
-    count: Annotated[int, Key("number of values", rule=_COUNT)]
+    count: Annotated[int, Key("number of values", rule=_COUNT)] = RANGE
 
 
 @dataclass(frozen=True)

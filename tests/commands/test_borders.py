@@ -66,7 +66,7 @@ def test_an_empty_value_is_a_missing_one(said, arguments: list[str], name: str) 
 @pytest.mark.parametrize(("arguments", "words"), [
     (["curve", "oval.toml", "--mass", "10 g; 20 g"], 'must have commas between quantities, such '
                                                      'as "10 g, 20 g"'),
-    (["solve", "oval.toml", "--mass", "10 g, 20 g"], "must be one mass with its unit"),
+    (["solve", "oval.toml", "--mass", "10 g, 20 g"], "must be one: this question"),
     (["solve", "oval.toml", "--weight", "1 g"], "did you mean --mass?"),
     (["solve", "oval.toml", "--potential", "1 g"], "did you mean --voltage?"),
     (["draw", "oval.toml", "--weight", "1 g"], "unknown option: known are"),

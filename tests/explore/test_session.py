@@ -7,6 +7,7 @@ import json
 import os
 import re
 import resource
+import signal
 import subprocess
 import time
 import tomllib
@@ -570,6 +571,37 @@ def asked(questions: list[tuple[float | None, int]], patience: float, enough: in
             worker.close()
 
     return asyncio.run(run())
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="the system cannot stop a process")
+def test_a_process_that_waits_answers_when_it_may_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latest, "_PRELOADED", [])
+
+    async def run() -> tuple[int, int]:
+        parts: list[Any] = []
+        worker = Latest(slow_square, lambda part, newest: parts.append(part), None)
+
+        async def until(count: int, tries: int) -> int:
+            for _ in range(tries):
+                if len(parts) >= count:
+                    break
+                await asyncio.sleep(0.05)
+            return len(parts)
+
+        try:
+            worker.ask(2)
+            first = await until(1, 1200)
+            while worker.busy:
+                await asyncio.sleep(0.05)
+            worker.wait(True)
+            worker.ask(3)
+            stopped = await until(first + 1, 40) - first
+            worker.wait(False)
+            return stopped, await until(first + 1, 1200) - first
+        finally:
+            worker.close()
+
+    assert asyncio.run(run()) == (0, 1)
 
 
 def test_the_newest_question_is_answered_and_those_between_are_dropped(

@@ -148,4 +148,4 @@ def test_a_loop_that_begins_beyond_where_it_would_turn_is_refused_by_what_is_mis
     with pytest.raises(InputError, match="must be given: a loop turns at 95 % of the film's first "
                                          "limit, loss of tension at") as caught:
         loop(Case(CREEPS, mass=MASS, voltage=begin), 10.0, None, Settings())
-    assert caught.value.key == "to"
+    assert caught.value.key == "turn"

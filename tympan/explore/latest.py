@@ -94,11 +94,12 @@ class Latest:
     def wait(self, waits: bool) -> None:
         """Stop the process while it ``waits``; a system without that signal lets it run."""
         stop, go = (getattr(signal, name, None) for name in ("SIGSTOP", "SIGCONT"))
-        if waits == self._waits or self._process is None or stop is None or go is None:
+        pid = None if self._process is None else self._process.pid
+        if waits == self._waits or pid is None or stop is None or go is None:
             return
         self._waits = waits
         with suppress(ProcessLookupError):
-            os.kill(self._process.pid or 0, stop if waits else go)
+            os.kill(pid, stop if waits else go)
 
     def close(self) -> None:
         """End the process."""

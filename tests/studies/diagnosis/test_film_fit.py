@@ -195,7 +195,7 @@ def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
         encoding="utf-8")
     for given, words, named in (
             (data / "dataset.toml", [], {}), (coupon, ["--law", "neo_hooke", "--noise", "1 kPa"],
-                                              {"laws": ["neo_hooke"], "noise": "1 kPa"})):
+                                              {"law": ["neo_hooke"], "noise": "1 kPa"})):
         assert main(["material", "fit", str(given), *words, "--json"]) == 0
         result = tympan.fit_material(given, **named)
         assert json.loads(json.dumps(result.json())) == json.loads(capsys.readouterr().out)

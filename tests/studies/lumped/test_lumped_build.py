@@ -254,7 +254,7 @@ def test_pull_in_is_refused_with_its_voltage() -> None:
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["build", "{}", "--voltage", "5 kV"], "--voltage: given '5 kV': must be two voltages"),
+    (["build", "{}", "--voltage", "5 kV"], "--voltage: given '5 kV': must be two voltages or more"),
     (["build", "{}", "--voltage", "5 kV..0 kV"], "must ascend"),
     (["build", "{}", "--mass", "17.9"], "--mass"),
     (["build", "{}", "--mass", "17.9 g,17.9 g"], "must differ"),

@@ -13,6 +13,7 @@ import pytest
 from tests.support.specimens import specimen_toml
 from tests.support.sweeps import CHEAP, read, written
 from tympan.base.errors import InputError
+from tympan.base.units import RANGE
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import Rig
@@ -108,6 +109,12 @@ def test_several_masses_are_written_as_everywhere(tmp_path, written: str) -> Non
     text = LOADS.replace('"17.9 g"', written)
     [task] = tasks(tmp_path, text)
     assert task.masses == pytest.approx((0.01, 0.015, 0.02))
+
+
+def test_a_range_that_does_not_say_its_count_has_that_of_everywhere(tmp_path) -> None:
+    text = LOADS.replace('"17.9 g"', '{ from = "10 g", to = "20 g" }')
+    [task] = tasks(tmp_path, text)
+    assert task.masses == pytest.approx(np.linspace(0.01, 0.02, RANGE))
 
 
 REFUSED = {
