@@ -21,7 +21,7 @@ from __future__ import annotations
 import builtins
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, cached_property, wraps
@@ -999,6 +999,19 @@ def read(cls: type[T], table: Table, special: Special | None = None) -> T:
         raise type(error)(error.allowed, file=table.file,
                           key=table.path(error.key or "").strip(".") or None,
                           given=raw if isinstance(raw, str | float) else error.given) from None
+
+
+def read_some(cls: type, table: Table, names: Collection[str]) -> Content:
+    """Read fields of these names from a table where they stand, of a declared dataclass.
+
+    The table may contain its other fields, too, which are not read.
+    """
+    values = {field.name: _read(field, table, None) for field in fields_of(cls)
+              if field.name in names and table.spelled(field.key, field.says.dimension) in table}
+    table.asked |= {table.spelled(word, field.says.dimension) for field in fields_of(cls)
+                    for word in (field.key, *field.says.doubled)}
+    table.done()
+    return values
 
 
 def write(value: Any, plain: bool = False) -> Content:

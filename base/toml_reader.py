@@ -136,6 +136,14 @@ class Table:
             raise self.error(key, "must be a table, or the name of a file with its keys", value)
         return self._within(value, key)
 
+    def parts(self, key: str, what: str) -> tuple[str | Table, ...]:
+        """Read one name or sub-table, or a list of them; ``what`` each stands for."""
+        value = self.value(key)
+        items = value if isinstance(value, list) else [value]
+        if not items or not all(isinstance(item, str | Mapping) for item in items):
+            raise self.error(key, f"must be {what}, or a list of them", value)
+        return tuple(item if isinstance(item, str) else self._within(item, key) for item in items)
+
     def _within(self, data: Mapping[str, Any], key: str) -> Table:
         return Table(self.file, data, self.path(key), self.plain, above=self)
 

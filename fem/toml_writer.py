@@ -11,7 +11,7 @@ from tympan.base.fields import Content, write
 from tympan.fem.film.admissibility import STRETCH_RANGE, inadmissible_stretch
 from tympan.fem.film.library import MATERIALS, material_name
 from tympan.fem.membrane.biases import JoinedFilm
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Actuator, Rig
 from tympan.geometry.specimen import Specimen
 
 #: Stretch ranges for a law that is not admissible over all stretches, the widest first.
@@ -34,6 +34,8 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
         file can state it.
     """
     content = write(specimen, plain)
+    if isinstance(specimen, Actuator):
+        content["rig"] = rig_content(specimen.rig, plain)
     name = None if plain else material_name(specimen.membrane)
     if name is not None:
         film, known = content["membrane"], MATERIALS[name].of_film
@@ -59,7 +61,7 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
 def specimen_to_toml(specimen: Specimen) -> str:
     """Write a specimen as TOML text.
 
-    :func:`tympan.fem.film.library.load_specimen` reads an equal specimen back. If the law needs a
+    :func:`tympan.fem.rig.load_actuator` reads an equal specimen back. If the law needs a
     range that the film does not have, the specimen read back has this range.
     """
     return toml(specimen_content(specimen))
@@ -67,11 +69,16 @@ def specimen_to_toml(specimen: Specimen) -> str:
 
 def rig_to_toml(rig: Rig) -> str:
     """Write a rig as TOML text; :meth:`tympan.fem.rig.Rig.read` reads an equal rig."""
-    content = write(rig)
+    return toml(rig_content(rig))
+
+
+def rig_content(rig: Rig, plain: bool = False) -> Content:
+    """Convert a rig to the keys of a rig file; ``plain`` as for :func:`specimen_content`."""
+    content = write(rig, plain)
     for bias, entry in zip(rig.biases, content.get("bias", ()), strict=True):
         if isinstance(bias, JoinedFilm):
-            entry["specimen"] = specimen_content(bias.specimen)
-    return toml(content)
+            entry["specimen"] = specimen_content(bias.specimen, plain)
+    return content
 
 
 def toml(content: Mapping[str, Any]) -> str:

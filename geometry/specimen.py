@@ -186,7 +186,8 @@ class Film:
         "stretches along x and y from the virgin film to the flat mounted one; one number is both",
         rule=_STRETCH, made=POSITIVE, also=("stretch", "pre_stretch"), repeats=True)]
     material: Annotated[Material, Key(
-        "a law with its constants, or a name of the library; true stress must grow over the "
+        "a law with its constants, a name of the library, or a file that `material fit` writes, or "
+        "of another specimen; true stress must grow over the "
         "stretches of `range`, 0.5 to 6 unless the law's table says others; beyond a `range` that "
         "is given, thickness included, results warn", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key(

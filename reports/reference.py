@@ -17,7 +17,7 @@ from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.laws import LAWS
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.membrane.biases import BIASES
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Actuator, Rig
 from tympan.geometry.outlines import OUTLINES, Rotated
 from tympan.geometry.outlines.pieces import PIECES
 from tympan.geometry.specimen import (
@@ -27,7 +27,6 @@ from tympan.geometry.specimen import (
     Film,
     Plate,
     Region,
-    Specimen,
     ViscousBranch,
 )
 from tympan.reports.template import template
@@ -52,7 +51,7 @@ _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
 
 def page(rig: type[Rig] = Rig) -> str:
     """Write the page's text; ``rig`` is the rig whose keys it lists."""
-    tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, turned", Rotated),
+    tables = (("specimen.toml", Actuator), ("[frame], [plate]: any outline, turned", Rotated),
               ("[plate]", Plate), ("[membrane]", Film),
               ("[[membrane.branch]]: any flow, and", ViscousBranch), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig),

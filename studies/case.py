@@ -45,7 +45,7 @@ from tympan.fem.results.limit_states import (
     LimitState,
 )
 from tympan.fem.results.solved_states import SolvedStates
-from tympan.fem.rig import DIRECTIONS, Rig, checked_load
+from tympan.fem.rig import DIRECTIONS, OWN, Rig, checked_load, mounted
 from tympan.geometry.mesh import unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
@@ -115,7 +115,8 @@ class Settings:
 class Case:
     """A specimen on a rig under a nominal ``mass`` [kg] and ``voltage`` [V].
 
-    It is read ``elapsed`` [s] after the run began; ``direction`` is 1 where the voltage was reached
+    An :class:`~tympan.fem.rig.Actuator` is on its own rig unless another is given. It is read
+    ``elapsed`` [s] after the run began; ``direction`` is 1 where the voltage was reached
     from below, -1 from above, 0 if unknown. Texts carry their unit.
     """
 
@@ -123,16 +124,19 @@ class Case:
     _: KW_ONLY
     mass: Annotated[float, Key("nominal load on the plate", "mass")] = 0.0
     voltage: Annotated[float, Key("nominal voltage", "voltage")] = 0.0
-    rig: Rig = Rig()
+    rig: Rig = OWN
     elapsed: Annotated[float, Key("time since the run began", "time", NON_NEGATIVE)] = 0.0
     direction: float = 0.0
 
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, mass: float | str = 0.0,
-                     voltage: float | str = 0.0, rig: Rig = Rig(), elapsed: float | str = 0.0,
+                     voltage: float | str = 0.0, rig: Rig = OWN, elapsed: float | str = 0.0,
                      direction: float | str = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
+        specimen, rig = mounted(self.specimen, self.rig)
+        object.__setattr__(self, "specimen", specimen)
+        object.__setattr__(self, "rig", rig)
         checked_load(self.mass, self.voltage, self.rig.gas_pressure)
         if isinstance(self.direction, str) and self.direction in DIRECTIONS:
             object.__setattr__(self, "direction", DIRECTIONS[self.direction])
@@ -147,7 +151,7 @@ class Case:
 
     @classmethod
     def greatest(cls, specimen: Specimen, masses: Iterable[float], voltages: Iterable[float],
-                 rig: Rig = Rig()) -> Case:
+                 rig: Rig = OWN) -> Case:
         """Make the case of the largest of several masses [kg] and the highest of voltages [V]."""
         return cls(specimen, mass=max(masses, key=abs, default=0.0),
                    voltage=max(voltages, key=abs, default=0.0), rig=rig)

@@ -18,11 +18,18 @@ from tympan.base.fields import read
 from tympan.base.progress import Progress
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Table
-from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
-from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
+from tympan.fem.rig import (
+    MASS_RULE,
+    VOLTAGE_RULE,
+    Rig,
+    load_actuator,
+    mounted_together,
+    rig_under,
+)
+from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
@@ -33,9 +40,9 @@ from tympan.studies.force.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
 from tympan.studies.limits.curve import CURVES, CurveResult, curve
 from tympan.studies.limits.loads import LoadGrid, usual_masses
-from tympan.studies.shipped import STUDY
+from tympan.studies.shipped import STUDY, specimen_tables
 from tympan.studies.tolerance.bands import banded
-from tympan.studies.tolerance.given import Tolerances, causes
+from tympan.studies.tolerance.given import Tolerances, causes, tolerances_under
 
 Banded = TypeVar("Banded", CaseResult, CurveResult, ForceResult | None)
 
@@ -91,6 +98,10 @@ class Study:
     def steps(self) -> int:
         """Number of times that :func:`run_study` reports progress."""
         return 5 * len(self.specimens)
+
+    def within(self, tolerances: Tolerances | None) -> Study:
+        """Replace the tolerances where others are given."""
+        return self if tolerances is None else replace(self, tolerances=tolerances)
 
     def with_loads(self) -> Study:
         """Add masses that suit all films if none are given."""
@@ -246,28 +257,31 @@ def default_study() -> Study:
 def read_study(file: Path) -> Study:
     """Read a study from STUDY.toml.
 
-    Keys: ``specimens`` (files in the same folder) and optionally name, mass, voltage, rig and
-    loads. Missing loads are chosen from the films.
+    Keys: ``specimens`` (files, the paper's by name, or tables) and optionally name, mass, voltage,
+    rig, tolerances and loads. Missing loads are chosen from the films.
     """
     table = Table.read(file, "study")
-    names = table.value("specimens")
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise table.error("specimens", "must be a list of specimen files", names)
-    paths = [table.named_file("specimens", name) for name in names]
-    specimens = tuple(map(load_specimen, paths))
+    tables = specimen_tables(table, "specimens")
+    specimens = tuple(map(load_actuator, tables))
     repeated = [name for name, count in Counter(item.name for item in specimens).items()
                 if count > 1]
     if repeated:
         raise table.error("specimens", "must have different names", sorted(repeated))
+    try:
+        bare, rig = mounted_together(specimens, rig_under(table))
+    except InputError as error:
+        raise error.located(file=file) from None
     study = Study(
-        table.text("name", file.stem), specimens,
-        tuple(map(file_text, paths)),
+        table.text("name", file.stem), bare,
+        tuple(specimen_to_toml(specimen) if given.where else file_text(given.file)
+              for given, specimen in zip(tables, specimens, strict=True)),
         mass=(table.number("mass", "mass", rule=MASS_RULE)
               if table.value("mass", None) is not None else None),
         voltage=table.number("voltage", "voltage", "0 kV", VOLTAGE_RULE),
-        rig=Rig.from_table(table.table("rig", {})),
+        rig=rig,
         curves=_loads(table, "curves"),
         alpha=AlphaSettings(_loads(table, "alpha_fit"), _loads(table, "alpha_held_out")),
+        tolerances=tolerances_under(table, "tolerances"),
     )
     table.done()
     return study

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "ArrudaBoyce", "Bistable", "BuckledBeam", "Case", "Circle", "ClosedSpline", "Constant",
-    "ConstantStrength", "Electrode", "Ellipse", "Film", "FilmFamily", "ForceTable", "Gent",
-    "InputError", "JoinedFilm", "LengthScatter", "Magnet", "MeshSettings", "MooneyRivlin",
+    "Actuator", "ArrudaBoyce", "Bistable", "BuckledBeam", "Case", "Circle", "ClosedSpline",
+    "Constant", "ConstantStrength", "Electrode", "Ellipse", "Film", "FilmFamily", "ForceTable",
+    "Gent", "InputError", "JoinedFilm", "LengthScatter", "Magnet", "MeshSettings", "MooneyRivlin",
     "NeoHooke", "Ogden", "Patch", "Plate", "Polygon", "PowerStrength", "Region", "RegularPolygon",
     "Requirements", "Result", "Rig", "Rotated", "RoundedRectangle", "Scatter", "Settings",
     "ShearThinning", "Specimen", "Spring", "Stadium", "StrengthScatter", "Superellipse",

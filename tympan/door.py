@@ -13,8 +13,8 @@ from tympan.base.fields import number, numbers, only
 from tympan.base.process.folder import alone, temporary_folder
 from tympan.base.process.threads import one_thread
 from tympan.base.toml_reader import Table
-from tympan.fem.film.library import LibraryMaterial, library_material, load_specimen
-from tympan.fem.rig import Rig
+from tympan.fem.film.library import LibraryMaterial, library_material
+from tympan.fem.rig import Rig, load_actuator, mounted, mounted_together
 from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.grammar import public
@@ -50,10 +50,13 @@ if TYPE_CHECKING:
     from tympan.studies.trace import Responses
 
 File = str | os.PathLike[str]
-#: A specimen, or the name of its file.
-SpecimenOrFile = Specimen | File
+#: What a file states: its name, or its tables.
+Stated = File | Mapping[str, Any]
+#: What is one specimen: it, the name of its file, or its tables.
+ONE = (Specimen, str, os.PathLike, Mapping)
+SpecimenOrFile = Specimen | Stated
 #: A rig, the name of its file, or the keys of one; None is a rig without anything on it.
-Holder = Rig | File | Mapping[str, Any] | None
+Holder = Rig | Stated | None
 #: One load, several, or a range: "0 kV..5 kV", ``{"from": 0, "to": "5 kV", "count": 11}``.
 Load = float | str | Sequence[float | str] | Mapping[str, Any]
 #: Most films that are drawn.
@@ -113,22 +116,36 @@ class Loads(TypedDict, total=False):
 
 
 def loaded(given: SpecimenOrFile) -> Specimen:
-    """Load a specimen that is given by the name of its file."""
+    """Load a specimen that is given by the name of its file, or by its tables."""
     if isinstance(given, Specimen):
         return given
+    if isinstance(given, Mapping):
+        return load_actuator(Table("specimen", dict(given)))
     if not isinstance(given, str | os.PathLike):
         raise InputError("must be a Specimen or the name of its file", key="specimen",
                          given=given)
-    return load_specimen(Path(given))
+    return load_actuator(Path(given))
 
 
-def held(given: Holder, pressure: float | str | None = None) -> Rig:
-    """Read a rig that is given by the name of its file or by its keys, and press the gas."""
+def held(specimen: SpecimenOrFile, rig: Holder = None, pressure: float | str | None = None
+         ) -> tuple[Specimen, Rig]:
+    """Load a specimen and its rig, which a ``rig`` that is given replaces; press the gas."""
+    bare, on = mounted(loaded(specimen), rig_of(rig))
+    return bare, on.pressed(pressure)
+
+
+def held_together(specimens: SpecimenOrFile | Sequence[SpecimenOrFile], rig: Holder = None
+                  ) -> tuple[tuple[Specimen, ...], Rig]:
+    """Load one specimen or several, and the one rig that all are on."""
+    films = (specimens,) if isinstance(specimens, ONE) else specimens
+    return mounted_together(tuple(map(loaded, films)), rig_of(rig))
+
+
+def rig_of(given: Holder) -> Rig | None:
+    """Read a rig that is given by the name of its file or by its keys."""
     if isinstance(given, Mapping):
-        given = Rig.from_table(Table("rig", dict(given)))
-    elif given is not None and not isinstance(given, Rig):
-        given = Rig.read(Path(given))
-    return (given or Rig()).pressed(pressure)
+        return Rig.from_table(Table("rig", dict(given)))
+    return given if given is None or isinstance(given, Rig) else Rig.read(Path(given))
 
 
 def several(given: Load | None, dimension: str, name: str) -> tuple[float, ...]:
@@ -136,26 +153,26 @@ def several(given: Load | None, dimension: str, name: str) -> tuple[float, ...]:
     return () if given is None else numbers(given, dimension, name)
 
 
-def _case(specimen: Specimen, loads: Loads, settings: Settings) -> Case:
+def _case(specimen: SpecimenOrFile, loads: Loads, settings: Settings) -> Case:
     """Build the case of loads, with the gas pressure on its rig."""
     from tympan.studies.limits import charged
 
     given: dict[str, Any] = {**loads}
-    rig = held(given.pop("rig", None), given.pop("pressure", None))
+    specimen, rig = held(specimen, given.pop("rig", None), given.pop("pressure", None))
     mass, voltage = (only(given.pop(name, None), name, 0.0) for name in ("mass", "voltage"))
     return charged(Case(specimen, mass=mass, rig=rig, **given), voltage, settings)
 
 
 @public()
 def load(file: File) -> Specimen:
-    """Load a specimen from a TOML file.
+    """Load a specimen from a TOML file; an :class:`Actuator` if the file has a table [rig].
 
     Raises
     ------
     InputError
         When it is missing or wrong, naming file, key, what was given and what is allowed.
     """
-    return load_specimen(Path(file))
+    return load_actuator(Path(file))
 
 
 @public()
@@ -184,7 +201,7 @@ def material(name: str) -> LibraryMaterial:
 @public(Loads, placed=("settings",))
 @one_thread()
 def solve(specimen: SpecimenOrFile, *, after: float | str | None = None,
-          tolerances: Tolerances | File | None = None, settings: Settings | None = None,
+          tolerances: Tolerances | Stated | None = None, settings: Settings | None = None,
           **loads: Unpack[Loads]) -> Result[CaseResult]:
     """Solve the equilibrium of a specimen under a mass and a voltage, with fields and limits.
 
@@ -199,13 +216,13 @@ def solve(specimen: SpecimenOrFile, *, after: float | str | None = None,
     if after is not None and tolerances is not None:
         raise InputError("is for films at rest: after must be left out", key="tolerances",
                          given=tolerances)
-    specimen, settings = loaded(specimen), settings or Settings()
+    settings = settings or Settings()
     case = _case(specimen, loads, settings)
     solved = solving.solve(case, settings, after, film=True)
-    return Result(_banded(solved, specimen, tolerances, case.rig, settings), specimen)
+    return Result(_banded(solved, case.specimen, tolerances, case.rig, settings), case.specimen)
 
 
-def _banded(result: Solved, specimen: Specimen, tolerances: Tolerances | File | None,
+def _banded(result: Solved, specimen: Specimen, tolerances: Tolerances | Stated | None,
             rig: Rig, settings: Settings) -> Solved:
     """Add bands to the result, where tolerances are given."""
     if tolerances is None:
@@ -216,9 +233,11 @@ def _banded(result: Solved, specimen: Specimen, tolerances: Tolerances | File | 
     return banded_result
 
 
-def _tolerances(given: Tolerances | File) -> Tolerances:
+def _tolerances(given: Tolerances | Stated) -> Tolerances:
     from tympan.studies.tolerance.given import Tolerances
 
+    if isinstance(given, Mapping):
+        return Tolerances.from_table(Table("tolerances", dict(given)))
     return given if isinstance(given, Tolerances) else Tolerances.read(Path(given))
 
 
@@ -236,10 +255,10 @@ def limits(specimen: SpecimenOrFile, *, beyond: bool = False, settings: Settings
     from tympan.studies.limits import LimitsResult
     from tympan.studies.limits.loads import usual_masses
 
-    specimen, settings = loaded(specimen), settings or Settings()
+    settings = settings or Settings()
     case = _case(specimen, loads, settings)
-    if specimen.plate is not None and loads.get("mass") is None:
-        case = replace(case, mass=usual_masses(specimen, settings, case.rig)[0])
+    if case.specimen.plate is not None and loads.get("mass") is None:
+        case = replace(case, mass=usual_masses(case.specimen, settings, case.rig)[0])
     return Result(LimitsResult.of(case, settings, beyond))
 
 
@@ -247,7 +266,7 @@ def limits(specimen: SpecimenOrFile, *, beyond: bool = False, settings: Settings
 @one_thread()
 def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, beyond: bool = False,
-          tolerances: Tolerances | File | None = None, settings: Settings | None = None
+          tolerances: Tolerances | Stated | None = None, settings: Settings | None = None
           ) -> Result[CurveResult]:
     """Compute deflection against voltage under each ``mass``; by default under usual masses.
 
@@ -259,7 +278,7 @@ def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     from tympan.studies.limits.curve import curve
     from tympan.studies.limits.loads import usual_masses
 
-    specimen, settings, on = loaded(specimen), settings or Settings(), held(rig, pressure)
+    (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
     given = [Case(specimen, mass=one).mass for one in several(mass, "mass", "mass")]
     usual = () if given else usual_masses(specimen, settings, on) if specimen.plate else (0.0,)
     marked = sorted(Case(specimen, voltage=one).voltage
@@ -273,7 +292,7 @@ def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
 def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
           to: float | str | None = None, points: int = 61, rate: float | str | None = None,
-          cycles: int = 1, tolerances: Tolerances | File | None = None,
+          cycles: int = 1, tolerances: Tolerances | Stated | None = None,
           settings: Settings | None = None) -> Result[ForceResult]:
     """Compute the force on the plate against its displacement, a curve for each ``voltage``.
 
@@ -288,10 +307,10 @@ def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     """
     from tympan.studies.force import ForceCase, force
 
-    specimen, settings = loaded(specimen), settings or Settings()
+    (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
     case = ForceCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
                      start=from_, to=to, points=points, masses=several(mass, "mass", "mass"),
-                     rate=rate, cycles=cycles, rig=held(rig, pressure))
+                     rate=rate, cycles=cycles, rig=on)
     return Result(_banded(force(case, settings), specimen, tolerances, case.rig, settings))
 
 
@@ -310,9 +329,10 @@ def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     """
     from tympan.studies.sense import SenseCase, sense
 
-    case = SenseCase(loaded(specimen), voltages=several(voltage, "voltage", "voltage") or (0.0,),
+    specimen, on = held(specimen, rig, pressure)
+    case = SenseCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
                      masses=several(mass, "mass", "mass"), start=from_, to=to, points=points,
-                     rig=held(rig, pressure))
+                     rig=on)
     return Result(sense(case, settings or Settings()))
 
 
@@ -320,7 +340,7 @@ def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
 @one_thread()
 def tolerance(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
               pressure: float | str | None = None, rig: Holder = None,
-              tolerances: Tolerances | File | None = None,
+              tolerances: Tolerances | Stated | None = None,
               want: Mapping[str, object] | str = "", films: int = 10_000, seed: int = 0,
               settings: Settings | None = None) -> Result[ToleranceResult]:
     """Compute the spread of deflection, stroke, force, frequency and others between films.
@@ -341,9 +361,10 @@ def tolerance(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Lo
     file = None if isinstance(tolerances, Tolerances) else tolerances
     load, across = (None if each is None else only(each, name)
                     for each, name in ((mass, "mass"), (voltage, "voltage")))
-    case = ToleranceCase(loaded(specimen), mass=load, voltage=across, tolerances=given,
+    specimen, on = held(specimen, rig, pressure)
+    case = ToleranceCase(specimen, mass=load, voltage=across, tolerances=given,
                          wanted=asked_bounds(file, want), films=films, seed=seed,
-                         rig=held(rig, pressure))
+                         rig=on)
     return Result(tolerance(case, settings or Settings()))
 
 
@@ -351,7 +372,7 @@ def tolerance(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Lo
 @one_thread()
 def films_within(specimen: SpecimenOrFile, *, mass: Load = 0.0, voltage: float | str | None = None,
                  pressure: float | str | None = None, rig: Holder = None,
-                 tolerances: Tolerances | File | None = None, films: int = 1000, seed: int = 0,
+                 tolerances: Tolerances | Stated | None = None, films: int = 1000, seed: int = 0,
                  settings: Settings | None = None) -> Population:
     """Draw random films within tolerances, for questions of one's own; they are reduced films.
 
@@ -372,7 +393,7 @@ def films_within(specimen: SpecimenOrFile, *, mass: Load = 0.0, voltage: float |
     from tympan.studies.tolerance.given import Tolerances
 
     given = Tolerances() if tolerances is None else _tolerances(tolerances)
-    specimen, settings, on = loaded(specimen), settings or Settings(), held(rig, pressure)
+    (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
     scattered = Scattered.of(specimen, given)
     masses = numbers(mass, "mass", "mass")
     highest = (number(voltage, "voltage", "voltage") if voltage is not None else
@@ -415,7 +436,7 @@ def path(specimen: SpecimenOrFile, *,
     from tympan import solving
 
     settings = settings or Settings()
-    return Result(solving.follow(_case(loaded(specimen), loads, settings), settings, along, rate,
+    return Result(solving.follow(_case(specimen, loads, settings), settings, along, rate,
                                  turn, fields, beyond))
 
 
@@ -440,13 +461,12 @@ def transient(specimen: SpecimenOrFile | Sequence[SpecimenOrFile], *, mass: Load
     from tympan.studies.trace import sample_count
     from tympan.studies.transient import responses
 
-    one = isinstance(specimen, Specimen | str | os.PathLike)
-    specimens = tuple(map(loaded, [specimen] if one else specimen))  # type: ignore[arg-type]
+    specimens, on = held_together(specimen, rig)
     form = Wave(signal, **wave)
     voltages = form.signal()
     sample_count(voltages.end, form.interval, len(specimens))
     return Result(responses(
-        specimens, form, voltages, settings or Settings(), rig=held(rig), rest=rest, swing=swing,
+        specimens, form, voltages, settings or Settings(), rig=on, rest=rest, swing=swing,
         mass=None if mass is None else only(mass, "mass"), films=numbers(at, "time", "at"),
         states=states))
 
@@ -461,9 +481,10 @@ def modes(specimen: SpecimenOrFile, *, count: int = 6, point_mass: float | str =
     """
     from tympan.studies.modes import modes
 
-    specimen, settings = loaded(specimen), settings or Settings()
-    return Result(modes(_case(specimen, loads, settings), settings, count,
-                        number(point_mass, "mass", "point_mass")), specimen)
+    settings = settings or Settings()
+    case = _case(specimen, loads, settings)
+    return Result(modes(case, settings, count, number(point_mass, "mass", "point_mass")),
+                  case.specimen)
 
 
 @public(Loads, rest="frequency")
@@ -476,9 +497,10 @@ def response(specimen: SpecimenOrFile, *, frequency: Load = (), settings: Settin
     """
     from tympan.studies.response import response
 
-    specimen, settings = loaded(specimen), settings or Settings()
+    settings = settings or Settings()
+    case = _case(specimen, loads, settings)
     asked = numbers(frequency, "frequency", "frequency")
-    return Result(response(_case(specimen, loads, settings), settings, asked), specimen)
+    return Result(response(case, settings, asked), case.specimen)
 
 
 @public(Loads, rest="of")
@@ -496,7 +518,7 @@ def sensitivity(specimen: SpecimenOrFile, *, of: str | Sequence[str] = "heave",
     names = of.split(",") if isinstance(of, str) else of
     if not all(isinstance(name, str) for name in names):
         raise InputError("must be names of quantities", key="of", given=str(of))
-    return Result(sensitivity(_case(loaded(specimen), loads, settings), settings,
+    return Result(sensitivity(_case(specimen, loads, settings), settings,
                               tuple(name.strip() for name in names)))
 
 
@@ -514,7 +536,7 @@ def alpha(specimen: SpecimenOrFile, *, rig: Holder = None, circles: int = 2,
     from tympan.studies import alpha as study
 
     chosen = alpha_settings or study.AlphaSettings(circles=circles, radii=radii)
-    specimen, settings, on = loaded(specimen), settings or Settings(), held(rig)
+    (specimen, on), settings = held(specimen, rig), settings or Settings()
     result = study.alpha(specimen, settings, chosen, on)
     if uncertainty:
         result = replace(result, uncertainty=study.uncertainty(specimen, settings, chosen, on,
@@ -525,7 +547,7 @@ def alpha(specimen: SpecimenOrFile, *, rig: Holder = None, circles: int = 2,
 @public(former={"at": "voltage"}, placed=("folder", "workers", "settings", "voltage"))
 @one_thread()
 def sweep(file: File, *, voltage: float | str | None = None, folder: File | None = None,
-          exact: bool = False, tolerances: Tolerances | File | None = None, workers: int = 1,
+          exact: bool = False, tolerances: Tolerances | Stated | None = None, workers: int = 1,
           scheduler: str | None = None, wait: float | str = 60.0,
           settings: Settings | None = None) -> Result[SweepResult]:
     """Solve all cases of SWEEP.toml; cases stored in a ``folder`` are not solved again.
@@ -558,7 +580,7 @@ def sweep(file: File, *, voltage: float | str | None = None, folder: File | None
 
 @public()
 @one_thread()
-def study(file: File | None = None, *, tolerances: Tolerances | File | None = None
+def study(file: File | None = None, *, tolerances: Tolerances | Stated | None = None
           ) -> Result[StudyResult]:
     """Run the study of STUDY.toml, by default of the paper's three actuators.
 
@@ -568,7 +590,7 @@ def study(file: File | None = None, *, tolerances: Tolerances | File | None = No
 
     planned = default_study() if file is None else read_study(Path(file))
     given = None if tolerances is None else _tolerances(tolerances)
-    return Result(run_study(replace(planned, tolerances=given)))
+    return Result(run_study(planned.within(given)))
 
 
 @public()

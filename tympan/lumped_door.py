@@ -18,8 +18,7 @@ from tympan.door import (
     SpecimenOrFile,
     Voltages,
     Waves,
-    held,
-    loaded,
+    held_together,
     several,
 )
 from tympan.geometry.specimen import Specimen, require_different_names
@@ -55,7 +54,7 @@ def build(*specimens: SpecimenOrFile, mass: Load | None = None, voltage: Load | 
 
     if not specimens:
         raise InputError("give one or several", key="specimens")
-    films, settings, on = tuple(map(loaded, specimens)), settings or Settings(), held(rig)
+    (films, on), settings = held_together(specimens, rig), settings or Settings()
     require_different_names(films)
     loads = None if voltage is None else between(several(voltage, "voltage", "voltage"), count)
     chosen = BuildSettings.suited(
@@ -82,7 +81,7 @@ def simulate(*models: Specimen | LumpedModel | File, mass: Load | None = None,
     form = Wave(signal, **wave)
     voltages = form.signal()
     sample_count(voltages.end, form.interval, len(models))
-    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=held(rig))
+    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
     chosen = case.chosen(voltages.peak, settings or Settings())
     return Result(chosen.responses(form, voltages, swing))
 
@@ -100,7 +99,7 @@ def linearise(*models: Specimen | LumpedModel | File, mass: Load | None = None,
     with ``input="U2"`` its square. All else is as for ``simulate``.
     """
     across = number(only(voltage, "voltage"), "voltage", "voltage")
-    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=held(rig))
+    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
     return Result(case.chosen(abs(across), settings or Settings()).linear(across, input))
 
 
@@ -130,7 +129,7 @@ def control(*models: Specimen | LumpedModel | File, mass: Load | None = None,
                            method=method, sensor=sensor, fmu=fmu)
     wave.setdefault("high", loop.usual_high)
     voltages = Wave(signal, interval=loop.interval, **wave).signal()
-    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=held(rig))
+    case = _case(models, mass=mass, paper=paper, alpha=alpha, table_1=table_1, rig=rig)
     return Result(controlled(supplied(case, loop, settings or Settings()), voltages, loop))
 
 
@@ -202,12 +201,12 @@ def _model(given: LumpedModel | File) -> LumpedModel:
 
 
 def _case(actuators: Sequence[Specimen | LumpedModel | File], *,
-          alpha: Sequence[float] | None, **given: Any) -> LumpedCase:
+          rig: Holder, alpha: Sequence[float] | None, **given: Any) -> LumpedCase:
     from tympan.studies.lumped.case import LumpedCase
 
-    specimens = tuple(item for item in actuators if isinstance(item, Specimen))
+    specimens, on = held_together([item for item in actuators if isinstance(item, Specimen)], rig)
     models = tuple(_model(item) for item in actuators if not isinstance(item, Specimen))
     weights = None if alpha is None else numbers(alpha, "", "alpha")
     if given["mass"] is not None:
         given["mass"] = only(given["mass"], "mass")
-    return LumpedCase(specimens, models, alpha=weights, **given)
+    return LumpedCase(specimens, models, alpha=weights, rig=on, **given)

@@ -167,7 +167,8 @@ def output(help_text: str | None = None, **settings: Any) -> Argument:
 JSON = argument("--json", action="store_true", help="print one JSON object")
 SPECIMEN = argument("specimen", type=Path, metavar="SPECIMEN.toml")
 RIG = argument("--rig", type=Path, metavar="RIG.toml",
-               help="gravity, springs, pressure, amplifier, sensor and what else acts")
+               help="gravity, springs, pressure, amplifier, sensor and what else acts (default: "
+                    "the table [rig] of the specimen's file, else an ideal rig)")
 PRESSURE = argument("--pressure", help='of the gas below the film, such as "200 Pa"; positive '
                                        "lifts film and plate against the weight (default: the "
                                        "rig's)")
@@ -209,44 +210,48 @@ def read_settings(options: argparse.Namespace) -> Settings:
 
 def read_case(options: argparse.Namespace) -> Case:
     """Read the case of the options that :func:`case_arguments` adds."""
-    from tympan.fem.film.library import load_specimen
     from tympan.studies.case import Case
     from tympan.studies.limits import charged
 
-    specimen = load_specimen(options.specimen)
+    specimen, rig = read_mounted(options)
     if options.mass is None and specimen.plate is not None:
         raise InputError('must be given, such as "17.9 g": the film has a plate', key="--mass")
     case = Case(specimen=specimen, mass=parse_quantity(options.mass or "0 g", "mass", "--mass"),
-                rig=read_pressed_rig(options))
+                rig=rig)
     share = options.voltage.strip().endswith("%")
     voltage = options.voltage if share else parse_quantity(options.voltage, "voltage", "--voltage")
     with naming_options(options):
         return charged(case, voltage, read_settings(options))
 
 
-def read_specimens(files: Sequence[Path]) -> list[Specimen]:
-    """Read the specimens of files; their names must differ."""
-    from tympan.fem.film.library import load_specimen
+def read_mounted_all(options: argparse.Namespace) -> tuple[tuple[Specimen, ...], Rig]:
+    """Read specimens, whose names must differ, and the one rig that all are on."""
+    from tympan.fem.rig import load_actuator, mounted_together
     from tympan.geometry.specimen import require_different_names
 
-    specimens = [load_specimen(file) for file in files]
+    specimens = [load_actuator(file) for file in options.specimens]
     require_different_names(specimens)
-    return specimens
+    return mounted_together(specimens, _rig(options))
 
 
-def read_rig(file: Path | None) -> Rig:
-    """Read the rig of a file, or make an ideal one."""
+def read_mounted(options: argparse.Namespace) -> tuple[Specimen, Rig]:
+    """Read a specimen and its rig, with the gas of :data:`PRESSURE` if the command has it.
+
+    The rig of :data:`RIG` replaces that of the specimen's file.
+    """
+    from tympan.fem.rig import load_actuator, mounted
+
+    specimen, rig = mounted(load_actuator(options.specimen), _rig(options))
+    given = getattr(options, "pressure", None)
+    pressure = None if given is None else parse_quantity(given, "stress", "--pressure")
+    with naming_options(options):
+        return specimen, rig.pressed(pressure)
+
+
+def _rig(options: argparse.Namespace) -> Rig | None:
     from tympan.fem.rig import Rig
 
-    return Rig() if file is None else Rig.read(file)
-
-
-def read_pressed_rig(options: argparse.Namespace) -> Rig:
-    """Read the rig of :data:`RIG` with the gas of :data:`PRESSURE`."""
-    pressure = (None if options.pressure is None
-                else parse_quantity(options.pressure, "stress", "--pressure"))
-    with naming_options(options):
-        return read_rig(options.rig).pressed(pressure)
+    return None if options.rig is None else Rig.read(options.rig)
 
 
 def option_name(name: str) -> str:
@@ -271,8 +276,10 @@ def naming_options(options: argparse.Namespace, **names: str) -> Iterator[None]:
 def _in_its_file(error: InputError, options: argparse.Namespace) -> InputError:
     """Add to an error the file that contains its key: the rig's or the specimen's."""
     part, _, key = str(error.key).partition(".")
-    if part == "rig" and getattr(options, "rig", None) and not error.file:
-        return InputError(error.allowed, file=options.rig, key=key, given=error.given)
+    if part == "rig" and key and not error.file:
+        file = getattr(options, "rig", None)
+        return InputError(error.allowed, file=file or getattr(options, "specimen", None),
+                          key=key if file else f"rig.{key}", given=error.given)
     if part in ("membrane", "electrode"):
         given = getattr(options, "specimen", None) or getattr(options, "subject", None)
         return error.located(file=given)

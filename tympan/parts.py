@@ -15,7 +15,7 @@ PLACES = {
     "tympan.fem.film.laws": ("ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden", "Yeoh"),
     "tympan.fem.membrane.biases": (
         "Bistable", "BuckledBeam", "Constant", "ForceTable", "JoinedFilm", "Magnet", "Spring"),
-    "tympan.fem.rig": ("Rig",),
+    "tympan.fem.rig": ("Actuator", "Rig"),
     "tympan.geometry.outlines": (
         "Circle", "ClosedSpline", "Ellipse", "Polygon", "RegularPolygon", "Rotated",
         "RoundedRectangle", "Stadium", "Superellipse"),

@@ -21,6 +21,7 @@ from tympan.fem.membrane.biases import ForceTable as AnyForceTable
 from tympan.fem.membrane.biases import JoinedFilm as AnyJoinedFilm
 from tympan.fem.membrane.biases import Magnet as AnyMagnet
 from tympan.fem.membrane.biases import Spring as AnySpring
+from tympan.fem.rig import Actuator as Actuator
 from tympan.fem.rig import Rig as AnyRig
 from tympan.geometry.outlines import Circle as AnyCircle
 from tympan.geometry.outlines import ClosedSpline as AnyClosedSpline

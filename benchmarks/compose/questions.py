@@ -59,6 +59,7 @@ WAYS: Mapping[str, Mapping[str, str]] = {
 #: Options of :data:`COMMON` that a question does not take, though its command knows them.
 LEFT_OUT: Mapping[str, frozenset[str]] = {
     "export": frozenset({"mass", "voltage"}),
+    "lumped build": frozenset({"voltage"}),  # which needs a range
     "path in time": frozenset({"voltage"})}  # a loop begins at none
 
 #: Commands that ask nothing of a film on a rig, and why.
@@ -124,7 +125,7 @@ def requirements(asked: Asked) -> Content:
     frequency = {"frequency": _SLOWEST} if asked.specimen.plate else {}
     return {"specimen": asked.film.name, **_mass(asked), "voltage": voltage_of(asked),
             "want": {"stroke": "largest", **frequency}, "vary": {_THICKNESS: varied},
-            **({"rig": rig} if rig else {})}
+            **({"rig": rig} if asked.rig else {})}
 
 
 def _mass(asked: Asked) -> Content:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tympan.base.errors import InputError
-from tympan.base.fields import Content, Key, Special, read
+from tympan.base.fields import Content, Key, Special, read, read_some
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Library, Table, one_of
 from tympan.fem.film.admissibility import STRETCH_RANGE, checked
 from tympan.fem.film.breakdown import STRENGTH_LIBRARY
@@ -85,19 +85,22 @@ class LibraryMaterial:
 
 
 @dataclass(frozen=True)
-class RangedMaterial:
-    """A law with the principal stretches that it is meant for."""
+class StatedMaterial:
+    """A law with what its table or file states of films of it, by the names of the film's fields.
+
+    So the principal stretches that the law is meant for, ``law_range``.
+    """
 
     material: Material
-    range: tuple[float, float]
-
-    @property
-    def of_film(self) -> dict[str, Any]:
-        """Properties of a film of it, by the name of the film's field."""
-        return {"law_range": self.range}
+    of_film: dict[str, Any]
 
 
 DEFAULT = "vhb-4910"
+
+#: End of the name of a file; other names of materials are of the library.
+_OF_FILE = ".toml"
+#: What a file states of a material's films besides the law, by the names of a film's fields.
+_OF_MATERIAL = ("branches", "relative_permittivity", "strength", "density", "temperature_power")
 
 _FILE = Path(__file__).with_name("library.toml")
 
@@ -176,7 +179,10 @@ def examine_material(table: Table, key: str) -> Material | LibraryEntry:
 
 
 def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | LibraryEntry:
-    if isinstance(table.value(key), str):
+    name = table.value(key)
+    if isinstance(name, str) and name.endswith(_OF_FILE):
+        return _of_file(Table.read(table.beside(key)), check)
+    if isinstance(name, str):
         return table.named(key, library_material)
     constants = table.table(key)
     stated = "range" in constants
@@ -190,7 +196,19 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | 
         law = check(material, low, high)
     except InputError as error:
         raise error.located(file=table.file, key=constants.where) from None
-    return RangedMaterial(law, (low, high)) if stated else law
+    return StatedMaterial(law, {"law_range": (low, high)}) if stated else law
+
+
+def _of_file(file: Table, check: Callable[..., Material]) -> LibraryEntry:
+    """Read a material from a file of it, as ``material fit`` writes, or of a specimen.
+
+    Thickness, prestretch and other properties of a specimen's film are not of its material.
+    """
+    film = file.table("membrane")
+    law: Any = _read(film, "material", check)
+    known = law.of_film if isinstance(law, LibraryMaterial | StatedMaterial) else {}
+    return StatedMaterial(law.material if known else law,
+                          known | read_some(Film, film, _OF_MATERIAL))
 
 
 #: Readers of values of a film that a file may also give by name.

@@ -554,6 +554,9 @@ class JoinedFilm:
 
 def _specimen_beside(table: Table, key: str) -> Specimen:
     """Read the specimen of a file in the table's own folder, or of a table."""
-    if isinstance(table.value(key), str):
-        return load_specimen(table.beside(key))
-    return load_specimen(table.table(key))
+    table.value(key)  # which must be there
+    table = table.table_or_file(key)
+    if "rig" in table:
+        raise table.error("rig", "must be left out: what acts on a joined film is the rig that "
+                                 "joins it")
+    return load_specimen(table)

@@ -1,10 +1,17 @@
 """Test rig around the specimen: loads, voltage supply, displacement sensor, tester, grips.
 
 Each of these is a record in a module of its own, with its settings and with what they do;
-:class:`Rig` is their sum. A setting is declared in its record, and in no other place. A function
-that needs one record alone takes this record: a rig is one of each.
+:class:`Rig` is their sum, :class:`Actuator` a specimen on it. A setting is declared in its record,
+and in no other place. A function that needs one record alone takes this record: a rig is one of
+each.
 """
 
+from tympan.fem.rig.actuator import OWN as OWN
+from tympan.fem.rig.actuator import Actuator as Actuator
+from tympan.fem.rig.actuator import load_actuator as load_actuator
+from tympan.fem.rig.actuator import mounted as mounted
+from tympan.fem.rig.actuator import mounted_together as mounted_together
+from tympan.fem.rig.actuator import rig_under as rig_under
 from tympan.fem.rig.direction import DIRECTIONS as DIRECTIONS
 from tympan.fem.rig.direction import HYSTERESIS as HYSTERESIS
 from tympan.fem.rig.grips import Grips as Grips

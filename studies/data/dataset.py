@@ -17,8 +17,7 @@ from tympan.base.fields import Key, read
 from tympan.base.read_file import file_bytes, near_name
 from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.base.units import LEAST_STEP
-from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Loads, Rig
+from tympan.fem.rig import OWN, Loads, Rig, load_actuator, mounted_together, rig_under
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Column, Sheet, read_sheet
 from tympan.studies.data import coupon
@@ -285,6 +284,11 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     dataset = read(Dataset, Table.read(about, "dataset"), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig,
                                                 (Dataset, "layouts"): _layouts})
+    try:
+        specimens, rig = mounted_together(dataset.specimens, dataset.rig)
+    except InputError as error:
+        raise error.located(file=about) from None
+    dataset = replace(dataset, specimens=specimens, rig=rig)
     files = {name: hashlib.sha256(file_bytes(folder / name)).hexdigest()
              for name in (about.name, *_specimen_files(about))}
     there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() in suffixes())
@@ -470,7 +474,7 @@ def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
     entries = table.tables(key)
     if not entries:
         raise table.error(key, "is missing: write one [[specimen]] table for each specimen")
-    specimens = tuple(load_specimen(_specimen_table(entry)) for entry in entries)
+    specimens = tuple(load_actuator(_specimen_table(entry)) for entry in entries)
     names = [specimen.name for specimen in specimens]
     for entry, name in zip(entries, names, strict=True):
         if names.count(name) > 1:
@@ -492,12 +496,13 @@ def _specimen_table(entry: Table) -> Table:
 
 def _rig(table: Table, key: str) -> Rig:
     table.asked.update((key, "gravity"))
-    if key not in table:
-        return Rig(gravity=table.number("gravity", "acceleration", "9.80665 m/s^2", POSITIVE))
-    if "gravity" in table:
+    rig = rig_under(table, key)
+    if "gravity" not in table:
+        return OWN if rig is None else rig
+    if rig is not None:
         raise table.error("gravity", "must stand in [rig] where there is such a table",
                           table.value("gravity"))
-    return Rig.from_table(table.table_or_file(key))
+    return Rig(gravity=table.number("gravity", "acceleration", rule=POSITIVE))
 
 
 def _check_specimens(sheet: Sheet, names: list[str]) -> None:

@@ -12,15 +12,23 @@ from typing import Annotated, Any, Self
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Special, checks_types, field_at, fields_of, read
 from tympan.base.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table, one_of
-from tympan.fem.film.library import library_material, load_specimen
-from tympan.fem.rig import MOST_MASS, MOST_VOLTAGE, Rig
+from tympan.fem.film.library import library_material
+from tympan.fem.rig import (
+    MOST_MASS,
+    MOST_VOLTAGE,
+    OWN,
+    Rig,
+    load_actuator,
+    mounted_together,
+    rig_under,
+)
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.design.ranges import Vary
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
 from tympan.studies.limits.loads import require_moved
-from tympan.studies.shipped import FILES
-from tympan.studies.tolerance.given import Tolerances
+from tympan.studies.shipped import specimen_tables
+from tympan.studies.tolerance.given import Tolerances, tolerances_under
 from tympan.studies.wanted import (
     BREAKDOWN,
     QUANTITIES,
@@ -79,9 +87,9 @@ class SoldFilm:
 class RequirementsFile:
     """Keys of a requirements file; tables whose keys are names are kept as written."""
 
-    specimen: Annotated[tuple[str, ...], Key(
-        "file of a specimen, or a list of them, one for each kind of outline; what does not vary "
-        "is of these")]
+    specimen: Annotated[tuple[Specimen, ...], Key(
+        "a specimen: its file, one of the paper's by name, or its tables; or a list of them, one "
+        "for each kind of outline; what does not vary is of these")]
     want: Annotated[Table, Key(
         "bounds of quantities by their names; at most one of these is \"largest\" or \"least\"")]
     vary: Annotated[Table, Key(
@@ -97,7 +105,8 @@ class RequirementsFile:
         "two quantities between whose best films others are sought")] = ()
     films: Annotated[tuple[SoldFilm, ...], Key(
         "films of which one is chosen; without, that of the specimen", name="film")] = ()
-    rig: Annotated[Rig, Key("of the actuator: its keys, or the name of their file")] = Rig()
+    rig: Annotated[Rig | None, Key("of the actuator: its keys, or the name of their file",
+                                   default="that of the specimens")] = None
     tolerances: Annotated[Tolerances | None, Key(
         "how numbers scatter: keys of TOLERANCES.toml, the name of such a file, or \"none\"")
         ] = Tolerances()
@@ -128,10 +137,15 @@ class Requirements:
     variables: Mapping[str, tuple[Vary, ...]]
     bounds: Mapping[str, Bound]
     best: str = ""
-    rig: Rig = field(default_factory=Rig)
+    rig: Rig = OWN
     tolerances: Tolerances | None = field(default_factory=Tolerances)
     share: float = 0.95
     front: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        specimens, rig = mounted_together(self.specimens, self.rig)
+        object.__setattr__(self, "specimens", specimens)
+        object.__setattr__(self, "rig", rig)
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
@@ -150,18 +164,21 @@ class Requirements:
             raise table.error("want", _NO_WANT)
         _refuse_former(table)
         given = read(RequirementsFile, table, _READERS)
-        specimens = _specimens(table, given)
-        variables = _variables(given.vary, specimens, given.rig)
+        try:
+            specimens, rig = mounted_together(_specimens(table, given), given.rig)
+        except InputError as error:
+            raise error.located(file=table.file) from None
+        variables = _variables(given.vary, specimens, rig)
         mass, voltage = _loads(table, given, variables, specimens)
         for specimen in specimens:
             try:
-                require_reducible(specimen, given.rig)
-                require_moved(specimen, given.rig, mass)
+                require_reducible(specimen, rig)
+                require_moved(specimen, rig, mass)
             except InputError as error:
                 raise error.located(file=table.file) from None
         bounds, best = _wanted(table, (given.want, given.limits), specimens)
         return cls(given.name or Path(table.file).stem, specimens, mass, voltage, variables, bounds,
-                   best, given.rig, given.tolerances, given.share, _front(table, given.front))
+                   best, rig, given.tolerances, given.share, _front(table, given.front))
 
     @property
     def margin(self) -> float:
@@ -192,22 +209,13 @@ def _refuse_former(table: Table) -> None:
 
 def _specimens(table: Table, given: RequirementsFile) -> tuple[Specimen, ...]:
     """Make the specimens of all kinds and films to try, with different names."""
-    kinds = [_specimen(table, name) for name in given.specimen]
+    kinds = given.specimen
     require_different_names(kinds)
     films = [film for number, sold in enumerate(given.films)
              for film in _choices(table, f"film.{number}", sold)]
     if not films:
         return tuple(kinds)
     return tuple(_made(specimen, film) for specimen, film in product(kinds, films))
-
-
-def _specimen(table: Table, name: str) -> Specimen:
-    """Load a specimen from a file, or one of the paper's."""
-    if not name.endswith(".toml") and name not in FILES:
-        raise table.error("specimen", "must be a specimen file, ending in .toml, or one of "
-                                      f"{', '.join(FILES)}", name)
-    return load_specimen(FILES[name] if name in FILES
-                         else table.named_file("specimen", name))
 
 
 def _choices(table: Table, key: str, sold: SoldFilm) -> list[dict[str, Any]]:
@@ -376,32 +384,17 @@ def _front(table: Table, pair: tuple[str, ...]) -> tuple[str, str] | None:
     return pair[0], pair[1]
 
 
-def _tolerances(table: Table, key: str) -> Tolerances | None:
-    """Read tolerances from a table or a file; "none" gives None."""
-    given = table.value(key, {})
-    if given == "none":
-        return None
-    if isinstance(given, str):
-        return Tolerances.read(table.beside(key))
-    return read(Tolerances, table.table(key, {}))
-
-
-def _files(table: Table, key: str) -> tuple[str, ...]:
-    """Read one name of a file, or a list of names."""
-    given = table.value(key)
-    files = [given] if isinstance(given, str) else given
-    if (not isinstance(files, list) or not files
-            or not all(isinstance(name, str) for name in files)):
-        raise table.error(key, "must be a specimen file, or a list of them", given)
-    return tuple(files)
+def _loaded(table: Table, key: str) -> tuple[Specimen, ...]:
+    return tuple(map(load_actuator, specimen_tables(table, key)))
 
 
 #: Readers of keys that accept more forms than their declaration.
 _READERS: Special = {
-    (RequirementsFile, "specimen"): _files,
+    (RequirementsFile, "specimen"): _loaded,
     (RequirementsFile, "want"): Table.table,
     (RequirementsFile, "vary"): Table.table,
     (RequirementsFile, "limits"): lambda table, key: table.table(key, {}),
-    (RequirementsFile, "rig"): lambda table, key: Rig.from_table(table.table_or_file(key)),
-    (RequirementsFile, "tolerances"): _tolerances,
+    (RequirementsFile, "rig"): rig_under,
+    (RequirementsFile, "tolerances"): lambda table, key: tolerances_under(table, key,
+                                                                          Tolerances()),
 }

@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from tympan.base.toml_reader import Table
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.specimen import Specimen
 
@@ -18,6 +19,21 @@ FILES = {name: Path(__file__).with_name(f"{name}.toml")
 
 #: Study of the three actuators under the paper's loads.
 STUDY = Path(__file__).with_name("study.toml")
+
+
+#: What a file may give in place of a specimen.
+_SPECIMEN = f"a specimen: its file, the paper's {', '.join(FILES)}, or the tables of one"
+
+
+def specimen_tables(table: Table, key: str) -> tuple[Table, ...]:
+    """Read the tables of specimens that a file names, or contains, one or several under a key.
+
+    A name is that of a file, relative to the table's own, or of one of the paper's actuators.
+    """
+    return tuple(part if isinstance(part, Table) else
+                 Table.read(FILES[part] if part in FILES else table.named_file(key, part),
+                            "specimen")
+                 for part in table.parts(key, _SPECIMEN))
 
 
 @cache

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -25,10 +24,11 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
+from tympan.studies.shipped import specimen_tables
 from tympan.studies.sweep.asked import QUESTIONS, Ask
 from tympan.studies.sweep.reduced import in_families
 from tympan.studies.sweep.task import SweepTask, solver
-from tympan.studies.tolerance.given import Tolerances
+from tympan.studies.tolerance.given import Tolerances, tolerances_under
 
 #: Raw TOML values by dotted key: the differences of one specimen of a sweep.
 Choice = dict[str, Any]
@@ -82,7 +82,8 @@ class LoadSpan:
 class SweepFile:
     """Keys of a sweep's file; tables whose keys are names are kept as written."""
 
-    specimen: Annotated[tuple[str, ...], Key("file of a specimen, or a list of them")]
+    specimen: Annotated[tuple[Table, ...], Key(
+        "a specimen: its file, one of the paper's by name, or its tables; or a list of them")]
     mass: Annotated[Any, Key("load on the plate: a mass, a list, a range, or from, to and count",
                              default="required where it does not vary")] = None
     voltage: Annotated[Any, Key("nominal voltage: likewise; a list ascends",
@@ -94,7 +95,11 @@ class SweepFile:
         "the same, of lists of one length: their first values make a specimen, and so on",
         name="list")] = None
     sample: Annotated[Sample | None, Key("points drawn in ranges of such keys")] = None
-    rig: Annotated[Table | None, Key("of the actuator: its keys, or the name of their file")] = None
+    rig: Annotated[Table | None, Key("of the actuator: its keys, or the name of their file",
+                                     default="that of the specimen")] = None
+    tolerances: Annotated[Tolerances | None, Key(
+        "also the spread between films made to these: their tables, or the name of their file")
+        ] = None
     ask: Annotated[tuple[str, ...], Key("what is asked beside the cases: names listed below")] = ()
     circles: Annotated[int, Key("circles that stand for a specimen, where that is asked")
                        ] = AlphaSettings.circles
@@ -164,28 +169,29 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
     table = Table.read(file, "sweep")
     given = read(SweepFile, table, _READERS)
     ask = _ask(table, given)
+    tolerances = tolerances or given.tolerances
     if tolerances is not None:
         ask = ask.banded(tolerances)
-    bases = {base: Table.read(base, "specimen").data
-             for base in (table.named_file("specimen", name) for name in given.specimen)}
+    bases = {_base_name(base): base for base in given.specimen}
+    if len(bases) < len(given.specimen):
+        raise table.error("specimen", "must be specimens of different names", list(bases))
     grid, rows = choices(table, given)
-    loads = _common_loads(table, given, {*grid, *rows[0]}, rows[0], bases.values())
+    loads = _common_loads(table, given, {*grid, *rows[0]}, rows[0],
+                          [base.data for base in bases.values()])
     grid = {key: values for key, values in grid.items() if key not in loads}
     points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
     places = [(number, {**row, **point}) for number, row in enumerate(rows) for point in points]
-    assert given.rig is not None
-    rigs = _rigs(table, given.rig, [choice for _, choice in places])
     digits = len(str(max(len(rows) - 1, 1)))
 
-    def entry(base: Path, number: int, choice: Choice, rig: Rig) -> Entry:
-        name = f"{base.stem}-{number:0{digits}}" if len(rows) > 1 else base.stem
+    def entry(base: str, number: int, choice: Choice, rig: Rig) -> Entry:
+        name = f"{base}-{number:0{digits}}" if len(rows) > 1 else base
         masses, voltages = (loads.get(load) or (_load(table, load, choice[load]),)
                             for load in _LOADS)
         try:
-            specimen = _specimen(table, base, bases[base], choice)
+            specimen = _specimen(table, bases[base], choice)
         except Unbuildable as error:
             reason = str(InputError(error.allowed, key=error.key, given=error.given))
-            return Entry(name, base.stem, choice, masses, voltages, None, reason)
+            return Entry(name, base, choice, masses, voltages, None, reason)
         ask.check(specimen)
         if specimen.plate is None:
             for mass in masses:
@@ -193,13 +199,15 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         # A copy has no cached values of the check: for a spline they have 100 kB.
         task = SweepTask(copy.deepcopy(specimen), rig, masses, voltages, settings, given.fields,
                          solver(), given.figures, ask)
-        return Entry(name, base.stem, choice, masses, voltages, task)
+        return Entry(name, base, choice, masses, voltages, task)
 
     specimens = len(bases) * len(places)
     _limit(table, "specimen", "specimens", specimens, MOST)
     _limit(table, "voltage", "cases", specimens * math.prod(map(len, loads.values())), _MOST_CASES)
-    entries = tuple(entry(base, *place, rig) for base in bases
-                    for place, rig in zip(places, rigs, strict=True))
+    entries = tuple(
+        entry(base, *place, rig) for base, its in bases.items() for place, rig in zip(
+            places, _rigs(table, given.rig or its.table_or_file("rig"),
+                          [choice for _, choice in places]), strict=True))
     if all(entry.task is None for entry in entries):
         raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
                          file=file)
@@ -266,20 +274,6 @@ def _asked(table: Table, key: str) -> tuple[str, ...]:
     for name in names:
         if not isinstance(name, str) or name not in QUESTIONS.known:
             raise table.error(key, one_of(name, QUESTIONS.known), name)
-    return tuple(names)
-
-
-def _files(table: Table, key: str) -> tuple[str, ...]:
-    """Read the names of different files, from one name or a list."""
-    given = table.value(key)
-    names = [given] if isinstance(given, str) else given
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise table.error(key, "must be a specimen file or a list of them", given)
-    if nul := next((name for name in names if "\0" in name), None):
-        raise table.error(key, "must name files: no file has NUL in its name", nul)
-    stem, times = Counter(Path(name).stem for name in names).most_common(1)[0]
-    if times > 1:
-        raise table.error(key, "must be files of different names", stem)
     return tuple(names)
 
 
@@ -404,27 +398,31 @@ def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str
     return low, high, unit
 
 
-def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:
-    """Load the specimen of a file with changes; files that it names are next to it.
+def _base_name(base: Table) -> str:
+    """Name a specimen by its file, or by its name where it has none of its own."""
+    return str(base.data.get("name", "specimen")) if base.where else Path(base.file).stem
+
+
+def _specimen(table: Table, base: Table, choice: Choice) -> Specimen:
+    """Load a specimen with changes, without its rig; files that it names are next to its own.
 
     An error names the sweep if the sweep varies the key or a key next to it, else the file.
     """
     changes = {key: value for key, value in choice.items()
                if key not in _LOADS and not key.startswith(_RIG)}
-    if not changes:
-        return load_specimen(file)
-    changed = with_choice(content, changes, table)
+    content = {key: value for key, value in base.data.items() if key != "rig"}
+    changed = with_choice(content, changes, table) if changes else content
     # If the sweep varies the name of a file, the name is relative to the sweep's folder.
     names = any(key.rpartition(".")[2] == "file" for key in changes)
     try:
-        return load_specimen(Table(table.file if names else file, changed))
+        return load_specimen(Table(table.file if names else base.file, changed, base.where))
     except Unbuildable:
         raise
     except InputError as error:
         key = error.key or ""
         of_sweep = any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.")
                        or name.rpartition(".")[0] == key.rpartition(".")[0] for name in changes)
-        raise InputError(error.allowed, file=table.file if of_sweep else file, key=key,
+        raise InputError(error.allowed, file=table.file if of_sweep else base.file, key=key,
                          given=error.given) from None
 
 
@@ -500,6 +498,11 @@ def _raw(table: Table, key: str) -> Any:
     return table.value(key, None)
 
 
+def _own_table(table: Table, key: str) -> Table | None:
+    """Read a table or the file of its keys; None where it is missing."""
+    return None if table.value(key, None) is None else table.table_or_file(key)
+
+
 def _subtable(table: Table, key: str) -> Table:
     """Read a table; it is empty where it is missing."""
     return table.table(key, {})
@@ -513,12 +516,13 @@ def _drawn(table: Table, key: str) -> Sample | None:
 
 #: Readers of keys that accept more forms than their declaration.
 _READERS: Special = {
-    (SweepFile, "specimen"): _files,
+    (SweepFile, "specimen"): specimen_tables,
     (SweepFile, "mass"): _raw,
     (SweepFile, "voltage"): _raw,
     (SweepFile, "grid"): _subtable,
     (SweepFile, "columns"): _subtable,
     (SweepFile, "sample"): _drawn,
-    (SweepFile, "rig"): Table.table_or_file,
+    (SweepFile, "rig"): _own_table,
+    (SweepFile, "tolerances"): tolerances_under,
     (SweepFile, "ask"): _asked,
 }

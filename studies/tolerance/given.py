@@ -139,19 +139,36 @@ class Tolerances:
     @classmethod
     def read(cls, file: Path | str) -> Self:
         """Read the tolerances of a TOML file; :func:`asked_bounds` reads its table [want]."""
-        table = Table.read(file, "tolerances")
+        return cls.from_table(Table.read(file, "tolerances"))
+
+    @classmethod
+    def from_table(cls, table: Table) -> Self:
+        """Read tolerances from a table, as from a file."""
         rest = {key: value for key, value in table.data.items() if key != _WANT}
         return read(cls, replace(table, data=rest, asked={_WANT}))
 
 
-def asked_bounds(file: PathLike[str] | str | None, want: Mapping[str, object] | str = ""
+def tolerances_under(table: Table, key: str, default: Tolerances | None = None
+                     ) -> Tolerances | None:
+    """Read tolerances under a key: their tables or the name of a file; "none" gives None."""
+    given = table.value(key, None)
+    if given is None or given == "none":
+        return default if given is None else None
+    if isinstance(given, str):
+        return Tolerances.read(table.beside(key))
+    return Tolerances.from_table(table.table(key))
+
+
+def asked_bounds(file: PathLike[str] | str | Mapping[str, Any] | None,
+                 want: Mapping[str, object] | str = ""
                  ) -> tuple[Bound, ...]:
     """Read bounds from the table [want] of a tolerances file, if there is one, and from ``want``.
 
-    For a quantity in ``want`` the file's bounds are ignored.
+    ``file``: its name, or its tables. For a quantity in ``want`` the file's bounds are ignored.
     """
-    of_file = () if file is None else table_bounds(
-        Table.read(Path(file), "tolerances").table(_WANT, {}))
+    table = (Table("tolerances", file or {}) if file is None or isinstance(file, Mapping)
+             else Table.read(Path(file), "tolerances"))
+    of_file = table_bounds(table.table(_WANT, {}))
     asked = wanted_bounds(want) if want else ()
     names = {bound.name for bound in asked}
     return (*(bound for bound in of_file if bound.name not in names), *asked)

@@ -17,7 +17,7 @@ from tympan.options import (
     naming_options,
     output,
     print_record,
-    read_rig,
+    read_mounted,
     read_settings,
     read_workers,
 )
@@ -36,13 +36,12 @@ from tympan.options import (
          example="oval.toml --circles 2")
 def alpha(options: argparse.Namespace) -> None:
     """Compute the weights of the circular actuators that represent a shape."""
-    from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings, alpha, uncertainty
 
     with naming_options(options):
         chosen = AlphaSettings(circles=options.circles, radii=options.radii)
-    specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
+    specimen, rig = read_mounted(options)
     settings = read_settings(options)
     with naming_options(options), bar(14 if options.uncertainty else 2) as progress:
         result = alpha(specimen, settings, chosen, rig, progress)

@@ -29,7 +29,7 @@ from tympan.options import (
     parse_quantity,
     print_record,
     read_case,
-    read_pressed_rig,
+    read_mounted,
     read_settings,
 )
 from tympan.progress import waiting
@@ -157,11 +157,10 @@ def curve(options: argparse.Namespace) -> None:
 
 def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
     """Read specimen, rig, settings, and masses that are given or suit the film."""
-    from tympan.fem.film.library import load_specimen
     from tympan.fem.rig import checked_load
     from tympan.studies.limits.loads import usual_masses
 
-    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
+    specimen, rig = read_mounted(options)
     settings = read_settings(options)
     if specimen.plate is None and options.mass is None:
         return specimen, rig, settings, (0.0,)
@@ -204,11 +203,10 @@ def force(options: argparse.Namespace) -> None:
     The plate is held as by a tensile tester, a curve for each voltage; force and displacement are
     positive along the load. With loads: equilibria, stroke, work, electrical energy.
     """
-    from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.force import ForceCase, force
 
-    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
+    specimen, rig = read_mounted(options)
     voltages = parse_quantities(options.voltage, "voltage", "--voltage")
     with naming_options(options):
         case = ForceCase(
@@ -243,11 +241,10 @@ def sense(options: argparse.Namespace) -> None:
     The inverse is a table and a polynomial with its largest error. The output also shows how far an
     error of the capacitance, the prestretch or the permittivity moves the sensed deflection.
     """
-    from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.sense import SenseCase, sense
 
-    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
+    specimen, rig = read_mounted(options)
     voltages = parse_quantities(options.voltage, "voltage", "--voltage")
     with naming_options(options):
         case = SenseCase(
@@ -286,14 +283,13 @@ def tolerance(options: argparse.Namespace) -> None:
     The output has median, 5 and 95 % of the films, the share that bears the voltage, the limits of
     the others, the share that keeps wanted bounds, and each tolerance's share of the variance.
     """
-    from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.films.first_limits import label_of
     from tympan.studies.tolerance.given import Tolerances, asked_bounds
     from tympan.studies.tolerance.tolerance import ToleranceCase, tolerance
     from tympan.studies.wanted import by_column
 
-    specimen, rig = load_specimen(options.specimen), read_pressed_rig(options)
+    specimen, rig = read_mounted(options)
     given = Tolerances() if options.tolerances is None else Tolerances.read(options.tolerances)
     with naming_options(options), naming_file(options.tolerances):
         case = ToleranceCase(

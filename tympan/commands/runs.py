@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -40,7 +39,7 @@ def study(options: argparse.Namespace) -> None:
     from tympan.studies.study import default_study, read_study, run_study
 
     planned = read_study(options.file) if options.file else default_study()
-    planned = replace(planned, tolerances=given_tolerances(options))
+    planned = planned.within(given_tolerances(options))
     with bar(planned.steps + 1) as progress:
         result = run_study(planned, progress, options.output)
         progress("report")

@@ -22,9 +22,8 @@ from tympan.options import (
     parse_quantities,
     parse_quantity,
     read_case,
-    read_rig,
+    read_mounted_all,
     read_settings,
-    read_specimens,
 )
 
 #: Number of pictures of an animation.
@@ -56,12 +55,12 @@ def transient(options: argparse.Namespace) -> None:
     wave, signal = wave_of(options, len(options.specimens))
     rest = None if options.rest is None else parse_quantity(options.rest, "time", "--rest")
     films = parse_quantities(options.at or "", "time", "--at")
-    rig, settings = read_rig(options.rig), read_settings(options)
+    settings = read_settings(options)
     if options.animate and options.output is None:
         raise InputError("must be given to say where the pictures go", key="-o")
     shown = (tuple(signal.end * number / (_FRAMES - 1) for number in range(_FRAMES))
              if options.animate else ())
-    specimens = read_specimens(options.specimens)
+    specimens, rig = read_mounted_all(options)
     with bar(len(specimens)) as progress:
         result = responses(specimens, wave, signal, settings, mass=mass, rest=rest,
                            swing=options.swing, films=(*films, *shown), rig=rig, progress=progress,

@@ -9,8 +9,7 @@ import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.explore.view import FilmView
-from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Rig
+from tympan.fem.rig import Rig, load_actuator, mounted, mounted_together
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import read_dataset
@@ -53,9 +52,9 @@ def read_subject(path: Path, rig: Path | None = None) -> Subject:
     A ``rig`` that is given replaces the folder's.
     """
     if not path.is_dir():
-        specimen = load_specimen(path)
+        specimen, on = mounted(load_actuator(path), None if rig is None else Rig.read(rig))
         specimen.needed_plate()
-        return Subject(specimen.name, (specimen,), Rig() if rig is None else Rig.read(rig),
+        return Subject(specimen.name, (specimen,), on,
                        files=(str(path),), rig_file="" if rig is None else str(rig))
     subject = _dataset(path) if (path / "dataset.toml").exists() else _folder(path)
     return subject if rig is None else replace(subject, rig=Rig.read(rig), rig_file=str(rig))
@@ -72,9 +71,10 @@ def _folder(folder: Path) -> Subject:
     files = sorted(file for file in folder.glob("*.toml") if file.name != _RIG)
     if not files:
         raise InputError("must hold dataset.toml or specimens (.toml)", file=folder)
-    specimens = tuple(map(load_specimen, files))
+    rig = folder / _RIG
+    specimens, on = mounted_together(list(map(load_actuator, files)),
+                                     Rig.read(rig) if rig.exists() else None)
     for specimen in specimens:
         specimen.needed_plate()
-    rig = folder / _RIG
-    return Subject(folder.resolve().name, specimens, Rig.read(rig) if rig.exists() else Rig(),
+    return Subject(folder.resolve().name, specimens, on,
                    files=tuple(map(str, files)), rig_file=str(rig) if rig.exists() else "")

@@ -19,9 +19,8 @@ from tympan.options import (
     output,
     parse_quantities,
     parse_quantity,
-    read_rig,
+    read_mounted_all,
     read_settings,
-    read_specimens,
 )
 
 if TYPE_CHECKING:
@@ -55,8 +54,8 @@ def lumped_build(options: argparse.Namespace) -> None:
     masses = (parse_quantities(options.mass, "mass", "--mass") if options.mass is not None
               else None)
     voltages = _voltages(options) if options.voltage is not None else None
-    settings, rig = read_settings(options), read_rig(options.rig)
-    specimens = read_specimens(options.specimens)
+    settings = read_settings(options)
+    specimens, rig = read_mounted_all(options)
     with naming_options(options, masses="mass"):
         chosen = BuildSettings.suited(
             specimens, settings, rig, masses=masses, voltages=voltages,

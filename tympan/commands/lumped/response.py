@@ -20,9 +20,8 @@ from tympan.options import (
     parse_numbers,
     parse_quantity,
     print_record,
-    read_rig,
+    read_mounted_all,
     read_settings,
-    read_specimens,
 )
 
 if TYPE_CHECKING:
@@ -52,14 +51,14 @@ def read_case(options: argparse.Namespace) -> LumpedCase:
     from tympan.studies.lumped.model_file import read_model
 
     models = tuple(read_model(file) for file in options.model)
-    specimens = tuple(read_specimens(options.specimens))
+    specimens, rig = read_mounted_all(options)
     if not (specimens or models):
         raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
     mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
     with naming_options(options):
         return LumpedCase(specimens, models, mass=mass, paper=options.paper,
                           alpha=parse_numbers(options.alpha, "--alpha"), table_1=options.table_1,
-                          rig=read_rig(options.rig))
+                          rig=rig)
 
 
 def chosen_actuators(options: argparse.Namespace, case: LumpedCase, voltage: float
