@@ -32,7 +32,7 @@ __all__ = [
     "ShearThinning", "Specimen", "Spring", "Stadium", "StrengthScatter", "Superellipse",
     "Tolerances", "ViscousBranch", "Yeoh",
     "__version__",
-    "alpha", "curve", "data", "design", "diagnose", "draft", "draw", "effects", "export",
+    "alpha", "compare", "curve", "data", "design", "diagnose", "draft", "draw", "effects", "export",
     "films_within", "fit_material", "force", "limits", "load", "lumped", "material", "materials",
     "modes", "optimise", "path", "plan", "report", "response", "sense", "sensitivity",
     "show_material", "solve", "study", "sweep", "tolerance", "transient",

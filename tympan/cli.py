@@ -114,10 +114,10 @@ def _name(action: argparse.Action) -> str:
 
 
 def _by_help(given: list[str]) -> list[str]:
-    """Translate ``tympan help``, ``tympan help all`` and ``tympan help COMMAND``."""
+    """Translate ``tympan help``, and that of a page or a command."""
     if given[:1] != ["help"]:
         return given
-    return ["--help-all"] if given[1:] == ["all"] else [*given[1:], "--help"]
+    return [f"--help-{given[1]}"] if given[1:] in (["all"], ["loads"]) else [*given[1:], "--help"]
 
 
 class _Parser(_Asking):
@@ -153,9 +153,10 @@ def build_parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
     parser = _Parser(
         prog=_PROGRAM, description="Shape studies of dielectric-elastomer membrane actuators.",
         epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV". '
-               "tympan COMMAND --help says more, with an example. tympan help all lists all "
-               f"{len(COMMANDS)} commands.")
+               "tympan COMMAND --help says more, with an example. tympan help loads explains "
+               f"loads and rig, tympan help all lists all {len(COMMANDS)} commands.")
     parser.add_argument("--help-all", action=_HelpAll)
+    parser.add_argument("--help-loads", action=_HelpLoads)
     parser.add_argument("--version", action=_Version)
     parser.add_argument("--print-completion", action=_Completion, choices=SHELLS)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND",
@@ -181,6 +182,19 @@ class _HelpAll(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         assert isinstance(parser, _Parser)
         print(parser.listed(HEADINGS), end="")
+        parser.exit()
+
+
+class _HelpLoads(argparse.Action):
+    """Action of ``--help-loads``, the page that questions about a film share."""
+
+    def __init__(self, option_strings: list[str], dest: str, **_: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="explain loads and rig, and exit")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from tympan.commands.loads import loads_page
+
+        print(loads_page(COMMANDS), end="")
         parser.exit()
 
 

@@ -24,6 +24,7 @@ from tympan.studies.case import CaseResult
 from tympan.studies.case import Settings as Settings
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
     from tympan.fem.film.law_report import Examination
@@ -798,6 +799,25 @@ def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
                              number(pressure, "stress", "pressure"))]
     chosen = PartOptions(**{name: number(size, "length", name) for name, size in sizes.items()})
     return list(export(specimen, settings.mesh, Path(folder), chosen))
+
+
+@public()
+def compare(first: Result[Any] | File, second: Result[Any] | File) -> pd.DataFrame:
+    """List the values that differ between two results of one kind, and by how much.
+
+    Each is a result, the folder where one is stored, or its file there. The rows have the names of
+    values in the result's JSON; ``relative`` is the difference over the first. Of lists of numbers
+    the element with the largest difference is a row.
+    """
+    import pandas as pd
+
+    from tympan.reports.comparison import differences
+
+    one, other = (each if isinstance(each, Result) else Result.load(each)
+                  for each in (first, second))
+    rows = [each.record() for each in differences(one.numbers, other.numbers)]
+    return pd.DataFrame(rows, columns=["name", "first", "second", "difference", "relative"]
+                        ).set_index("name")
 
 
 @public()

@@ -50,6 +50,8 @@ SUBJECTS = {
     "name": Word("a material of the library, or of a specimen's file"),
     "folder": Word("where results are, or go"),
     "subject": Word("a specimen, a dataset, or a folder of specimens"),
+    "first": Word("a result, its folder, or its file there"),
+    "second": Word("the one that is compared with it, of the same kind"),
     "target": Word("axes or a file to draw on, or the file to write"),
 }
 #: All other words.

@@ -66,12 +66,15 @@ class Command:
         """Add its parser, with the function's docstring as help."""
         for name in (self.name.split()[-1], *self.formerly):
             parser = commands.add_parser(
-                name, description=self.description, help=self.summary,
-                epilog=f"example: tympan {self.name} {self.example}".rstrip())
+                name, description=self.description, help=self.summary)
             parser.set_defaults(run=self._run_and_say if name in self.formerly else self.run,
                                 command=self.name)
             for argument in self.arguments:
                 argument(parser)
+            on_rig = any("--rig" in action.option_strings for action in parser._actions)
+            parser.epilog = " ".join(filter(None, (
+                "Loads and rig: tympan help loads." if on_rig else "",
+                f"Example: tympan {self.name} {self.example}".rstrip())))
 
     def _run_and_say(self, options: argparse.Namespace) -> None:
         print(f"tympan: this command is tympan {self.name} now", file=sys.stderr)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 from tympan.base.errors import InputError
 from tympan.base.fields import EMPTY
 from tympan.base.process.folder import alone
+from tympan.geometry.specimen import Specimen
 
 if TYPE_CHECKING:
     import os
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from tympan.geometry.specimen import Specimen
     from tympan.studies.film_surface import FilmSurface
 
 #: Longest wait for another process that saves into the same folder [s].
@@ -150,6 +150,9 @@ class Result(Generic[Numbers]):
         from tympan.reports.rebuild import stored_results
 
         given = Path(folder)
+        if not given.exists():
+            raise InputError("does not exist: give the folder of a stored result, or its file",
+                             file=given)
         stored = stored_results(given if given.is_dir() else given.parent)
         if not given.is_dir():
             stored = [(kind, file) for kind, file in stored if file.name == given.name]
@@ -158,6 +161,12 @@ class Result(Generic[Numbers]):
                              if stored else "is no stored result", key="folder", given=folder)
         (kind, file), = stored
         return cls(kind.load(file))
+
+    def compare(self, other: Result[Any] | str | os.PathLike[str]) -> pd.DataFrame:
+        """List the values that differ from another result, as :func:`tympan.compare` does."""
+        from tympan.door import compare
+
+        return compare(self, other)
 
     def __getitem__(self, name: str) -> Any:
         """Return numbers of the table by a column's name, with or without its unit.

@@ -24,6 +24,7 @@ from tympan.cli import main
 from tympan.explore.subject import read_subject
 from tympan.fem.rig import Actuator, Rig, load_actuator, mounted, mounted_together
 from tympan.fem.toml_writer import specimen_to_toml, toml
+from tympan.reports.comparison import OF_THE_RUN
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.study import read_study
 from tympan.studies.tolerance.given import Tolerances, asked_bounds
@@ -34,8 +35,6 @@ STATED = Rig(gravity=1.62, spring=8.0)
 DEAR = {"design": 13, "lumped build": 5, "lumped control": 11, "lumped linearise": 4,
         "lumped simulate": 4, "path in time": 10, "sense": 5, "sweep": 14, "swing": 8,
         "tolerance": 9}
-#: Keys of results that no two runs share.
-_OF_THE_RUN = ("seconds", "wall_s", "time_s", "made_s")
 
 
 def written(folder: Path, rig: str = RIG, name: str = "oval") -> Path:
@@ -70,7 +69,7 @@ def answered(question: Question, asked: Asked, folder: Path) -> Any:
 
 def _lasting(record: Any) -> Any:
     if isinstance(record, dict):
-        return {key: _lasting(value) for key, value in record.items() if key not in _OF_THE_RUN}
+        return {key: _lasting(value) for key, value in record.items() if key not in OF_THE_RUN}
     return [_lasting(item) for item in record] if isinstance(record, list) else record
 
 

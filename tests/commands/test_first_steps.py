@@ -20,11 +20,15 @@ import pytest
 from tests.support.costs import dear
 from tests.support.specimens import PATCH_TOML, circular, specimen_toml
 from tympan import cli
+from tympan.base.fields import fields_of, numbers
 from tympan.cli import main
 from tympan.commands import COMMANDS, ELSEWHERE, FIRST, HEADINGS, doctor
+from tympan.commands.loads import takes_rig
+from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode
+from tympan.grammar import LOADS
 from tympan.options import Command
 from tympan.studies import alpha as weights
 from tympan.studies.case import Case, Settings, meshed, solve
@@ -61,6 +65,27 @@ def test_the_first_help_is_ten_commands_in_three_groups_of_all() -> None:
     assert {*first} <= {*COMMANDS}
 
 
+def test_one_page_explains_loads_and_rig(capsys: pytest.CaptureFixture[str]) -> None:
+    for asked in (["help", "loads"], ["--help-loads"]):
+        with pytest.raises(SystemExit):
+            main(asked)
+        page = capsys.readouterr().out
+    assert max(map(len, page.splitlines())) < 80
+    text = " ".join(page.split())
+    named = text.partition("same in ")[2].partition(". ")[0].replace(" and ", ", ").split(", ")
+    assert named == [command.name for command in COMMANDS if takes_rig(command)]
+    for field in fields_of(Rig):
+        assert f" {field.key} {field.says.meaning}" in text
+    for load in LOADS:
+        assert f" --{load} " in text
+    for form, dimension, count in (
+            ("17.9 g", "mass", 1), ("10 g, 20 g", "mass", 2), ("0 kV..5 kV", "voltage", 11),
+            ("0 kV..5 kV in 6", "voltage", 6)):
+        assert len(numbers(form, dimension, "load")) == count
+        assert f'"{form}"' in text
+        assert count < 3 or f"a range of {count} values" in text
+
+
 @pytest.mark.parametrize(("slip", "meant"), [
     ("simulate", "'solve'"), ("fit", "'material fit'"), ("optimize", "'design'"),
     ("hysteresis", "'path'"), ("blocked-force", "'force'"), ("fatigue", "no lifetime is"),
@@ -83,7 +108,8 @@ def test_every_help_has_an_example_that_the_parser_takes(command: Command, capsy
         main([*command.name.split(), "--help"])
     words = " ".join(capsys.readouterr().out.split())
     line = f"tympan {command.name} {command.example}".rstrip()
-    assert words.endswith(f"example: {line}")
+    assert words.endswith(f"Example: {line}")
+    assert ("tympan help loads" in words) == ("--rig" in words)
     options = cli.build_parser().parse_args(shlex.split(line)[1:])
     assert options.command == command.name
 

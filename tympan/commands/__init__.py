@@ -30,7 +30,7 @@ HEADINGS = {
         alpha.alpha, runs.study, runs.sweep, runs.design, alpha.outlines,
         alpha.alpha_map),
     "draw, look up, export": (
-        drawing.draw, explore.explore, export.export, runs.report, material.materials,
+        drawing.draw, explore.explore, export.export, runs.compare, runs.report, material.materials,
         material.material_show, data.effects, doctor.doctor),
     "measured data": (data.data, data.diagnose, material.material_fit),
     "lumped models": (

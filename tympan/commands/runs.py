@@ -143,6 +143,22 @@ def design(options: argparse.Namespace) -> None:
     finish(options, result)
 
 
+@command("compare", argument("first", type=Path, metavar="FIRST"),
+         argument("second", type=Path, metavar="SECOND"), JSON,
+         example="solved again", also=("diff", "difference", "versus"))
+def compare(options: argparse.Namespace) -> None:
+    """List the values that differ between two stored results of one kind, and by how much.
+
+    Each is the folder of a command's results, or the file of one of several results there.
+    """
+    from tympan.reports.comparison import differences
+    from tympan.result import Result
+
+    first, second = (Result.load(stored) for stored in (options.first, options.second))
+    print_record(options, {"differences": [
+        each.record() for each in differences(first.numbers, second.numbers)]})
+
+
 @command("report", argument("folder", type=Path, metavar="DIR"),
          example="out")
 def report(options: argparse.Namespace) -> None:
