@@ -22,7 +22,7 @@ DISPLACEMENTS = Meaning.of(
     "displacement, deflection, extension, stroke, position, crosshead, crosshead displacement, "
     "tensile extension, compressive extension, sag, travel, "
     "weg, standardweg, traversenweg, auslenkung, durchbiegung, verschiebung, wegaufnehmer, hub, "
-    "maschinenweg, prüfweg, verlängerung, absenkung, durchhang, "
+    "traverse, maschinenweg, prüfweg, verlängerung, absenkung, durchhang, "
     "déplacement, deplacement traverse, flèche, course, allongement, extension traction, "
     "affaissement, abaissement, enfoncement, "
     "spostamento, abbassamento, corsa, inflessione, cedimento, freccia, deflessione, posizione, "

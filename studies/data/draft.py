@@ -155,14 +155,16 @@ class Draft:
     def _skipped(self) -> Iterator[str]:
         """Write the lines that are summaries, and those that another column excludes."""
         sums, uncounted = self.guesses.summaries, self.guesses.uncounted
+        wordy = self.guesses.wordy
         said = list(dict.fromkeys(sums.values()))[:SHOWN]
-        why = f"lines that sum others up: {', '.join(said)}" if said else ""
-        doubts = "; ".join(list(dict.fromkeys(uncounted.values()))[:SHOWN])
-        if sums or uncounted:
-            lines = ", ".join(map(str, sorted({*sums, *uncounted})))
+        why = ["words below the headings"] * bool(wordy)
+        why += [f"lines that sum others up: {', '.join(said)}"] * bool(said)
+        doubts = list(dict.fromkeys(uncounted.values()))[:SHOWN]
+        if sums or uncounted or wordy:
+            lines = ", ".join(map(str, sorted({*sums, *uncounted, *wordy})))
             yield f"skip_lines = [{lines}]  # " + (
                 f"{_CORRECT}look whether they are readings: " * bool(doubts)
-                + "; ".join(filter(None, (doubts, why))))
+                + "; ".join((*doubts, *why)))
 
     def _columns(self) -> Iterator[str]:
         sources, choices = self.guesses.sources, self.guesses.choices
@@ -304,7 +306,7 @@ class Draft:
         """List cells in columns of numbers that are no numbers, and marks of a value above."""
         choices = self.guesses.choices.values()
         needed = any(choice.column.required for choice in choices)
-        words = {cell for choice in choices for cell in set(self.guesses.cells(choice.place))
+        words = {cell for choice in choices for cell in set(self.guesses.read(choice.place))
                  if not any(mark.isdigit() for mark in cell) and (cell or needed)}
         return sorted(words | self.header.missing)
 

@@ -138,6 +138,10 @@ class Guesses:
         """List the cells of a column."""
         return [cells[place] for _, cells in self.below]
 
+    def read(self, place: int) -> list[str]:
+        """List the cells of a column that are read, below lines of words."""
+        return [cells[place] for line, cells in self.below if line not in self.wordy]
+
     def numbers(self, place: int) -> Array:
         """Read the numbers of a column, nan where there is none."""
         if place not in self._numbers:
@@ -160,6 +164,13 @@ class Guesses:
         """Columns that the reader finds by itself, by name, if their cells fit."""
         return {source.column.name: source for source in self.header.sources
                 if source.place not in self.others}
+
+    @cached_property
+    def wordy(self) -> list[int]:
+        """Lines directly below the headings that have words alone, such as makes of sensors."""
+        first = next((number for number, (_, cells) in enumerate(self._every)
+                      if any(map(NUMBER.fullmatch, cells))), 0)
+        return [line for line, _ in self._every[:first]]
 
     @cached_property
     def others(self) -> frozenset[int]:
@@ -312,7 +323,8 @@ class Guesses:
         missed = sum(name not in self.choices for name in needed)
         unlikely = (self.kind == "transient" and len(self.below) < _RUN
                     and not (doubts.quick(self._times) and doubts.even(self._times)),
-                    self.kind == "coupon" and self.of_a_plate)
+                    self.kind == "coupon" and self.of_a_plate,
+                    self.kind == "force" and self.of_a_strip)
         return (found + half - _MISSED * missed
                 - _UNLIKELY * sum(unlikely) + 0.1 * len(self.sources))
 
@@ -328,7 +340,7 @@ class Guesses:
     @property
     def of_a_tester(self) -> bool:
         """Whether it has forces and displacements, as tests of strips and of plates have."""
-        return ({"displacement", "force"} <= {*self.sources} if self.kind == "force"
+        return ({"displacement", "force"} <= {*self.choices} if self.kind == "force"
                 else any(source.per == "area" for source in self.sources.values()))
 
     @property

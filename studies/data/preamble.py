@@ -81,8 +81,11 @@ def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
 def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
     """Read sizes of a test piece [m] by name; a symbol may follow, as in "Probendicke a0"."""
     sizes: dict[str, float] = {}
-    for _, cells in rows:
-        heading = Heading.of(cells[0].rstrip(":"))
+    for _, row in rows:
+        first, colon, value = row[0].lstrip(_AROUND).partition(":")
+        number, _, unit = value.strip().partition(" ")
+        cells = [first, number, unit] if colon and number else [first, *row[1:]]
+        heading = Heading.of(first.rstrip())
         shorter = heading.words.rpartition(" ")[0]
         name = next((key for key, size in SIZES.items()
                      if heading.words in size.words or (shorter and shorter in size.words)), None)
