@@ -149,7 +149,8 @@ SPELLED = {"sec": "s", "sek": "s", "sekunden": "s", "seconds": "s", "secondes": 
            "millimetres": "mm", "millimètre": "mm", "millimètres": "mm", "millimetri": "mm",
            "milímetros": "mm", "mikrometer": "um", "micrometers": "um", "micrometres": "um",
            "micromètres": "um", "micron": "um", "microns": "um", "milliseconds": "ms",
-           "millisekunden": "ms", "millisecondes": "ms", "minutes": "min", "minuten": "min"}
+           "millisekunden": "ms", "millisecondes": "ms", "minutes": "min", "minuten": "min",
+           "г": "g", "кг": "kg", "мм": "mm", "мкм": "um", "кв": "kV", "в": "V", "мн": "mN"}
 
 
 class WrongDimension(ValueError):

@@ -79,7 +79,7 @@ def _words_and_unit(title: str) -> tuple[str, str]:
     if match:
         return plain_words(match[1]), match[2]
     match = _UNIT_LAST.fullmatch(title)
-    if match and (unit := usual_unit(match[2])):
+    if match and (unit := usual_unit(match[2])) and (unit != "1" or "/" in title):
         return plain_words(match[1]), unit
     return plain_words(title), ""
 

@@ -62,7 +62,7 @@ _BLANK_CELL = (r"(?:[-+]?(?:0|[1-9]\d*)?(?:[.,]\d*)?(?:[eE][-+]?\d+)?(?<=[\d.,])
 #: A line of such cells.
 _BLANKS = re.compile(rf" *{_BLANK_CELL}(?: +{_BLANK_CELL})+ *", re.ASCII)
 #: Marks that begin a comment in files of programs.
-_COMMENT = re.compile(r"\s*(?:#+|%+|//+|;+|\*+|!+)\s*")
+COMMENT = re.compile(r"\s*(?:#+|%+|//+|;+|\*+|!+)\s*")
 #: What may stand between headings whose numbers have blanks between them, the surest first.
 _BETWEEN_HEADINGS = (re.compile(r"\s{2,}|\t"), re.compile(r"\s+"), re.compile(r"\s+(?![\[(/])"))
 
@@ -271,7 +271,7 @@ def _tabs_for_blanks(text: str, columns: int) -> str:
     """Write tabs between the cells of lines that have as many as there are columns."""
     lines = []
     for line in map(str.strip, text.split("\n")):
-        plain = _COMMENT.sub("", line, 1) if _COMMENT.match(line) else line
+        plain = COMMENT.sub("", line, 1) if COMMENT.match(line) else line
         splits = (between.split(words) for words in (line, plain) for between in _BETWEEN_HEADINGS)
         lines.append(next(("\t".join(cells) for cells in splits if len(cells) == columns), line))
     return "\n".join(lines)
@@ -294,9 +294,9 @@ def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
     rows = _split_all(file, text, mark)
     first = list(islice(rows, _LOOKED_AT))
     below = next((len(cells) for _, cells in first if any(map(_NUMBER_CELL.fullmatch, cells))
-                  and not _COMMENT.fullmatch(cells[0])), 0)
+                  and not COMMENT.fullmatch(cells[0])), 0)
     for line, cells in chain(first, rows):
-        apart = len(cells) == below + 1 > 1 and _COMMENT.fullmatch(cells[0])
+        apart = len(cells) == below + 1 > 1 and COMMENT.fullmatch(cells[0])
         yield line, cells[1:] if apart else cells
 
 

@@ -245,7 +245,7 @@ def _marks(text: str, kind: str) -> Iterator[tuple[str, str]]:
 def _corrected(text: str, marked: Mapping[str, str], table: LabTable) -> str:
     """A draft with the writer's lines in place of marked ones, which are kept if there is none."""
     for name, line in marked.items():
-        if not line:
+        if not line or name == "kind":  # its answer is that of the command
             continue
         kept = line.partition("  # ")[0] if not line.startswith("#") else ""
         text = text.replace(f"{line}\n", f"{table.answers.get(name, kept)}\n")

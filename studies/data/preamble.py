@@ -21,6 +21,8 @@ _SPLIT = re.compile(r"(?<=\d) (?=\d)")
 #: Marks that begin a comment or end a name.
 _AROUND = "#%;:* "
 _SPECIMENS = Meaning.of(SPECIMENS)
+#: A name, a mark behind it, and what it names.
+_NAMED = re.compile(r"([^:=]+?)\s*([:=])\s*(.+)")
 #: Longest statement that is quoted.
 _SHOWN = 40
 
@@ -76,6 +78,25 @@ def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
         if len(values) == 1 and plain_words(name) in _SPECIMENS.words:  # else it is a title
             return line, values[0]
     return None
+
+
+def explained_columns(rows: Sequence[Row], titles: Sequence[str], count: bool
+                      ) -> dict[int, tuple[int, str]]:
+    """Find lines that say what columns are, by index: "CH1: HV (kV)", or one that lists all.
+
+    A list counts where the columns have no headings (``count``): "U in kV, s in mm, m in g".
+    """
+    found: dict[int, tuple[int, str]] = {}
+    for line, cells in rows:
+        text = ", ".join(cell for cell in cells if cell).strip(_AROUND)
+        name, mark, rest = _NAMED.match(text).groups() if _NAMED.match(text) else ("", "", "")
+        for place, title in enumerate(titles):
+            if mark and name.casefold() == title.strip(_AROUND).casefold():
+                found[place] = line, rest
+        pieces = [piece.strip() for piece in re.split(r"[,;|]", rest or text)]
+        if count and len(pieces) == len(titles) > 1:
+            found |= {place: (line, piece) for place, piece in enumerate(pieces)}
+    return found
 
 
 def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
