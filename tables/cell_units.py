@@ -22,9 +22,10 @@ _ZERO = re.compile(r"[-+]?0+(?:[.,]0+)?")
 def with_units_above(rows: Iterable[Row]) -> Iterator[Row]:
     """Yield rows whose cells carry their unit as plain numbers below headings with that unit.
 
-    A column is such if each of its cells in the first rows is a number with a unit of one kind, or
-    zero, and its heading has one of these units or none. Units of one kind, as of a meter that
-    changes its range, become the most frequent one. A later cell without a unit is left as it is.
+    A column is such if each of its cells with digits in the first rows is a number with a unit of
+    one kind, or zero, and its heading has one of these units or none. Units of one kind, as of a
+    meter that changes its range, become the most frequent one. A later cell without a unit is left
+    as it is.
 
     Examples
     --------
@@ -62,7 +63,8 @@ def _units(titles: Sequence[str], below: Sequence[Sequence[str]]) -> dict[int, s
     """Find the unit of each column whose cells carry one, by the column's index."""
     found = {}
     for place, title in enumerate(titles):
-        cells = [cells[place] for cells in below if place < len(cells) and cells[place]]
+        cells = [cells[place] for cells in below if place < len(cells)
+                 and any(map(str.isdigit, cells[place]))]  # others were not read
         split = [_split(cell) for cell in cells if not _ZERO.fullmatch(cell)]
         units = [usual_unit(one[1]) for one in split if one is not None]
         own = usual_unit(Heading.of(title).unit) if Heading.of(title).unit else None

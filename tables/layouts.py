@@ -41,6 +41,7 @@ _SHOWN = 80
 _RANGES = 4
 #: Sizes of a test piece as examples in messages.
 _SIZES = {"area": "18 mm^2", "length": "30 mm"}
+_SCALE: Rule = (lambda x: x > 0, "must be positive: sign says which way the numbers count")
 _LINE: Rule = (lambda x: x >= 1, "must be the number of a line, from 1 on")
 _TITLES: Rule = (lambda x: x >= 0, "must be the number of a line, from 1 on, or 0: no line has "
                                    "headings, and the columns are called \"1\", \"2\", …")
@@ -60,6 +61,12 @@ class Stated:
         "up: the file's numbers count the other way, such as heights where deflections are wanted"
         )] = "down"
     value: Annotated[str, Key("one value for the whole file, in place of a heading")] = ""
+    zero: Annotated[float, Key(
+        "the file's number where the column is 0, such as a sensor's reading of the flat film"
+        )] = 0.0
+    scale: Annotated[float | None, Key(
+        "what 1 in the file is in the unit of the name, such as 0.5 for a sensor of 0.5 mm/V; the "
+        "unit in the heading then does not count", rule=_SCALE, default="by the units")] = None
 
 
 @asks
@@ -113,11 +120,14 @@ def _stated(table: Table, title: str) -> Stated:
         part = replace(part, data=dict(part.data) | {"value": str(part.data["value"])})
     values = {key: part.text(key) for key in ("from", "value") if key in part}
     sign = part.choice("sign", {"down": "down", "up": "up"}, "down")
+    zero = part.number("zero", default=0.0)
+    scale = part.number("scale", rule=_SCALE) if "scale" in part else None
     part.done()
     if len(values) != 1:
         raise table.error(title, 'must say where its values are: { from = "a heading" }, or one '
                                  "value for all rows: { value = … }", table.data[title])
-    return Stated(title, values.get("from", ""), sign, values.get("value", ""))  # type: ignore[arg-type]
+    return Stated(title, values.get("from", ""), sign,  # type: ignore[arg-type]
+                  values.get("value", ""), zero, scale)
 
 
 @dataclass(frozen=True)
@@ -182,20 +192,21 @@ class Header:
                 and source.place < len(cells) and not cells[source.place]]
 
 
-def first_numbers(rows: Sequence[Row], file: Path) -> int:
-    """Find the index of the first row with several numbers."""
-    for at, (_, cells) in enumerate(rows):
-        if sum(NUMBER.fullmatch(cell) is not None for cell in cells) >= ENOUGH:
-            return at
-    raise InputError("has no line with two numbers: a table of readings is needed", file=file)
+def first_numbers(rows: Sequence[Row]) -> int | None:
+    """Find the index of the first row with several numbers; None if there is none."""
+    return next((at for at, (_, cells) in enumerate(rows)
+                 if sum(NUMBER.fullmatch(cell) is not None for cell in cells) >= ENOUGH), None)
 
 
-def titles_above_numbers(rows: Sequence[Row], file: Path) -> int:
+def titles_above_numbers(rows: Sequence[Row]) -> int | None:
     """Find the line of unknown headings: the first of the lines as wide directly above numbers.
 
-    Of lines behind a comment mark it is the last one. It is 0 where there is none.
+    Of lines behind a comment mark it is the last one. It is 0 where there is none, and None where
+    no line has numbers.
     """
-    at = first_numbers(rows, file)
+    at = first_numbers(rows)
+    if at is None:
+        return None
     width, lines = len(rows[at][1]), list[Row]()
     for row in reversed(rows[:at]):
         if len(row[1]) != width or not all(row[1]) or any(map(NUMBER.fullmatch, row[1])):
@@ -379,7 +390,10 @@ class Reader:
         layout = self.layout
         wanted = layout.titles_line
         if wanted == 0:
-            return first_numbers(first, self.file) - 1
+            if (at := first_numbers(first)) is not None:
+                return at - 1
+            raise InputError("is 0, but no line has two numbers: write the line of the headings",
+                             file=self.file, key="titles_line", given=wanted)
         if wanted is not None:
             for at, (line, _) in enumerate(first):
                 if line == wanted:
@@ -470,7 +484,9 @@ class Reader:
                 sources.append(Source(column, None, factor, constant=stated.value))
                 continue
             place = self._place(stated.heading, line, titles)
-            sources.append(self._converted(column, place, factor, stated, titles[place]))
+            source = (self._converted(column, place, factor, stated, titles[place])
+                      if stated.scale is None else Source(column, place, factor * stated.scale))
+            sources.append(replace(source, offset=source.offset - stated.zero * source.factor))
         return sources
 
     def _place(self, heading: str, line: int, titles: Sequence[str]) -> int:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from tympan.tables.column import CELSIUS, Meaning, plain_words
 
-#: Words of sensors and supplies, by the dimension of what they give: where theirs is the only column
-#: of it, that is the quantity.
+#: Words of sensors and supplies, by the dimension of what they give: where theirs is the only
+#: column of that dimension, it is the quantity.
 SENSORS = {
     "length": Meaning.of(
         "laser, lvdt, keyence, lk g, lk h, lk, optoncdt, micro epsilon, baumer, vibrometer, "
@@ -222,7 +222,7 @@ OTHER_READINGS = Meaning.of(
     "zero, offset, null, nullwert, nullpunkt, reference, referenz, zéro, cero, nul, "
     "tare, tara, net, netto, gross, brutto, raw, roh, brut, corrected, korrigiert, corrigé, "
     "true, cauchy, wahre, wahr, vraie, vera, vero, verdadera, verdadeira, rate, geschwindigkeit, "
-    "angular, kreisfrequenz, omega, ω, pulsation, monitor, step, schritt, range, "
+    "angular, kreisfrequenz, omega, ω, pulsation, step, schritt, range, "
     "change, änderung, delta, Δ, difference, differenz, preload, vorkraft, vorlast, précharge")
 #: Headings of heights and distances of a sensor, which fall as a plate sinks.
 HEIGHTS = Meaning.of(

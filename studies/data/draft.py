@@ -310,8 +310,7 @@ class Draft:
         value = (f"{values.pop():.9g}" if len(values) == 1
                  else "0" if column.name == "voltage" and not values and not places else '"?"')
         said = ["no heading says it", *(one.text for one in stated[:SHOWN])]
-        lines = [f"{self.guesses.key(column, place)} = {_quoted(self.header.titles[place])}"
-                 for place in places or self.guesses.numeric]
+        lines = self.guesses.lines_for(column)
         if places:
             said[0] = f"several columns have a {column.dimension}"
         if value == '"?"':
@@ -320,8 +319,11 @@ class Draft:
                 ways += [f"{column.title} = {{ value = {EXAMPLES[column.name]} }}, if it never "
                          "changes"]
             said += [f"write {' or '.join(ways)}"]
+            said += [f"scale is what 1 in its column is in {column.unit}"] * (
+                "scale = " in said[-1])
         else:
-            heading = next(iter(lines), f'{column.title} = "its heading"')
+            heading = next((line for line in lines if "scale" not in line),
+                           f'{column.title} = "its heading"')
             said += [f"if it is another value, write that one; if it changes, write {heading}"]
         return f"{column.title} = {{ value = {value} }}  # {_CORRECT}{'; '.join(said)}"
 
@@ -430,10 +432,10 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
     kinds, titles = _KINDS if kind is None else (kind,), None
     taken = guessed(kinds, rows[:_JUDGED])
     if not taken:
-        if hint := _hint(rows):
+        titles, hint = titles_above_numbers(rows[:SEARCHED]), _hint(rows)
+        if hint or titles is None:
             raise InputError("has no line with two known headings, such as Weg (mm) or Voltage "
                              f"(kV): give the columns such names{hint}", file=file)
-        titles = titles_above_numbers(rows[:SEARCHED], file)
         taken = guessed(kinds, rows[:_JUDGED], titles)
         taken = [one for one in taken if one.stated or one.likely] or taken
     best = max(taken, key=lambda one: one.score)

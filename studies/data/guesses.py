@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -89,6 +90,10 @@ _RISES = {("static", "displacement"): ("voltage", "mass"),
           ("force", "force"): ("displacement",)}
 #: Kinds of tables whose displacements are counted from the flat film.
 _FROM_FLAT = ("static", "transient")
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
 
 
 @dataclass(frozen=True)
@@ -247,12 +252,21 @@ class Guesses:
         return [place for place in self.unknown if place not in taken and not
                 self._is_no_number(place) and np.isfinite(self.numbers(place)).any()]
 
-    def key(self, column: Column, place: int) -> str:
-        """Write a column's name with the unit of a heading, if that fits, else its usual name."""
-        unit = usual_unit(self._headings[place].unit) or ""
+    def lines_for(self, column: Column) -> list[str]:
+        """List lines that may read a missing column: from its unit, or from a scale of it."""
+        others = [place for place in self.numeric if self._reads(place)]
+        return [self.line(column, place) for place in self.candidates(column) or others]
+
+    def line(self, column: Column, place: int, more: str = "") -> str:
+        """Write the line that reads a column from a heading, with a scale if its unit differs."""
+        title, unit = self.header.titles[place], usual_unit(self._headings[place].unit) or ""
         key = f"{column.name}_{unit}"
-        return key if unit.isalpha() and column.claims(key) and (
-            self._dimensions[place] == column.dimension) else column.title
+        if not (unit.isalpha() and column.claims(key)
+                and self._dimensions[place] == column.dimension):
+            key = column.title
+            more = more or ", scale = 1" * bool(self._dimensions[place])
+        return (f"{key} = {{ from = {_quoted(title)}{more} }}" if more
+                else f"{key} = {_quoted(title)}")
 
     @cached_property
     def unknown(self) -> list[int]:
@@ -368,7 +382,10 @@ class Guesses:
         """Find words in a heading that mark another quantity than the column's, "" if none."""
         title = self.header.titles[place]
         if _FACTOR.search(title):
-            return "the heading has a factor, which is not read: write numbers without it"
+            return "the heading has a factor, which is not read"
+        if (self._dimensions[place] == "mass"
+                and SENSORS["force"].alluded(self._headings[place].words)):
+            return "a force sensor in units of a mass: the table may be one of forces"
         if OTHER_READINGS.alluded(self._headings[place].words):
             return "by its words it may be another quantity"
         return ""
@@ -474,14 +491,22 @@ class Guesses:
         if choice.by in ("no unit", "other unit"):
             unit, where = self.unit_beside(choice)
             yield ("the heading has no unit that fits; " + (f"taken is {unit!r}, as {where}" if unit
-                   else "the unit is that of the key"))
+                   else f"the unit is that of the key{self._other_unit(choice)}"))
         elif choice.by == "unit":
             other = self._of_something_else(place)
             if other or column.name == "voltage_max":
-                yield f"the only column in a unit of {column.dimension}" + f"; {other}" * bool(other)
+                scaled = f": write it as {self.line(column, place, ', scale = 100')}"
+                yield (f"the only column in a unit of {column.dimension}"
+                       + f"; {other}" * bool(other) + scaled * bool(_FACTOR.search(title)))
             elif not self._is_certain(choice):
-                yield (f"the only column in a unit of {column.dimension}, its words are not known: "
-                       f"look whether {title!r} is the {column.name}")
+                yield (f"the only column in a unit of {column.dimension}, but its words are not "
+                       f"known: look whether {title!r} is the {column.name}")
+        if column.name in ("voltage", "voltage_max") and choice.by in ("words", "unit"):
+            most = float(np.nan_to_num(np.abs(self._si(choice))).max(initial=0.0))
+            if 0.0 < most < _HIGH:
+                scaled = f"{column.title} = {{ from = {_quoted(title)}, scale = 1 }}"
+                yield (f"at most {most:.3g} V move no film; if a monitor shows 1 V for 1 kV, write "
+                       f"{scaled}")
         if words not in _SURE and not column.claims(title):
             near = [repr(self.header.titles[other]) for other in self._rivals(choice)]
             if near:
@@ -525,6 +550,18 @@ class Guesses:
                 and bool(np.nan_to_num(np.abs(voltage)).max() > 0 and (mass > 0).any())
                 and not any(self._doubts_of_zero(moved)))
 
+    def _other_unit(self, choice: ColumnChoice) -> str:
+        """Say what to write where the numbers of a column have another unit than its key."""
+        column, title = choice.column, self.header.titles[choice.place]
+        if choice.by == "no unit":
+            keys = (f"{column.name}_{unit}" for unit in OTHER_UNITS.get(column.name, ()))
+            key = next((key for key in keys if key != column.title), "")
+            return f"; if it is another, write {key} = {_quoted(title)}" if key else ""
+        if not column.unit:
+            return ""
+        return (f"; if 1 in the table is 25 {column.unit}, write "
+                + self.line(column, choice.place, ", scale = 25"))
+
     def _asks_by_numbers(self, choice: ColumnChoice) -> str:
         """Ask about a column that is chosen by its numbers, with what else to write."""
         name, values = choice.column.name, self.numbers(choice.place)
@@ -533,13 +570,14 @@ class Guesses:
                       if place != choice.place and not self._is_no_number(place)), "")
         units = (f"{name}_{unit}" for unit in OTHER_UNITS.get(name, ()))
         unit = next((other for other in units if other != key), "")
-        ways = [f'another heading, {key} = "{other}"'] * bool(other)
-        ways += [f"another unit, {unit}"] * bool(unit)
+        ways = [f"{key} = {_quoted(other)} (another heading)"] * bool(other)
+        ways += [f"{unit} = {_quoted(self.header.titles[choice.place])} (another unit)"
+                 ] * bool(unit)
         if name in EXAMPLES:
-            ways.append(f"one value for all rows, {choice.column.title} = "
-                        f"{{ value = {EXAMPLES[name]} }}")
+            ways.append(f"{choice.column.title} = {{ value = {EXAMPLES[name]} }} (one value for "
+                        "all rows)")
         return (f"guessed by its numbers, {np.nanmin(values):g} to {np.nanmax(values):g}; if it is "
-                f"not the {name} in {key.removeprefix(f'{name}_')}, write " + " or ".join(ways))
+                f"not the {name} in {key.removeprefix(f'{name}_')}, write " + ", or ".join(ways))
 
     def _rivals(self, choice: ColumnChoice) -> Iterator[int]:
         """Yield other columns in a unit of the same kind that may be meant."""
@@ -584,7 +622,7 @@ class Guesses:
         elif (self.kind == "static" and mass is not None
               and doubts.hardly_grow(values, mass, self._states("mass"))):
             yield ("it hardly grows with the mass, but deflections count from the flat film, "
-                   "before anything hangs on it")
+                   f"before anything hangs on it; {self._with_zero(choice)}")
         elif mass is not None and self.kind in _FROM_FLAT:
             yield from self._doubts_of_size(choice)
 
@@ -607,7 +645,14 @@ class Guesses:
             first = int(np.flatnonzero(loaded)[0])
             yield (f"line {self.below[int(rows[first])][0]} has {1e3 * deflections[first]:.3g} mm, "
                    f"where this mass pulls {films[0].name} down by some "
-                   f"{1e3 * usual[0][first]:.2g} mm: look at zero, unit and mass")
+                   f"{1e3 * usual[0][first]:.2g} mm: look at unit and mass; "
+                   + self._with_zero(choice))
+
+    def _with_zero(self, choice: ColumnChoice) -> str:
+        """Advise to write the number of the flat film."""
+        more = f', sign = "{self.sign(choice)[0]}", zero = 50'
+        return ("if the flat film has not 0 but 50 there, write "
+                + self.line(choice.column, choice.place, more))
 
     def _si(self, choice: ColumnChoice) -> Array:
         """Convert numbers of a choice to SI."""
@@ -681,8 +726,8 @@ class Guesses:
     def doubts_of_kind(self) -> Iterator[tuple[str, str, str]]:
         """Yield doubts about the kind: its reading, a question, the kind if the answer is yes."""
         if self.asked:
-            what = {"static": "states of a plate at rest", "transient": "a run in time"}
-            yield (f"no heading of the table is known: taken as {what.get(self.kind, self.kind)}",
+            known = {"static": "states of a plate at rest", "transient": "a run in time"}
+            yield (f"no heading of the table is known: taken as {known.get(self.kind, self.kind)}",
                    "If not, draft it again (force, coupon, frequency and range are kinds, too)",
                    "static" if self.kind == "transient" else "transient")
         if self.of_a_tester and "voltage" not in self.choices and not self.of_a_strip:

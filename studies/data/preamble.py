@@ -22,7 +22,7 @@ _SPLIT = re.compile(r"(?<=\d) (?=\d)")
 _AROUND = "#%;:* "
 _SPECIMENS = Meaning.of(SPECIMENS)
 #: A name, a mark behind it, and what it names.
-_NAMED = re.compile(r"([^:=]+?)\s*([:=])\s*(.+)")
+_NAMED = re.compile(r"([^:=]+?)\s*[:=]\s*(.+)")
 #: Longest statement that is quoted.
 _SHOWN = 40
 
@@ -89,9 +89,10 @@ def explained_columns(rows: Sequence[Row], titles: Sequence[str], count: bool
     found: dict[int, tuple[int, str]] = {}
     for line, cells in rows:
         text = ", ".join(cell for cell in cells if cell).strip(_AROUND)
-        name, mark, rest = _NAMED.match(text).groups() if _NAMED.match(text) else ("", "", "")
+        named = _NAMED.match(text)
+        name, rest = (named[1], named[2]) if named else ("", "")
         for place, title in enumerate(titles):
-            if mark and name.casefold() == title.strip(_AROUND).casefold():
+            if name and name.casefold() == title.strip(_AROUND).casefold():
                 found[place] = line, rest
         pieces = [piece.strip() for piece in re.split(r"[,;|]", rest or text)]
         if count and len(pieces) == len(titles) > 1:
@@ -111,9 +112,9 @@ def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
         name = next((key for key, size in SIZES.items()
                      if heading.words in size.words or (shorter and shorter in size.words)), None)
         numbers = map(decimal_point, cells[1:])
-        value = next((cell for cell in numbers if NUMBER.fullmatch(cell)), None)
+        size_text = next((cell for cell in numbers if NUMBER.fullmatch(cell)), None)
         unit = heading.unit or next((cell for cell in cells[2:] if cell), "mm")
-        size = _read(value, unit, "length") if name and value else None
+        size = _read(size_text, unit, "length") if name and size_text else None
         if name and size is not None:
             sizes.setdefault(name, size)
     return sizes
