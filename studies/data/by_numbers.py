@@ -34,7 +34,7 @@ def guessed_by_numbers(wanted: Iterable[str], columns: Mapping[int, Array]) -> d
     """
     names, found = list(wanted), dict[str, int]()
     free = {place: values for place, values in columns.items() if np.isfinite(values).any()}
-    numbering = [place for place, values in free.items() if _counts(values)]
+    numbering = [place for place, values in free.items() if counts_rows(values)]
     for place in numbering[:max(0, len(free) - len(names))]:
         del free[place]
     if "t" in names:
@@ -64,6 +64,6 @@ def _different(values: Array) -> int:
     return len(np.unique(values[np.isfinite(values)]))
 
 
-def _counts(values: Array) -> bool:
+def counts_rows(values: Array) -> bool:
     """Check whether numbers count the rows."""
     return len(values) > 2 and bool((np.diff(values) == 1).all()) and values[0] in (0, 1)

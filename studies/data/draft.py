@@ -478,7 +478,7 @@ def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
         rows = tuple(with_units_above(read_rows(file, content)))
     except TwoMarks as error:
         decimal = Decimal("." if "," in str(error.given) else ",", "numbers have both marks; the "
-                          "other one is taken to separate thousands")
+                          "other one is taken to separate thousands; if it is not, write that one")
     else:
         marked = [cell for _, cells in rows for cell in cells if "," in cell or "." in cell]
         if not (any(map(DECIMAL_COMMA.fullmatch, marked)) and not any(

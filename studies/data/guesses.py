@@ -16,7 +16,7 @@ import numpy as np
 from tympan.base.arrays import Array, Numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data import doubts
-from tympan.studies.data.by_numbers import guessed_by_numbers, likely_unit
+from tympan.studies.data.by_numbers import counts_rows, guessed_by_numbers, likely_unit
 from tympan.studies.data.coupon import named_mode
 from tympan.studies.data.dataset import FILES
 from tympan.studies.data.preamble import (
@@ -254,7 +254,8 @@ class Guesses:
 
     def lines_for(self, column: Column) -> list[str]:
         """List lines that may read a missing column: from its unit, or from a scale of it."""
-        others = [place for place in self.numeric if self._reads(place)]
+        others = [place for place in self.numeric
+                  if self._reads(place) and not counts_rows(self.numbers(place))]
         return [self.line(column, place) for place in self.candidates(column) or others]
 
     def line(self, column: Column, place: int, more: str = "") -> str:
@@ -385,7 +386,8 @@ class Guesses:
             return "the heading has a factor, which is not read"
         if (self._dimensions[place] == "mass"
                 and SENSORS["force"].alluded(self._headings[place].words)):
-            return "a force sensor in units of a mass: the table may be one of forces"
+            return ("a force sensor in units of a mass: if a tester moved the plate, draft the "
+                    "table again with --kind force")
         if OTHER_READINGS.alluded(self._headings[place].words):
             return "by its words it may be another quantity"
         return ""
@@ -500,7 +502,8 @@ class Guesses:
                        + f"; {other}" * bool(other) + scaled * bool(_FACTOR.search(title)))
             elif not self._is_certain(choice):
                 yield (f"the only column in a unit of {column.dimension}, but its words are not "
-                       f"known: look whether {title!r} is the {column.name}")
+                       f"known: look whether {title!r} is the {column.name}; if not, write "
+                       "another heading")
         if column.name in ("voltage", "voltage_max") and choice.by in ("words", "unit"):
             most = float(np.nan_to_num(np.abs(self._si(choice))).max(initial=0.0))
             if 0.0 < most < _HIGH:
@@ -508,13 +511,16 @@ class Guesses:
                 yield (f"at most {most:.3g} V move no film; if a monitor shows 1 V for 1 kV, write "
                        f"{scaled}")
         if words not in _SURE and not column.claims(title):
-            near = [repr(self.header.titles[other]) for other in self._rivals(choice)]
-            if near:
-                yield f"it may also be {' or '.join(near[:SHOWN])}"
+            rivals = [*self._rivals(choice)][:SHOWN]
+            if rivals:
+                near = " or ".join(repr(self.header.titles[other]) for other in rivals)
+                lines = " or ".join(self.line(column, other) for other in rivals)
+                yield f"it may also be {near}: then write {lines}"
             if column.name == "mass":
                 yield from self._doubts_of_mass(choice)
             if column.name == "mass" and _SPECIMENS.alluded(words):
-                yield "it may be the film's own mass, which is none of what hangs on it"
+                yield ("it may be the film's own mass, which is none of what hangs on it: then "
+                       f"write {column.title} = {{ value = {EXAMPLES['mass']} }}")
         if column.name == "stretch":
             yield from self._doubts_of_strain(choice)
         if column.name == "frequency" and doubts.swept(self.numbers(place), self._states("")):
@@ -692,11 +698,14 @@ class Guesses:
                             "negative: look which way they count")
         rising = self._rising(choice)
         if rising is False:
-            return "up", f"the numbers fall where {name}s rise: taken as counted the other way"
+            return "up", (f"the numbers fall where {name}s rise: taken as counted the other way; "
+                          'if they are not, write sign = "down"')
         if negative and rising is None:
-            return "up", "all numbers are negative: taken as counted the other way"
+            return "up", ("all numbers are negative: taken as counted the other way; if they are "
+                          'not, write sign = "down"')
         if negative:
-            return "down", "all numbers are negative: look which way they count"
+            return "down", ("all numbers are negative: look which way they count; if the other "
+                            'way, write sign = "up"')
         if name == "displacement" and HEIGHTS.alluded(self._headings[choice.place].words):
             return ("down" if rising else "up"), "a height: look from where and which way it counts"
         return "down", ""
