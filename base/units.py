@@ -141,7 +141,16 @@ USUAL = {name: (*fraction, _POWERS[base]) for base, names in _MULTIPLES.items()
 #: Spellings of units that people and testers use, and the unit that each stands for.
 SPELLED = {"sec": "s", "sek": "s", "sekunden": "s", "seconds": "s", "secondes": "s", "volt": "V",
            "volts": "V", "kilovolt": "kV", "kvolt": "kV", "kvolts": "kV", "gramm": "g",
-           "gram": "g", "grams": "g", "grammes": "g", "newton": "N", "hertz": "Hz"}
+           "gram": "g", "grams": "g", "grammes": "g", "newton": "N", "hertz": "Hz",
+           "kilovolts": "kV", "kv": "kV", "chilovolt": "kV", "kilovoltios": "kV", "voltios": "V",
+           "kilogram": "kg", "kilograms": "kg", "kilogramm": "kg", "kilogrammes": "kg",
+           "grammi": "g", "gramos": "g", "newtons": "N", "millinewton": "mN",
+           "millinewtons": "mN", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm",
+           "millimetres": "mm", "millimètre": "mm", "millimètres": "mm", "millimetri": "mm",
+           "milímetros": "mm", "mikrometer": "um", "micrometers": "um", "micrometres": "um",
+           "micromètres": "um", "micron": "um", "microns": "um", "milliseconds": "ms",
+           "millisekunden": "ms", "millisecondes": "ms", "minutes": "min", "minuten": "min",
+           "г": "g", "кг": "kg", "мм": "mm", "мкм": "um", "кв": "kV", "в": "V", "мн": "mN"}
 
 
 class WrongDimension(ValueError):

@@ -37,6 +37,8 @@ _BRACKETS = re.compile(r"(.*?)[\s_,/]*[\[(<]\s*([^\[\](){}<>]*?)\s*[\])>]")
 _UNIT_AND_WORDS = re.compile(r"(.*?)[\s_]*[\[(]\s*([^\s,;\[\]()]+)[\s,;]*([^\[\]()]*)[\])](.*)")
 _UNIT_LAST = re.compile(r"(.*?)(?:\s*[/,_]\s*|\s+in\s+|\s+en\s+|\s+)([^\s_,]+)")
 _UNIT_NAME = re.compile(r"[A-Za-z]+")
+#: Units that name a channel where they stand behind a word alone: "Kanal 1", "Channel A".
+_NAMES = ("1", "A", "F")
 #: Number of headings kept: a table is read several times.
 _KEPT = 4096
 #: Full-width brackets of Chinese and Japanese, and the plain ones.
@@ -79,7 +81,7 @@ def _words_and_unit(title: str) -> tuple[str, str]:
     if match:
         return plain_words(match[1]), match[2]
     match = _UNIT_LAST.fullmatch(title)
-    if match and (unit := usual_unit(match[2])):
+    if match and (unit := usual_unit(match[2])) and ("/" in title or unit not in _NAMES):
         return plain_words(match[1]), unit
     return plain_words(title), ""
 

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import unescape
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,16 @@ _SEP_LINE = re.compile(r'\ufeff?"?sep=([^\w\s"\'.+-]|\t)"?[ \t;,]*\n', re.IGNORE
 
 #: Tabs that stand together: between two cells, or a blank cell.
 _DOUBLE_TABS = re.compile(r"\t[\t ]*\t")
+
+#: A cell between blanks: a number, a date or a clock, or a mark of nothing that was read.
+_BLANK_CELL = (r"(?:[-+]?(?:0|[1-9]\d*)?(?:[.,]\d*)?(?:[eE][-+]?\d+)?(?<=[\d.,])|\d[\d:./T-]*\d|"
+               r"[nN]a[nN]|-+)")
+#: A line of such cells.
+_BLANKS = re.compile(rf" *{_BLANK_CELL}(?: +{_BLANK_CELL})+ *", re.ASCII)
+#: Marks that begin a comment in files of programs.
+COMMENT = re.compile(r"\s*(?:#+|%+|//+|;+|\*+|!+)\s*")
+#: What may stand between headings whose numbers have blanks between them, the surest first.
+_BETWEEN_HEADINGS = (re.compile(r"\s{2,}|\t"), re.compile(r"\s+"), re.compile(r"\s+(?![\[(/])"))
 
 #: First line that is not blank.
 _FIRST = re.compile(r"^(?=[ \t;,]*[^ \t;,\n]).*", re.MULTILINE)
@@ -215,14 +225,17 @@ def first_line(content: bytes) -> str:
 def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterator[Row]:
     """Read rows of text with commas, semicolons or tabs between cells, or the mark of ``sep=``.
 
-    Commas may stand in numbers where they do not separate cells. Blank lines are skipped; encodings
-    and line ends are those of :func:`decoded`. An :class:`InputError` where a number can be read in
-    two ways, unless its ``decimal`` mark is given.
+    Blanks separate cells where no other mark stands between numbers. Commas may stand in numbers
+    where they do not separate cells. Blank lines are skipped; encodings and line ends are those of
+    :func:`decoded`. An :class:`InputError` where a number can be read in two ways, unless its
+    ``decimal`` mark is given.
     """
     text = decoded(content, file)
     said = _SEP_LINE.match(text)
     if said:  # its line remains, so that the others keep their numbers
         text = "\n" + text[said.end():]
+    if not said and (columns := _between_blanks(text)):
+        text = _tabs_for_blanks(text, columns)
     mark = said[1] if said else _separator(text)
     if mark == "\t" and _DOUBLE_TABS.search(text):
         text = _single_tabs(text)
@@ -246,6 +259,24 @@ def text_rows(file: Path, content: bytes, decimal: str | None = None) -> Iterato
         yield line, row if mark == "," else [decimal_point(cell) for cell in row]
 
 
+def _between_blanks(text: str) -> int:
+    """Count the columns of a table with blanks alone between its numbers; 0 of any other text."""
+    lines = [line.rstrip("\n") for line in islice(_lines(text), _LOOKED_AT) if line.strip()]
+    widths = Counter(len(line.split()) for line in lines if _BLANKS.fullmatch(line))
+    width, count = widths.most_common(1)[0] if len(widths) == 1 else (0, 0)
+    return width if count > 1 and 2 * count >= len(lines) else 0
+
+
+def _tabs_for_blanks(text: str, columns: int) -> str:
+    """Write tabs between the cells of lines that have as many as there are columns."""
+    lines = []
+    for line in map(str.strip, text.split("\n")):
+        plain = COMMENT.sub("", line, 1) if COMMENT.match(line) else line
+        splits = (between.split(words) for words in (line, plain) for between in _BETWEEN_HEADINGS)
+        lines.append(next(("\t".join(cells) for cells in splits if len(cells) == columns), line))
+    return "\n".join(lines)
+
+
 def _single_tabs(text: str) -> str:
     """Make one tab of several between cells, if no line then has another number of cells."""
     single = _DOUBLE_TABS.sub("\t", text)
@@ -257,8 +288,20 @@ def _single_tabs(text: str) -> str:
 def _split(file: Path, text: str, mark: str) -> Iterator[Row]:
     """Split text into rows at a mark, without blank rows.
 
-    A title above all numbers is one cell if it quotes only its first words.
+    A title above all numbers is one cell if it quotes only its first words. A comment mark in a
+    cell of its own is left out where the numbers have a cell less.
     """
+    rows = _split_all(file, text, mark)
+    first = list(islice(rows, _LOOKED_AT))
+    below = next((len(cells) for _, cells in first if any(map(_NUMBER_CELL.fullmatch, cells))
+                  and not COMMENT.fullmatch(cells[0])), 0)
+    for line, cells in chain(first, rows):
+        apart = len(cells) == below + 1 > 1 and COMMENT.fullmatch(cells[0])
+        yield line, cells[1:] if apart else cells
+
+
+def _split_all(file: Path, text: str, mark: str) -> Iterator[Row]:
+    """Split text into rows, also with a comment mark in a cell of its own."""
     reader = csv.reader(_lines(text), delimiter=mark, skipinitialspace=True, strict=True)
     begin, numbers = 1, False
     while True:
@@ -503,8 +546,8 @@ def _text(cell: Any) -> str:
 
 
 FORMATS.register(Format(
-    ".csv", "text with commas, semicolons or tabs between cells, and decimal commas where no comma "
-    "stands between them; in UTF-8, UTF-16 or Windows-1252", text_rows))
+    ".csv", "text with commas, semicolons, tabs or blanks between cells, and decimal commas where "
+    "no comma stands between them; in UTF-8, UTF-16 or Windows-1252", text_rows))
 FORMATS.register(Format(
     ".xlsx", "a workbook: its sheet that is called as the file is, else its first one",
     workbook_rows, unread=_other_sheets))

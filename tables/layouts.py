@@ -27,7 +27,7 @@ from tympan.tables.column import (
     quantity_of,
     usual_unit,
 )
-from tympan.tables.formats import Row
+from tympan.tables.formats import COMMENT, Row
 
 #: Lines in which headings are searched: preambles of testers have some 60.
 SEARCHED = 200
@@ -41,7 +41,10 @@ _SHOWN = 80
 _RANGES = 4
 #: Sizes of a test piece as examples in messages.
 _SIZES = {"area": "18 mm^2", "length": "30 mm"}
+_SCALE: Rule = (lambda x: x > 0, "must be positive: sign says which way the numbers count")
 _LINE: Rule = (lambda x: x >= 1, "must be the number of a line, from 1 on")
+_TITLES: Rule = (lambda x: x >= 0, "must be the number of a line, from 1 on, or 0: no line has "
+                                   "headings, and the columns are called \"1\", \"2\", …")
 
 
 @asks
@@ -58,6 +61,12 @@ class Stated:
         "up: the file's numbers count the other way, such as heights where deflections are wanted"
         )] = "down"
     value: Annotated[str, Key("one value for the whole file, in place of a heading")] = ""
+    zero: Annotated[float, Key(
+        "the file's number where the column is 0, such as a sensor's reading of the flat film"
+        )] = 0.0
+    scale: Annotated[float | None, Key(
+        "what 1 in the file is in the unit of the name, such as 0.5 for a sensor of 0.5 mm/V; the "
+        "unit in the heading then does not count", rule=_SCALE, default="by the units")] = None
 
 
 @asks
@@ -70,7 +79,8 @@ class Layout:
 
     file: Annotated[str, Key("the file's name, where it is another one")] = ""
     titles_line: Annotated[int | None, Key(
-        "line of the headings", rule=_LINE, default="the first with known ones")] = None
+        "line of the headings; 0: there is none, and the columns are called 1, 2, …",
+        rule=_TITLES, default="the first with known ones")] = None
     skip_lines: Annotated[tuple[int, ...], Key(
         "further lines to leave out, by their numbers", rule=_LINE)] = ()
     decimal: Annotated[Literal[",", "."] | None, Key(
@@ -110,11 +120,14 @@ def _stated(table: Table, title: str) -> Stated:
         part = replace(part, data=dict(part.data) | {"value": str(part.data["value"])})
     values = {key: part.text(key) for key in ("from", "value") if key in part}
     sign = part.choice("sign", {"down": "down", "up": "up"}, "down")
+    zero = part.number("zero", default=0.0)
+    scale = part.number("scale", rule=_SCALE) if "scale" in part else None
     part.done()
     if len(values) != 1:
         raise table.error(title, 'must say where its values are: { from = "a heading" }, or one '
                                  "value for all rows: { value = … }", table.data[title])
-    return Stated(title, values.get("from", ""), sign, values.get("value", ""))  # type: ignore[arg-type]
+    return Stated(title, values.get("from", ""), sign,  # type: ignore[arg-type]
+                  values.get("value", ""), zero, scale)
 
 
 @dataclass(frozen=True)
@@ -179,6 +192,30 @@ class Header:
                 and source.place < len(cells) and not cells[source.place]]
 
 
+def first_numbers(rows: Sequence[Row]) -> int | None:
+    """Find the index of the first row with several numbers; None if there is none."""
+    return next((at for at, (_, cells) in enumerate(rows)
+                 if sum(NUMBER.fullmatch(cell) is not None for cell in cells) >= ENOUGH), None)
+
+
+def titles_above_numbers(rows: Sequence[Row]) -> int | None:
+    """Find the line of unknown headings: the first of the lines as wide directly above numbers.
+
+    Of lines behind a comment mark it is the last one. It is 0 where there is none, and None where
+    no line has numbers.
+    """
+    at = first_numbers(rows)
+    if at is None:
+        return None
+    width, lines = len(rows[at][1]), list[Row]()
+    for row in reversed(rows[:at]):
+        if len(row[1]) != width or not all(row[1]) or any(map(NUMBER.fullmatch, row[1])):
+            break
+        lines.append(row)
+    plain = [line for line, cells in lines if not COMMENT.match(cells[0])]
+    return plain[-1] if plain else lines[0][0] if lines else 0
+
+
 def in_blocks(cells: Sequence[str]) -> bool:
     """Check whether cells stand only in the first row of each block, as merged ones do."""
     return bool(cells and cells[0]) and 2 * sum(not cell for cell in cells) >= len(cells)
@@ -228,7 +265,7 @@ class Reader:
             raise InputError("is empty: a first line with the names of the columns is needed",
                              file=self.file)
         at = self._titles_at(first)
-        line, titles = first[at]
+        line, titles = self._untitled(first[at + 1]) if self.layout.titles_line == 0 else first[at]
         self._require_headings_read(line)
         titles, units = self._with_units(titles, first[at + 1:at + 2])
         without = frozenset(self.layout.skip_lines) | units
@@ -266,7 +303,7 @@ class Reader:
     def _require_headings_read(self, line: int) -> None:
         """Refuse a layout that leaves out what it needs: the line of the headings, or a column."""
         layout, key = self.layout, f"columns.{self.table}"
-        if line in layout.skip_lines:
+        if line in layout.skip_lines and layout.titles_line != 0:
             raise InputError("has the headings, which are read: leave it out of skip_lines, or say "
                              "with titles_line where the headings are", file=self.file,
                              key=f"{key}.skip_lines", given=line)
@@ -352,6 +389,11 @@ class Reader:
         """Find the index of the row with the headings, among the first ones."""
         layout = self.layout
         wanted = layout.titles_line
+        if wanted == 0:
+            if (at := first_numbers(first)) is not None:
+                return at - 1
+            raise InputError("is 0, but no line has two numbers: write the line of the headings",
+                             file=self.file, key="titles_line", given=wanted)
         if wanted is not None:
             for at, (line, _) in enumerate(first):
                 if line == wanted:
@@ -376,6 +418,11 @@ class Reader:
             if len(known) >= ENOUGH and (units, len(known)) > most:  # a title may mention columns
                 best, most = at, (units, len(known))
         return best
+
+    @staticmethod
+    def _untitled(row: Row) -> Row:
+        """Call the columns of a row of readings by their numbers, from 1 on."""
+        return row[0], [str(place + 1) for place in range(len(row[1]))]
 
     def _no_heading(self, first: Sequence[Row], headings: set[str]) -> InputError:
         best = max(first, key=lambda row: len(headings & {*row[1]}) + sum(map(self._known, row[1])))
@@ -437,7 +484,9 @@ class Reader:
                 sources.append(Source(column, None, factor, constant=stated.value))
                 continue
             place = self._place(stated.heading, line, titles)
-            sources.append(self._converted(column, place, factor, stated, titles[place]))
+            source = (self._converted(column, place, factor, stated, titles[place])
+                      if stated.scale is None else Source(column, place, factor * stated.scale))
+            sources.append(replace(source, offset=source.offset - stated.zero * source.factor))
         return sources
 
     def _place(self, heading: str, line: int, titles: Sequence[str]) -> int:

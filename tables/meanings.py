@@ -9,6 +9,25 @@ from __future__ import annotations
 
 from tympan.tables.column import CELSIUS, Meaning, plain_words
 
+#: Words of sensors and supplies, by the dimension of what they give: where theirs is the only
+#: column of that dimension, it is the quantity.
+SENSORS = {
+    "length": Meaning.of(
+        "laser, lvdt, keyence, lk g, lk h, lk, optoncdt, micro epsilon, baumer, vibrometer, "
+        "triangulation, displacement sensor, dial gauge, camera, stage, "
+        "wegsensor, messuhr, messtaster, lasersensor, abstandssensor, "
+        "capteur laser, capteur de déplacement, comparateur, "
+        "sensore laser, comparatore, sensor láser, láser, comparador"),
+    "voltage": Meaning.of(
+        "trek, heinzinger, fug, matsusada, amplifier, hv amp, power supply, supply, psu, "
+        "netzteil, hochspannungsnetzteil, verstärker, netzgerät, "
+        "alimentation, amplificateur, alimentatore, amplificatore, fuente, amplificador"),
+    "force": Meaning.of(
+        "load cell, loadcell, force sensor, force gauge, dynamometer, "
+        "wägezelle, kraftaufnehmer, kraftsensor, kraftmessdose, kraftmesser, "
+        "capteur de force, cellule de charge, dynamomètre, "
+        "cella di carico, dinamometro, celda de carga, dinamómetro"),
+    "mass": Meaning.of("waage, scale, balance, bilancia, balanza, weights, gewichte")}
 #: Headings of time.
 TIMES = Meaning.of(
     "time, elapsed time, t, "
@@ -22,7 +41,7 @@ DISPLACEMENTS = Meaning.of(
     "displacement, deflection, extension, stroke, position, crosshead, crosshead displacement, "
     "tensile extension, compressive extension, sag, travel, "
     "weg, standardweg, traversenweg, auslenkung, durchbiegung, verschiebung, wegaufnehmer, hub, "
-    "maschinenweg, prüfweg, verlängerung, absenkung, durchhang, "
+    "traverse, maschinenweg, prüfweg, verlängerung, absenkung, durchhang, "
     "déplacement, deplacement traverse, flèche, course, allongement, extension traction, "
     "affaissement, abaissement, enfoncement, "
     "spostamento, abbassamento, corsa, inflessione, cedimento, freccia, deflessione, posizione, "
@@ -72,6 +91,7 @@ LOADS = Meaning.of(
     "tillagd massa, hängande massa, 砝码, 砝碼, 负载, 附加质量, おもり, 錘, omori", "g")
 #: Headings of the voltage set at a supply, in tables that also have the measured one.
 SET_VOLTAGES = Meaning.of(
+    "vset, u set, uset, v prog, vprog, hv set, set hv, hv soll, usoll, soll, set, "
     "set voltage, voltage set, voltage setpoint, setpoint, set point, target voltage, v set, "
     "command voltage, commanded voltage, programmed voltage, "
     "sollspannung, spannung soll, u soll, eingestellte spannung, tension consigne, consigne, "
@@ -202,7 +222,7 @@ OTHER_READINGS = Meaning.of(
     "zero, offset, null, nullwert, nullpunkt, reference, referenz, zéro, cero, nul, "
     "tare, tara, net, netto, gross, brutto, raw, roh, brut, corrected, korrigiert, corrigé, "
     "true, cauchy, wahre, wahr, vraie, vera, vero, verdadera, verdadeira, rate, geschwindigkeit, "
-    "angular, kreisfrequenz, omega, ω, pulsation, monitor, step, schritt, range, "
+    "angular, kreisfrequenz, omega, ω, pulsation, step, schritt, range, "
     "change, änderung, delta, Δ, difference, differenz, preload, vorkraft, vorlast, précharge")
 #: Headings of heights and distances of a sensor, which fall as a plate sinks.
 HEIGHTS = Meaning.of(

@@ -1,8 +1,9 @@
 """Tables as laboratories have them: what a draft makes of each, and whether anything is silent.
 
 ``python -m benchmarks.trials.lab_drafts [WORD]`` makes the draft of each table in ``lab_tables/``,
-of those whose name or file has the WORD, and reads it twice: as it is, and with every marked line
-as the writer of the table means it. What was read is compared with what the writer means.
+of those whose name, file or group has the WORD, and reads it twice: as it is, and with every
+marked line as the writer of the table means it. What was read is compared with what the writer
+means.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class LabTable:
     ``films``: names of the specimens whose files stand beside it; ``kind``: the file of a dataset
     it stands for; ``meant``: its values by column, SI; ``answers``: lines the writer puts in place
     of marked ones, by column or key; ``unstatable``: what no line can state, so that whoever sees
-    the mark has to change the table.
+    the mark has to change the table; ``group``: the file of ``lab_tables/`` it is in.
     """
 
     name: str
@@ -60,6 +61,7 @@ class LabTable:
     meant: Mapping[str, Sequence[float | str]]
     answers: Mapping[str, str]
     unstatable: frozenset[str]
+    group: str
 
 
 @dataclass(frozen=True)
@@ -78,11 +80,11 @@ class Judged:
 
 def lab_tables() -> list[LabTable]:
     """All tables."""
-    return [_table(entry) for file in sorted(TABLES.glob("*.toml"))
+    return [_table(entry, file.stem) for file in sorted(TABLES.glob("*.toml"))
             for entry in tomllib.loads(file.read_text("utf-8"))["table"]]
 
 
-def _table(entry: Mapping[str, Any]) -> LabTable:
+def _table(entry: Mapping[str, Any], group: str) -> LabTable:
     (kind, meant), = entry["meant"].items()
     rows = max(len(values) for values in meant.values() if isinstance(values, list))
     answers = dict(entry.get("answers", {}))
@@ -91,7 +93,7 @@ def _table(entry: Mapping[str, Any]) -> LabTable:
                else entry["text"].encode(entry.get("encoding", "utf-8")))
     return LabTable(entry["name"], entry["file"], content, tuple(entry["films"]), kind,
                     dict(_si(kind, title, values, rows) for title, values in meant.items()),
-                    answers, unstatable)
+                    answers, unstatable, group)
 
 
 def _si(kind: str, title: str, values: Any, rows: int) -> tuple[str, list[float | str]]:
@@ -245,7 +247,7 @@ def _marks(text: str, kind: str) -> Iterator[tuple[str, str]]:
 def _corrected(text: str, marked: Mapping[str, str], table: LabTable) -> str:
     """A draft with the writer's lines in place of marked ones, which are kept if there is none."""
     for name, line in marked.items():
-        if not line:
+        if not line or name == "kind":  # its answer is that of the command
             continue
         kept = line.partition("  # ")[0] if not line.startswith("#") else ""
         text = text.replace(f"{line}\n", f"{table.answers.get(name, kept)}\n")
@@ -257,7 +259,7 @@ def main() -> int:
     word = sys.argv[1] if len(sys.argv) > 1 else ""
     counts = Counter[str]()
     for table in lab_tables():
-        if word not in table.name + table.file:
+        if word not in table.name + table.file + table.group:
             continue
         with tempfile.TemporaryDirectory() as folder:
             verdict = judged(table, Path(folder))

@@ -417,10 +417,14 @@ def _unloaded(sheet: Sheet, alone: Sequence[str]) -> Sheet:
 def _guesses(about: Path) -> list[str]:
     """List lines of a draft that were to be corrected, and still say so."""
     lines = about.read_text(encoding="utf-8").splitlines()
-    return [f"{about.name}, line {number}: {line.partition(GUESS)[0].strip(' #')!r} is a guess of "
-            f"the draft: {line.partition(GUESS)[2].strip()}. Correct the line, then delete the "
-            f"words {GUESS}"
-            for number, line in enumerate(lines, 1) if GUESS in line]
+    found = []
+    for number, line in enumerate(lines, 1):
+        stated, guess, why = line.partition(GUESS)
+        if guess:
+            what = f"{stated.strip(' #')!r} is a guess of the draft: " if stated.strip(" #") else ""
+            found.append(f"{about.name}, line {number}: {what}{why.strip(' .')}. Correct the line, "
+                         f"then delete the words {GUESS}")
+    return found
 
 
 def _layouts(table: Table, key: str) -> dict[str, Layout]:

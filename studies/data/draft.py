@@ -20,13 +20,22 @@ from tympan.fem.film.library import load_specimen
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data.coupon import MODES, named_mode
 from tympan.studies.data.dataset import FILES, GUESS
-from tympan.studies.data.guesses import SHOWN, ColumnChoice, Guesses
+from tympan.studies.data.guesses import EXAMPLES, SHOWN, ColumnChoice, Guesses
 from tympan.studies.data.preamble import stated_specimen
 from tympan.studies.files import write_text
 from tympan.tables.cell_units import with_units_above
-from tympan.tables.column import NUMBER, Column
+from tympan.tables.column import NUMBER, Column, Heading, quantity_of
 from tympan.tables.formats import DECIMAL_COMMA, Row, TwoMarks, read_rows, unread
-from tympan.tables.layouts import ENOUGH, SEARCHED, Header, Layout, Reader, Source, in_blocks
+from tympan.tables.layouts import (
+    ENOUGH,
+    SEARCHED,
+    Header,
+    Layout,
+    Reader,
+    Source,
+    in_blocks,
+    titles_above_numbers,
+)
 
 #: Kinds of files that are guessed; of equally good ones the first is taken.
 _KINDS = ("static", "transient", "force", "coupon", "frequency", "range")
@@ -90,6 +99,14 @@ class Draft:
         return float("inf") if self.stated else self.guesses.score
 
     @property
+    def likely(self) -> bool:
+        """Whether a table without known headings may be of this kind."""
+        known = any(choice.column.name in ("force", "frequency", "range")
+                    for choice in self.guesses.choices.values() if choice.by != "numbers")
+        return known or self.guesses.kind in (
+            ("coupon",) if named_mode(self.file) else ("static", "transient"))
+
+    @property
     def text(self) -> str:
         """The lines of a dataset.toml.
 
@@ -136,7 +153,13 @@ class Draft:
     def _about(self) -> Iterator[str]:
         if self._named(self.file) != f"{self.guesses.kind}.csv":
             yield f"file = {_quoted(self._named(self.file))}"
-        yield f"titles_line = {self.header.line}  # the first line with known headings"
+        if self.guesses.untitled:
+            yield ("titles_line = 0  # no line has headings: the columns are called "
+                   f'"1" to "{len(self.header.titles)}"')
+        else:
+            yield f"titles_line = {self.header.line}  # " + (
+                "the line above the numbers" if self.guesses.asked
+                else "the first line with known headings")
         if self.decimal:
             yield f"decimal = {_quoted(self.decimal.mark)}  # {_CORRECT}{self.decimal.why}"
         yield from self._skipped()
@@ -155,14 +178,16 @@ class Draft:
     def _skipped(self) -> Iterator[str]:
         """Write the lines that are summaries, and those that another column excludes."""
         sums, uncounted = self.guesses.summaries, self.guesses.uncounted
+        wordy = self.guesses.wordy
         said = list(dict.fromkeys(sums.values()))[:SHOWN]
-        why = f"lines that sum others up: {', '.join(said)}" if said else ""
-        doubts = "; ".join(list(dict.fromkeys(uncounted.values()))[:SHOWN])
-        if sums or uncounted:
-            lines = ", ".join(map(str, sorted({*sums, *uncounted})))
+        why = ["words below the headings"] * bool(wordy)
+        why += [f"lines that sum others up: {', '.join(said)}"] * bool(said)
+        doubts = list(dict.fromkeys(uncounted.values()))[:SHOWN]
+        if sums or uncounted or wordy:
+            lines = ", ".join(map(str, sorted({*sums, *uncounted, *wordy})))
             yield f"skip_lines = [{lines}]  # " + (
                 f"{_CORRECT}look whether they are readings: " * bool(doubts)
-                + "; ".join(filter(None, (doubts, why))))
+                + "; ".join((*doubts, *why)))
 
     def _columns(self) -> Iterator[str]:
         sources, choices = self.guesses.sources, self.guesses.choices
@@ -281,14 +306,26 @@ class Draft:
             return f"{line}{where} says it"
         stated = self.guesses.stated(column.dimension) if column.unit else []
         values = {float(f"{one.value / column.factor(column.title):.9g}") for one in stated}
+        places = self.guesses.candidates(column)
         value = (f"{values.pop():.9g}" if len(values) == 1
-                 else "0" if column.name == "voltage" and not values else '"?"')
-        said = [one.text for one in stated][:SHOWN]
-        names = [repr(self.header.titles[place]) for place in self.guesses.candidates(column)]
-        said += [f"it may be {' or '.join(names[:SHOWN])}"] * bool(names)
-        return (f"{column.title} = {{ value = {value} }}  # {_CORRECT}no heading says it; "
-                + "".join(f"{words}; " for words in said)
-                + "the value of the whole file, or the heading")
+                 else "0" if column.name == "voltage" and not values and not places else '"?"')
+        said = ["no heading says it", *(one.text for one in stated[:SHOWN])]
+        lines = self.guesses.lines_for(column)
+        if places:
+            said[0] = f"several columns have a {column.dimension}"
+        if value == '"?"':
+            ways = [*lines[:SHOWN]] or [f'{column.title} = "its heading"']
+            if column.name in EXAMPLES:
+                ways += [f"{column.title} = {{ value = {EXAMPLES[column.name]} }}, if it never "
+                         "changes"]
+            said += [f"write {' or '.join(ways)}"]
+            said += [f"scale is what 1 in its column is in {column.unit}"] * (
+                "scale = " in said[-1])
+        else:
+            heading = next((line for line in lines if "scale" not in line),
+                           f'{column.title} = "its heading"')
+            said += [f"if it is another value, write that one; if it changes, write {heading}"]
+        return f"{column.title} = {{ value = {value} }}  # {_CORRECT}{'; '.join(said)}"
 
     def _size(self, size: str) -> str:
         sizes = self.guesses.sizes
@@ -304,7 +341,7 @@ class Draft:
         """List cells in columns of numbers that are no numbers, and marks of a value above."""
         choices = self.guesses.choices.values()
         needed = any(choice.column.required for choice in choices)
-        words = {cell for choice in choices for cell in set(self.guesses.cells(choice.place))
+        words = {cell for choice in choices for cell in set(self.guesses.read(choice.place))
                  if not any(mark.isdigit() for mark in cell) and (cell or needed)}
         return sorted(words | self.header.missing)
 
@@ -385,23 +422,34 @@ def draft(file: Path | str, kind: str | None = None, folder: Path | None = None)
     specimens = _specimens_in(file.parent) or _specimens_in(folder)
     left = unread(file, file_bytes(file))
 
-    def guessed(kinds: Sequence[str], some: Sequence[Row]) -> list[Draft]:
+    def guessed(kinds: Sequence[str], some: Sequence[Row], titles: int | None = None
+                ) -> list[Draft]:
         """List drafts of the kinds that rows of the table may be."""
-        return [Draft(Guesses(file, name, header, tuple(some), specimens), decimal, folder,
-                      name in (kind, file.stem.lower()), left)
-                for name in kinds if (header := _header(file, name, some)) is not None]
+        return [Draft(Guesses(file, name, header, tuple(some), specimens, titles is not None),
+                      decimal, folder, name in (kind, file.stem.lower()), left)
+                for name in kinds if (header := _header(file, name, some, titles)) is not None]
 
-    taken = guessed(_KINDS if kind is None else (kind,), rows[:_JUDGED])
+    kinds, titles = _KINDS if kind is None else (kind,), None
+    taken = guessed(kinds, rows[:_JUDGED])
     if not taken:
-        raise InputError("has no line with two known headings, such as Weg (mm) or Voltage (kV): "
-                         f"give the columns such names{_hint(rows)}", file=file)
+        titles, hint = titles_above_numbers(rows[:SEARCHED]), _hint(rows)
+        if hint or titles is None:
+            raise InputError("has no line with two known headings, such as Weg (mm) or Voltage "
+                             f"(kV): give the columns such names{hint}", file=file)
+        taken = guessed(kinds, rows[:_JUDGED], titles)
+        taken = [one for one in taken if one.stated or one.likely] or taken
     best = max(taken, key=lambda one: one.score)
-    return best if len(rows) <= _JUDGED else guessed((best.guesses.kind,), rows)[0]
+    return best if len(rows) <= _JUDGED else guessed((best.guesses.kind,), rows, titles)[0]
 
 
 def _hint(rows: Sequence[Row]) -> str:
     """Advise on a table whose headings are not known; "" without any advice."""
     first = [cells for _, cells in rows[:SEARCHED]]
+    lying = [cells for cells in first if len(cells) > ENOUGH and quantity_of(
+        Heading.of(cells[0]).unit) and all(map(NUMBER.fullmatch, cells[1:]))]
+    if len(lying) >= ENOUGH:
+        return ("; its quantities stand in lines: turn it, so that each stands in a column (in a "
+                "spreadsheet: copy, paste special, transpose)")
     if sum(len(cells) == 1 and bool(_BLANKS.search(cells[0])) for cells in first) > len(first) / 2:
         return ("; blanks stand between them: save the table with commas, semicolons or tabs "
                 "between the columns")
@@ -430,7 +478,7 @@ def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
         rows = tuple(with_units_above(read_rows(file, content)))
     except TwoMarks as error:
         decimal = Decimal("." if "," in str(error.given) else ",", "numbers have both marks; the "
-                          "other one is taken to separate thousands")
+                          "other one is taken to separate thousands; if it is not, write that one")
     else:
         marked = [cell for _, cells in rows for cell in cells if "," in cell or "." in cell]
         if not (any(map(DECIMAL_COMMA.fullmatch, marked)) and not any(
@@ -440,16 +488,20 @@ def _rows(file: Path) -> tuple[tuple[Row, ...], Decimal | None]:
     return tuple(with_units_above(read_rows(file, content, decimal.mark))), decimal
 
 
-def _header(file: Path, kind: str, rows: Sequence[Row]) -> Header | None:
-    """Find the header of a table if it is of that kind, even if columns are missing."""
+def _header(file: Path, kind: str, rows: Sequence[Row], titles: int | None = None
+            ) -> Header | None:
+    """Find the header of a table if it is of that kind, even if columns are missing.
+
+    ``titles``: the line of headings that are not known, 0 if there is none.
+    """
     columns = [replace(column, required=False) for column in FILES[f"{kind}.csv"]]
-    whole = Layout(area=1.0, length=1.0)
+    whole = Layout(area=1.0, length=1.0, titles_line=titles)
     reader = Reader(file, columns, whole, lenient=True)
     try:
         header = reader.header(rows)
     except InputError:
         return None
-    if len(reader.known(header.titles)) < ENOUGH:
+    if titles is None and len(reader.known(header.titles)) < ENOUGH:
         return None
     wanted = {column.name: column for column in FILES[f"{kind}.csv"]}
     sources = tuple(replace(source, column=wanted[source.column.name])

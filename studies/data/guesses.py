@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,10 +16,12 @@ import numpy as np
 from tympan.base.arrays import Array, Numbers
 from tympan.geometry.specimen import Specimen
 from tympan.studies.data import doubts
+from tympan.studies.data.by_numbers import counts_rows, guessed_by_numbers, likely_unit
 from tympan.studies.data.coupon import named_mode
 from tympan.studies.data.dataset import FILES
 from tympan.studies.data.preamble import (
     Statement,
+    explained_columns,
     named_quantities,
     stated_quantities,
     stated_sizes,
@@ -31,6 +34,7 @@ from tympan.tables.meanings import (
     NO_READINGS,
     OTHER_READINGS,
     RANGES,
+    SENSORS,
     SET_VOLTAGES,
     SPECIMENS,
     STRETCHES,
@@ -47,7 +51,8 @@ _STEPS = 3
 #: Penalty of a missing column of numbers, relative to the score of a column that was found.
 _MISSED = 1.0
 #: Score of a column by what it is recognised by; a column that the reader finds counts 1.
-_HALF = {"words": 0.0, "no unit": 0.6, "other unit": 0.6, "unit": 0.5}
+_HALF = {"words": 0.0, "no unit": 0.6, "other unit": 0.6, "unit": 0.5, "above": 0.4,
+         "numbers": 0.0}
 #: Penalty of a table of an unlikely kind: more than that of a missing column.
 _UNLIKELY = 1.5
 #: Most headings and lines that a doubt lists.
@@ -57,7 +62,7 @@ _SURE = TOTALS.words | SET_VOLTAGES.words
 #: Words for specimens.
 _SPECIMENS = Meaning.of(SPECIMENS)
 #: A factor in a heading: "x100", "1/100 mm", "10^3".
-_FACTOR = re.compile(r"[x×*]\s*10|10\s*\^|1/10|/\s*10|\b1?[eE][+-]?\d\b")
+_FACTOR = re.compile(r"[x×*]\s*10|10\s*\^|(?<!\d)1/10|(?<!\d)\s*/\s*10|\b1?[eE][+-]?\d\b")
 #: Words in headings of a range, also after a unit: "kVpp".
 _PEAKS = re.compile(r"(?:\b|V)pp\b|\bp-p\b|pk-pk|peak.to.peak|spitze.spitze|crête.à.crête",
                     re.IGNORECASE)
@@ -70,8 +75,15 @@ _UNUSUAL = 3.0
 _NUMBERED = 20
 #: Stretch below which strains may be meant.
 _SHORT = 0.95
+#: Values that lines of a draft have as examples, in the unit of the column's title.
+EXAMPLES = {"mass": 17.9, "voltage": 3}
+#: Units that a question about a guessed column names.
+OTHER_UNITS = {"mass": ("g", "kg"), "voltage": ("kV", "V"), "displacement": ("mm", "um"),
+               "force": ("mN", "N"), "t": ("s", "ms")}
 #: Columns of numbers that define a state.
 _STATE = ("mass", "voltage", "voltage_min", "voltage_max", "t")
+#: Least largest voltage of a film's column [V]: less moves no film, and may be a sensor's.
+_HIGH = 50.0
 #: Columns along which the numbers of another one rise, by kind of table, the surest first.
 _RISES = {("static", "displacement"): ("voltage", "mass"),
           ("transient", "displacement"): ("voltage",),
@@ -80,24 +92,29 @@ _RISES = {("static", "displacement"): ("voltage", "mass"),
 _FROM_FLAT = ("static", "transient")
 
 
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
 @dataclass(frozen=True)
 class ColumnChoice:
     """A column of numbers that is taken for one of ours: its index, and by what.
 
     "words": words and unit of its heading, "no unit": its words alone, "unit": its unit alone,
-    "other unit": its words, although its unit does not fit.
+    "other unit": its words, although its unit does not fit, "above": what a line above the headings
+    says, "numbers": its numbers alone.
     """
 
     column: Column
     place: int
-    by: Literal["words", "no unit", "unit", "other unit"]
+    by: Literal["words", "no unit", "unit", "other unit", "above", "numbers"]
 
 
 @dataclass(frozen=True)
 class Guesses:
     """Guesses of a table of a ``kind``, from its header and rows.
 
-    ``specimens`` are those whose files are near.
+    ``specimens`` are those whose files are near; ``asked``: whether its headings are not known.
     """
 
     file: Path
@@ -105,6 +122,7 @@ class Guesses:
     header: Header
     rows: tuple[Row, ...]
     specimens: Mapping[Path, Specimen]
+    asked: bool = False
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
@@ -138,6 +156,10 @@ class Guesses:
         """List the cells of a column."""
         return [cells[place] for _, cells in self.below]
 
+    def read(self, place: int) -> list[str]:
+        """List the cells of a column that are read, below lines of words."""
+        return [cells[place] for line, cells in self.below if line not in self.wordy]
+
     def numbers(self, place: int) -> Array:
         """Read the numbers of a column, nan where there is none."""
         if place not in self._numbers:
@@ -160,6 +182,13 @@ class Guesses:
         """Columns that the reader finds by itself, by name, if their cells fit."""
         return {source.column.name: source for source in self.header.sources
                 if source.place not in self.others}
+
+    @cached_property
+    def wordy(self) -> list[int]:
+        """Lines directly below the headings that have words alone, such as makes of sensors."""
+        first = next((number for number, (_, cells) in enumerate(self._every)
+                      if any(map(NUMBER.fullmatch, cells))), 0)
+        return [line for line, _ in self._every[:first]]
 
     @cached_property
     def others(self) -> frozenset[int]:
@@ -216,6 +245,30 @@ class Guesses:
         said = [cell for cell in self.cells(place) if any(mark.isdigit() for mark in cell)]
         return 2 * sum(NUMBER.fullmatch(cell) is None for cell in said) > len(said)
 
+    @property
+    def numeric(self) -> list[int]:
+        """Indices of unknown columns of numbers that are not chosen."""
+        taken = {choice.place for choice in self.choices.values()}
+        return [place for place in self.unknown if place not in taken and not
+                self._is_no_number(place) and np.isfinite(self.numbers(place)).any()]
+
+    def lines_for(self, column: Column) -> list[str]:
+        """List lines that may read a missing column: from its unit, or from a scale of it."""
+        others = [place for place in self.numeric
+                  if self._reads(place) and not counts_rows(self.numbers(place))]
+        return [self.line(column, place) for place in self.candidates(column) or others]
+
+    def line(self, column: Column, place: int, more: str = "") -> str:
+        """Write the line that reads a column from a heading, with a scale if its unit differs."""
+        title, unit = self.header.titles[place], usual_unit(self._headings[place].unit) or ""
+        key = f"{column.name}_{unit}"
+        if not (unit.isalpha() and column.claims(key)
+                and self._dimensions[place] == column.dimension):
+            key = column.title
+            more = more or ", scale = 1" * bool(self._dimensions[place])
+        return (f"{key} = {{ from = {_quoted(title)}{more} }}" if more
+                else f"{key} = {_quoted(title)}")
+
     @cached_property
     def unknown(self) -> list[int]:
         """Indices of the columns whose headings are not known."""
@@ -264,7 +317,41 @@ class Guesses:
                 found[column.name] = ColumnChoice(column, by_unit, "unit")
             elif named:
                 found[column.name] = ColumnChoice(column, named[0], "other unit")
-        return found
+            elif (above := self._by_line_above(column, free)) is not None:
+                found[column.name] = ColumnChoice(column, above, "above")
+        return found | self._by_numbers(found) if self.asked else found
+
+    def _by_line_above(self, column: Column, free: Sequence[int]) -> int | None:
+        """Find the column that a line above the headings explains as this one."""
+        said = {place: Heading.of(self.explained[place][1]) for place in free
+                if place in self.explained}
+        fits = [place for place, heading in said.items()
+                if quantity_of(heading.unit) == column.dimension and column.dimension]
+        fits = [place for place in fits if column.alludes(said[place].words)] or fits
+        return fits[0] if len(fits) == 1 else None
+
+    @cached_property
+    def explained(self) -> dict[int, tuple[int, str]]:
+        """Lines above the headings that say what unknown columns are, and their words."""
+        return explained_columns(self.above, self.header.titles, self.untitled)
+
+    @property
+    def untitled(self) -> bool:
+        """Whether no line has headings: the columns are called by their numbers."""
+        return self.header.titles == tuple(str(place + 1)
+                                           for place in range(len(self.header.titles)))
+
+    def _by_numbers(self, found: Mapping[str, ColumnChoice]) -> dict[str, ColumnChoice]:
+        """Choose columns by their numbers for those that are missing yet."""
+        taken = {choice.place for choice in found.values()}
+        missing = {column.name: column for column in self._missing if column.name not in found}
+        free = {place: self.numbers(place) for place in self.unknown
+                if place not in taken and not self._is_no_number(place)
+                and not self._dimensions[place] and self._headings[place].words not in TIMES.words}
+        if [*stated_quantities(self.above, "mass"), *named_quantities(self.file, "mass")]:
+            missing.pop("mass", None)
+        return {name: ColumnChoice(missing[name], place, "numbers")
+                for name, place in guessed_by_numbers(missing, free).items()}
 
     def _named(self, column: Column, free: Sequence[int]) -> list[int]:
         """List columns that are recognised by words and not by a unit, exact words first."""
@@ -296,7 +383,11 @@ class Guesses:
         """Find words in a heading that mark another quantity than the column's, "" if none."""
         title = self.header.titles[place]
         if _FACTOR.search(title):
-            return "the heading has a factor, which is not read: write numbers without it"
+            return "the heading has a factor, which is not read"
+        if (self._dimensions[place] == "mass"
+                and SENSORS["force"].alluded(self._headings[place].words)):
+            return ("a force sensor in units of a mass: if a tester moved the plate, draft the "
+                    "table again with --kind force")
         if OTHER_READINGS.alluded(self._headings[place].words):
             return "by its words it may be another quantity"
         return ""
@@ -312,8 +403,9 @@ class Guesses:
         missed = sum(name not in self.choices for name in needed)
         unlikely = (self.kind == "transient" and len(self.below) < _RUN
                     and not (doubts.quick(self._times) and doubts.even(self._times)),
-                    self.kind == "coupon" and self.of_a_plate)
-        return (found + half - _MISSED * missed
+                    self.kind == "coupon" and self.of_a_plate,
+                    self.kind == "force" and self.of_a_strip)
+        return (found + half - _MISSED * missed * (not self.asked)
                 - _UNLIKELY * sum(unlikely) + 0.1 * len(self.sources))
 
     @cached_property
@@ -328,7 +420,7 @@ class Guesses:
     @property
     def of_a_tester(self) -> bool:
         """Whether it has forces and displacements, as tests of strips and of plates have."""
-        return ({"displacement", "force"} <= {*self.sources} if self.kind == "force"
+        return ({"displacement", "force"} <= {*self.choices} if self.kind == "force"
                 else any(source.per == "area" for source in self.sources.values()))
 
     @property
@@ -353,7 +445,7 @@ class Guesses:
     @cached_property
     def above(self) -> tuple[Row, ...]:
         """The rows above the headings."""
-        return self.rows[:self.header.above]
+        return self.rows[:self.header.above + self.untitled]
 
     @cached_property
     def sizes(self) -> dict[str, float]:
@@ -381,6 +473,10 @@ class Guesses:
 
     def unit_of(self, choice: ColumnChoice) -> str:
         """Find the unit of a column's numbers, "" where only the key gives it."""
+        if choice.by == "above":
+            return usual_unit(Heading.of(self.explained[choice.place][1]).unit) or ""
+        if choice.by == "numbers":
+            return likely_unit(choice.column.name, self.numbers(choice.place))
         return (usual_unit(self._headings[choice.place].unit) or ""
                 if choice.by in ("words", "unit") else self.unit_beside(choice)[0])
 
@@ -388,23 +484,43 @@ class Guesses:
         """Yield reasons against a choice, or for another one."""
         column, place = choice.column, choice.place
         title, words = self.header.titles[place], self._headings[place].words
+        if choice.by == "numbers":
+            yield self._asks_by_numbers(choice)
+            return
+        if choice.by == "above":
+            line, said = self.explained[place]
+            yield f"line {line} says {said!r}"
         if choice.by in ("no unit", "other unit"):
             unit, where = self.unit_beside(choice)
             yield ("the heading has no unit that fits; " + (f"taken is {unit!r}, as {where}" if unit
-                   else "the unit is that of the key"))
+                   else f"the unit is that of the key{self._other_unit(choice)}"))
         elif choice.by == "unit":
             other = self._of_something_else(place)
-            if other or not column.alludes(words) or column.name == "voltage_max":
+            if other or column.name == "voltage_max":
+                scaled = f": write it as {self.line(column, place, ', scale = 100')}"
                 yield (f"the only column in a unit of {column.dimension}"
-                       + (f"; {other}" if other else ", its words are not known"))
+                       + f"; {other}" * bool(other) + scaled * bool(_FACTOR.search(title)))
+            elif not self._is_certain(choice):
+                yield (f"the only column in a unit of {column.dimension}, but its words are not "
+                       f"known: look whether {title!r} is the {column.name}; if not, write "
+                       "another heading")
+        if column.name in ("voltage", "voltage_max") and choice.by in ("words", "unit"):
+            most = float(np.nan_to_num(np.abs(self._si(choice))).max(initial=0.0))
+            if 0.0 < most < _HIGH:
+                scaled = f"{column.title} = {{ from = {_quoted(title)}, scale = 1 }}"
+                yield (f"at most {most:.3g} V move no film; if a monitor shows 1 V for 1 kV, write "
+                       f"{scaled}")
         if words not in _SURE and not column.claims(title):
-            near = [repr(self.header.titles[other]) for other in self._rivals(choice)]
-            if near:
-                yield f"it may also be {' or '.join(near[:SHOWN])}"
+            rivals = [*self._rivals(choice)][:SHOWN]
+            if rivals:
+                near = " or ".join(repr(self.header.titles[other]) for other in rivals)
+                lines = " or ".join(self.line(column, other) for other in rivals)
+                yield f"it may also be {near}: then write {lines}"
             if column.name == "mass":
                 yield from self._doubts_of_mass(choice)
             if column.name == "mass" and _SPECIMENS.alluded(words):
-                yield "it may be the film's own mass, which is none of what hangs on it"
+                yield ("it may be the film's own mass, which is none of what hangs on it: then "
+                       f"write {column.title} = {{ value = {EXAMPLES['mass']} }}")
         if column.name == "stretch":
             yield from self._doubts_of_strain(choice)
         if column.name == "frequency" and doubts.swept(self.numbers(place), self._states("")):
@@ -414,6 +530,60 @@ class Guesses:
             yield from filter(None, [self.sign(choice)[1]])
         if column.name == "displacement" and self.kind in _FROM_FLAT:
             yield from self._doubts_of_zero(choice)
+
+    def _is_certain(self, choice: ColumnChoice) -> bool:
+        """Check whether a column is known by its words, or by its numbers as well as by its unit.
+
+        They count if masses, voltages and deflections are those of a film that stands here.
+        """
+        dimension, words = choice.column.dimension, self._headings[choice.place].words
+        if choice.column.alludes(words):
+            return True
+        if choice.column.name == "voltage" and not (self._si(choice) >= _HIGH).any():
+            return False
+        sensors = SENSORS.get(dimension)
+        return (sensors is not None and sensors.alluded(words)) or self._is_of_a_film
+
+    @cached_property
+    def _is_of_a_film(self) -> bool:
+        """Whether deflections are those of masses and voltages on a film that stands here."""
+        moved = self.choices.get("displacement")
+        if self.kind not in _FROM_FLAT or moved is None or not {"mass", "voltage"} <= {
+                *self.choices} or self.bare or not self.specimens:
+            return False
+        voltage, mass = self._of("voltage"), self._of("mass")
+        return (voltage is not None and mass is not None and self._rising(moved) is not None
+                and bool(np.nan_to_num(np.abs(voltage)).max() > 0 and (mass > 0).any())
+                and not any(self._doubts_of_zero(moved)))
+
+    def _other_unit(self, choice: ColumnChoice) -> str:
+        """Say what to write where the numbers of a column have another unit than its key."""
+        column, title = choice.column, self.header.titles[choice.place]
+        if choice.by == "no unit":
+            keys = (f"{column.name}_{unit}" for unit in OTHER_UNITS.get(column.name, ()))
+            key = next((key for key in keys if key != column.title), "")
+            return f"; if it is another, write {key} = {_quoted(title)}" if key else ""
+        if not column.unit:
+            return ""
+        return (f"; if 1 in the table is 25 {column.unit}, write "
+                + self.line(column, choice.place, ", scale = 25"))
+
+    def _asks_by_numbers(self, choice: ColumnChoice) -> str:
+        """Ask about a column that is chosen by its numbers, with what else to write."""
+        name, values = choice.column.name, self.numbers(choice.place)
+        key = f"{name}_{self.unit_of(choice)}" if self.unit_of(choice) else choice.column.title
+        other = next((self.header.titles[place] for place in self.unknown
+                      if place != choice.place and not self._is_no_number(place)), "")
+        units = (f"{name}_{unit}" for unit in OTHER_UNITS.get(name, ()))
+        unit = next((other for other in units if other != key), "")
+        ways = [f"{key} = {_quoted(other)} (another heading)"] * bool(other)
+        ways += [f"{unit} = {_quoted(self.header.titles[choice.place])} (another unit)"
+                 ] * bool(unit)
+        if name in EXAMPLES:
+            ways.append(f"{choice.column.title} = {{ value = {EXAMPLES[name]} }} (one value for "
+                        "all rows)")
+        return (f"guessed by its numbers, {np.nanmin(values):g} to {np.nanmax(values):g}; if it is "
+                f"not the {name} in {key.removeprefix(f'{name}_')}, write " + ", or ".join(ways))
 
     def _rivals(self, choice: ColumnChoice) -> Iterator[int]:
         """Yield other columns in a unit of the same kind that may be meant."""
@@ -458,7 +628,7 @@ class Guesses:
         elif (self.kind == "static" and mass is not None
               and doubts.hardly_grow(values, mass, self._states("mass"))):
             yield ("it hardly grows with the mass, but deflections count from the flat film, "
-                   "before anything hangs on it")
+                   f"before anything hangs on it; {self._with_zero(choice)}")
         elif mass is not None and self.kind in _FROM_FLAT:
             yield from self._doubts_of_size(choice)
 
@@ -481,7 +651,14 @@ class Guesses:
             first = int(np.flatnonzero(loaded)[0])
             yield (f"line {self.below[int(rows[first])][0]} has {1e3 * deflections[first]:.3g} mm, "
                    f"where this mass pulls {films[0].name} down by some "
-                   f"{1e3 * usual[0][first]:.2g} mm: look at zero, unit and mass")
+                   f"{1e3 * usual[0][first]:.2g} mm: look at unit and mass; "
+                   + self._with_zero(choice))
+
+    def _with_zero(self, choice: ColumnChoice) -> str:
+        """Advise to write the number of the flat film."""
+        more = f', sign = "{self.sign(choice)[0]}", zero = 50'
+        return ("if the flat film has not 0 but 50 there, write "
+                + self.line(choice.column, choice.place, more))
 
     def _si(self, choice: ColumnChoice) -> Array:
         """Convert numbers of a choice to SI."""
@@ -521,11 +698,14 @@ class Guesses:
                             "negative: look which way they count")
         rising = self._rising(choice)
         if rising is False:
-            return "up", f"the numbers fall where {name}s rise: taken as counted the other way"
+            return "up", (f"the numbers fall where {name}s rise: taken as counted the other way; "
+                          'if they are not, write sign = "down"')
         if negative and rising is None:
-            return "up", "all numbers are negative: taken as counted the other way"
+            return "up", ("all numbers are negative: taken as counted the other way; if they are "
+                          'not, write sign = "down"')
         if negative:
-            return "down", "all numbers are negative: look which way they count"
+            return "down", ("all numbers are negative: look which way they count; if the other "
+                            'way, write sign = "up"')
         if name == "displacement" and HEIGHTS.alluded(self._headings[choice.place].words):
             return ("down" if rising else "up"), "a height: look from where and which way it counts"
         return "down", ""
@@ -554,6 +734,11 @@ class Guesses:
 
     def doubts_of_kind(self) -> Iterator[tuple[str, str, str]]:
         """Yield doubts about the kind: its reading, a question, the kind if the answer is yes."""
+        if self.asked:
+            known = {"static": "states of a plate at rest", "transient": "a run in time"}
+            yield (f"no heading of the table is known: taken as {known.get(self.kind, self.kind)}",
+                   "If not, draft it again (force, coupon, frequency and range are kinds, too)",
+                   "static" if self.kind == "transient" else "transient")
         if self.of_a_tester and "voltage" not in self.choices and not self.of_a_strip:
             what, kind, of = (("the plate of an actuator", "coupon", "a strip of film")
                               if self.kind == "force"

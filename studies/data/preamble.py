@@ -21,6 +21,8 @@ _SPLIT = re.compile(r"(?<=\d) (?=\d)")
 #: Marks that begin a comment or end a name.
 _AROUND = "#%;:* "
 _SPECIMENS = Meaning.of(SPECIMENS)
+#: A name, a mark behind it, and what it names.
+_NAMED = re.compile(r"([^:=]+?)\s*[:=]\s*(.+)")
 #: Longest statement that is quoted.
 _SHOWN = 40
 
@@ -78,18 +80,41 @@ def stated_specimen(rows: Sequence[Row]) -> tuple[int, str] | None:
     return None
 
 
+def explained_columns(rows: Sequence[Row], titles: Sequence[str], count: bool
+                      ) -> dict[int, tuple[int, str]]:
+    """Find lines that say what columns are, by index: "CH1: HV (kV)", or one that lists all.
+
+    A list counts where the columns have no headings (``count``): "U in kV, s in mm, m in g".
+    """
+    found: dict[int, tuple[int, str]] = {}
+    for line, cells in rows:
+        text = ", ".join(cell for cell in cells if cell).strip(_AROUND)
+        named = _NAMED.match(text)
+        name, rest = (named[1], named[2]) if named else ("", "")
+        for place, title in enumerate(titles):
+            if name and name.casefold() == title.strip(_AROUND).casefold():
+                found[place] = line, rest
+        pieces = [piece.strip() for piece in re.split(r"[,;|]", rest or text)]
+        if count and len(pieces) == len(titles) > 1:
+            found |= {place: (line, piece) for place, piece in enumerate(pieces)}
+    return found
+
+
 def stated_sizes(rows: Sequence[Row]) -> dict[str, float]:
     """Read sizes of a test piece [m] by name; a symbol may follow, as in "Probendicke a0"."""
     sizes: dict[str, float] = {}
-    for _, cells in rows:
-        heading = Heading.of(cells[0].rstrip(":"))
+    for _, row in rows:
+        first, colon, value = row[0].lstrip(_AROUND).partition(":")
+        number, _, unit = value.strip().partition(" ")
+        cells = [first, number, unit] if colon and number else [first, *row[1:]]
+        heading = Heading.of(first.rstrip())
         shorter = heading.words.rpartition(" ")[0]
         name = next((key for key, size in SIZES.items()
                      if heading.words in size.words or (shorter and shorter in size.words)), None)
         numbers = map(decimal_point, cells[1:])
-        value = next((cell for cell in numbers if NUMBER.fullmatch(cell)), None)
+        size_text = next((cell for cell in numbers if NUMBER.fullmatch(cell)), None)
         unit = heading.unit or next((cell for cell in cells[2:] if cell), "mm")
-        size = _read(value, unit, "length") if name and value else None
+        size = _read(size_text, unit, "length") if name and size_text else None
         if name and size is not None:
             sizes.setdefault(name, size)
     return sizes

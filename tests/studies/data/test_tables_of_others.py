@@ -493,7 +493,7 @@ def test_a_draft_keeps_both_marks_apart(tmp_path: Path) -> None:
     file = tmp_path / "zahlen.csv"
     file.write_text(THOUSANDS, "utf-8")
     assert 'decimal = ","' in tympan.draft(file, target=tmp_path / "a.toml").read_text("utf-8")
-    file.write_text("a;b\n1;2\n", "utf-8")
+    file.write_text("a;b\nc;d\n", "utf-8")
     with pytest.raises(InputError, match="no line with two known headings"):
         tympan.draft(file, target=tmp_path / "b.toml")
 
