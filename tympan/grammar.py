@@ -167,7 +167,9 @@ def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
     def listed(function: F) -> F:
         made: Any = names_arguments(more, **formerly)(function)
         text = cleandoc(made.__doc__ or "")
-        lines = "\n".join(_arguments(function, get_annotations(more) if more else {}))
+        told = dict(_arguments(function, get_annotations(more) if more else {}))
+        shown = [name for name in signature(made).parameters if name in told]
+        lines = "\n".join(told[name] for name in dict.fromkeys((*shown, *told)))
         if lines:
             head, *rest = _SECTIONS.split(text, maxsplit=1)
             made.__doc__ = "\n\n".join([head, f"Parameters\n----------\n{lines}", *rest])
@@ -176,8 +178,8 @@ def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
     return listed
 
 
-def _arguments(function: Callable[..., Any], passed: Any) -> Iterator[str]:
-    """Write each argument with its unit, its default and its meaning."""
+def _arguments(function: Callable[..., Any], passed: Any) -> Iterator[tuple[str, str]]:
+    """Write each argument with its unit, its default and its meaning, by its name."""
     for item in signature(unwrap(function)).parameters.values():
         names = passed if item.kind is item.VAR_KEYWORD else (item.name,)
         for name in names:
@@ -187,4 +189,4 @@ def _arguments(function: Callable[..., Any], passed: Any) -> Iterator[str]:
                                                          (), ""))
             notes = [word.unit] * bool(word.unit) + [f"default {default!r}"] * known
             star = "*" * (item.kind is item.VAR_POSITIONAL)
-            yield f"{star}{name}{' : ' * bool(notes)}{', '.join(notes)}\n    {word.meaning}"
+            yield name, f"{star}{name}{' : ' * bool(notes)}{', '.join(notes)}\n    {word.meaning}"

@@ -58,3 +58,12 @@ print(curve.to_pandas()[["mass", "voltage", "deflection"]].tail(3).to_string())
 # %%
 # A notebook shows it as one by itself; this page is also ``examples/first_actuator.ipynb``.
 result
+
+# %%
+# Help where you type
+# -------------------
+# In a notebook, Shift+Tab on a name shows its arguments, then what they mean, their units and their
+# defaults. ``tympan.`` and Tab lists all names.
+#
+# .. image:: /shift-tab.png
+#    :alt: Arguments of tympan.solve, one a line, then the first lines of their description

@@ -13,12 +13,15 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "docs/gallery/plot_1_first_actuator.py"
 FILE = ROOT / "examples/first_actuator.ipynb"
+#: A picture, by its name within docs/, and its words.
+_IMAGE = re.compile(r"\.\. image:: (\S+)\n   :alt: (.+)")
 
 
 def markdown(text: str) -> str:
     """Headings and code of a tutorial's text as notebooks have them."""
     text = re.sub(r"^(.+)\n=+$", r"# \1", text, flags=re.MULTILINE)
     text = re.sub(r"^(.+)\n-+$", r"## \1", text, flags=re.MULTILINE)
+    text = _IMAGE.sub(r"![\2](../docs\1)", text)
     return text.replace("``", "`").strip()
 
 
