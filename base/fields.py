@@ -47,7 +47,7 @@ from typing import (
     get_type_hints,
 )
 
-from tympan.base.errors import InputError, did_you_mean, one
+from tympan.base.errors import WORKS_STILL, InputError, did_you_mean, one
 from tympan.base.toml_reader import A_NUMBER, FINITE, POSITIVE, WHOLE, Rule, Table, one_of
 from tympan.base.units import (
     DIMENSIONS,
@@ -482,8 +482,8 @@ def names_arguments(more: Any = None, *, former: Mapping[str, str] = MappingProx
             return values[:still] + beyond[taken:], named
 
         def _advise(words: str) -> None:
-            warnings.warn(f"tympan.{function.__name__}: {words}; the former way works until the "
-                          "next release", FutureWarning, stacklevel=4)
+            warnings.warn(f"tympan.{function.__name__}: {words}; the former way {WORKS_STILL}",
+                          FutureWarning, stacklevel=4)
 
         public: Any = checked
         public.__signature__ = _short_signature(function, get_annotations(more) if more else {})

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 import tomllib
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field
+from dataclasses import MISSING, dataclass, field, replace
 from functools import cache, cached_property
 from math import inf
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from tympan.base.errors import InputError, did_you_mean, nearest_word
+from tympan.base.errors import WORKS_STILL, InputError, did_you_mean, nearest_word
 from tympan.base.file_kinds import require_kind
 from tympan.base.read_file import WRITTEN, beside, file_text
-from tympan.base.units import DIMENSIONS, bounded, quantity
+from tympan.base.units import DIMENSIONS, RANGE, bounded, evenly, quantities, quantity
 
 T = TypeVar("T")
 Rule = tuple[Callable[[Any], bool], str]
@@ -88,6 +89,17 @@ class Table:
     def error(self, key: str, allowed: str, given: object = None) -> InputError:
         """Make an error about one key."""
         return InputError(allowed, file=self.file, key=self.path(key), given=given)
+
+    def renamed(self, former: str, now: str) -> Table:
+        """Rename a key that files had formerly, and warn once of it; both at once are an error."""
+        if former not in self.data:
+            return self
+        if now in self.data:
+            raise self.error(former, f"is {now} now, which is there, too: write {now} alone")
+        warnings.warn(f"{self.file}: {self.path(former)} is {self.path(now)} now; the former key "
+                      f"{WORKS_STILL}", FutureWarning, stacklevel=3)
+        return replace(self, data={now if key == former else key: value
+                                   for key, value in self.data.items()})
 
     def knows(self, key: str, also: Sequence[str] = (), meaning: str = "") -> None:
         """Register a key, so that messages offer it for words near it, or near one of ``also``."""
@@ -186,11 +198,41 @@ class Table:
 
     def numbers(self, key: str, dimension: str = "", default: Any = MISSING, rule: Rule = FINITE,
                 count: int | None = None) -> tuple[float, ...]:
-        """Read a list of quantities, or of plain numbers."""
-        key = self.spelled(key, dimension)
+        """Read a list of quantities, or of plain numbers.
+
+        Any number of quantities may also be one text with commas or a range, as
+        :func:`~tympan.base.units.quantities` reads it, a list of such texts, or a table of a range:
+        ``from``, ``to`` and ``count``.
+        """
+        key, value = self.spelled(key, dimension), self.value(self.spelled(key, dimension), default)
         what = f"quantities ({dimension})" if dimension else "numbers"
-        items = self._list(key, self.value(key, default), count, what)
-        return tuple(self._number(key, item, dimension, rule) for item in items)
+        loose = dimension and not self.plain and count is None
+        if loose and isinstance(value, Mapping):
+            return self._span(key, value, dimension, rule)
+        items = self._list(key, [value] if loose and isinstance(value, str) else value, count, what)
+        return tuple(number for item in items for number in (
+            self._quantities(key, item, dimension, rule) if loose and isinstance(item, str)
+            else (self._number(key, item, dimension, rule),)))
+
+    def _quantities(self, key: str, text: str, dimension: str, rule: Rule) -> tuple[float, ...]:
+        """Read one quantity or several, with commas or as a range."""
+        try:
+            found = quantities(text, dimension)
+        except InputError as error:
+            raise error.located(file=self.file, key=self.path(key)) from None
+        return tuple(self._kept(key, number, rule, text) for number in found)
+
+    def _span(self, key: str, value: Mapping[str, Any], dimension: str, rule: Rule
+              ) -> tuple[float, ...]:
+        """Read a range that is a table."""
+        span = self._within(value, key)
+        low, high = (span.number(end, dimension, rule=rule) for end in ("from", "to"))
+        count = span.number("count", "", RANGE, WHOLE)
+        span.done()
+        try:
+            return tuple(evenly(low, high, int(count)))
+        except InputError as error:
+            raise self.error(f"{key}.count", error.allowed, count) from None
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Read a list of texts."""
@@ -276,9 +318,12 @@ class Table:
                 number = bounded(float(value))
         except InputError as error:
             raise error.located(file=self.file, key=self.path(key)) from None
+        return self._kept(key, number, rule, value)
+
+    def _kept(self, key: str, number: float, rule: Rule, given: object) -> float:
         holds, words = rule
         if not holds(number):
-            raise self.error(key, words, value)
+            raise self.error(key, words, given)
         return number
 
 

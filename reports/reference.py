@@ -31,10 +31,14 @@ from tympan.geometry.specimen import (
 )
 from tympan.reports.template import template
 from tympan.studies import wanted
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.effort import Effort
 from tympan.studies.design.requirements import RequirementsFile, SoldFilm
 from tympan.studies.effects import EFFECTS, listing
+from tympan.studies.limits.loads import LoadGrid
+from tympan.studies.study import StudyFile
 from tympan.studies.sweep.asked import QUESTIONS
-from tympan.studies.sweep.plan import LoadSpan, Sample, SweepFile
+from tympan.studies.sweep.plan import Sample, SweepFile
 from tympan.studies.tolerance.given import (
     LengthScatter,
     Scatter,
@@ -59,8 +63,9 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[frame], [plate], [offset], [margin]", LengthScatter),
               ("[strength]", StrengthScatter),
               ("REQUIREMENTS.toml", RequirementsFile), ("[[film]] of requirements", SoldFilm),
+              ("STUDY.toml", StudyFile), ("[curves], [alpha_fit] of a study", LoadGrid),
               ("SWEEP.toml", SweepFile), ("[sample] of a sweep", Sample),
-              ("mass and voltage of a sweep as a table", LoadSpan),
+              ("dataset.toml", Dataset), ("[effort] of a dataset", Effort),
               ("[columns.static] and others of dataset.toml", Layout),
               ("a column there, by its name with the unit of the file's numbers", Stated))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(

@@ -8,13 +8,13 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from tympan.base.arrays import Array, Columns
 from tympan.base.errors import InputError
-from tympan.base.fields import read
+from tympan.base.fields import Key, Special, read
 from tympan.base.progress import Progress
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Table
@@ -254,37 +254,46 @@ def default_study() -> Study:
     return read_study(STUDY)
 
 
-def read_study(file: Path) -> Study:
-    """Read a study from STUDY.toml.
+@dataclass(frozen=True)
+class StudyFile:
+    """Keys of a study's file; loads that are left out are chosen from the films."""
 
-    Keys: ``specimens`` (files, the paper's by name, or tables) and optionally name, mass, voltage,
-    rig, tolerances and loads. Missing loads are chosen from the films.
-    """
+    specimens: Annotated[tuple[Table, ...], Key(
+        "specimens: their files, the paper's by name, or their tables; one or a list")]
+    name: Annotated[str, Key("of the study and its report", default="the file's name")] = ""
+    mass: Annotated[float | None, Key("load on the plate in the picture", "mass", MASS_RULE,
+                                      default="suits the films")] = None
+    voltage: Annotated[float, Key("nominal voltage in the picture", "voltage", VOLTAGE_RULE)] = 0.0
+    rig: Annotated[Rig | None, Key("of all specimens: its keys, or the name of their file",
+                                   default="that of the specimens")] = None
+    tolerances: Annotated[Tolerances | None, Key(
+        "also the spread between films made to these: their tables, or the name of their file")
+        ] = None
+    curves: Annotated[LoadGrid | None, Key(
+        "masses of the curves, and voltages that are marked on them")] = None
+    alpha_fit: Annotated[LoadGrid | None, Key("loads on which α is fitted")] = None
+    alpha_held_out: Annotated[LoadGrid | None, Key("loads on which α is tested")] = None
+
+
+def read_study(file: Path) -> Study:
+    """Read a study from the file of a :class:`StudyFile`."""
     table = Table.read(file, "study")
-    tables = specimen_tables(table, "specimens")
-    specimens = tuple(map(load_actuator, tables))
+    given = read(StudyFile, table, _READERS)
+    specimens = tuple(map(load_actuator, given.specimens))
     repeated = [name for name, count in Counter(item.name for item in specimens).items()
                 if count > 1]
     if repeated:
         raise table.error("specimens", "must have different names", sorted(repeated))
     try:
-        bare, rig = mounted_together(specimens, rig_under(table))
+        bare, rig = mounted_together(specimens, given.rig)
     except InputError as error:
         raise error.located(file=file) from None
-    study = Study(
-        table.text("name", file.stem), bare,
-        tuple(specimen_to_toml(specimen) if given.where else file_text(given.file)
-              for given, specimen in zip(tables, specimens, strict=True)),
-        mass=(table.number("mass", "mass", rule=MASS_RULE)
-              if table.value("mass", None) is not None else None),
-        voltage=table.number("voltage", "voltage", "0 kV", VOLTAGE_RULE),
-        rig=rig,
-        curves=_loads(table, "curves"),
-        alpha=AlphaSettings(_loads(table, "alpha_fit"), _loads(table, "alpha_held_out")),
-        tolerances=tolerances_under(table, "tolerances"),
-    )
-    table.done()
-    return study
+    sources = (specimen_to_toml(specimen) if source.where else file_text(source.file)
+               for source, specimen in zip(given.specimens, specimens, strict=True))
+    return Study(
+        given.name or file.stem, bare, tuple(sources), mass=given.mass, voltage=given.voltage,
+        rig=rig, curves=given.curves, alpha=AlphaSettings(given.alpha_fit, given.alpha_held_out),
+        tolerances=given.tolerances)
 
 
 def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | None = None
@@ -398,7 +407,16 @@ def _lines(model: Model, state: State) -> Columns:
 def _loads(table: Table, key: str) -> LoadGrid | None:
     if table.value(key, None) is None:
         return None
-    loads = read(LoadGrid, table.table(key))
+    loads: LoadGrid = read(LoadGrid, table.table(key))
     if list(loads.voltages) != sorted(loads.voltages):
         raise table.error(f"{key}.voltage", "must ascend", table.value(key)["voltage"])
     return loads
+
+
+#: Readers of keys that accept more forms than their declaration.
+_READERS: Special = {
+    (StudyFile, "specimens"): specimen_tables,
+    (StudyFile, "rig"): rig_under,
+    (StudyFile, "tolerances"): tolerances_under,
+    **{(StudyFile, key): _loads for key in ("curves", "alpha_fit", "alpha_held_out")},
+}

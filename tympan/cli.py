@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from tympan.base.errors import Failure, InputError, did_you_mean
+from tympan.base.errors import WORKS_STILL, Failure, InputError, did_you_mean
 from tympan.base.process.folder import alone
 from tympan.base.process.interruption import raise_again
 from tympan.base.reader_process import ready_for
@@ -34,6 +35,7 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
+    shown, warnings.showwarning = warnings.showwarning, _advise
     try:
         given = _by_help(sys.argv[1:] if arguments is None else list(arguments))
         options = build_parser(given).parse_args(given)
@@ -49,7 +51,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(f"tympan: {short}", file=sys.stderr)
         return 1
+    finally:
+        warnings.showwarning = shown
     return 0
+
+
+def _advise(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    """Print a warning of a former name in one line, others as Python does."""
+    if issubclass(category, FutureWarning) and str(message).endswith(WORKS_STILL):
+        print(f"tympan: {message}", file=sys.stderr)
+    else:
+        sys.stderr.write(warnings.formatwarning(message, category, *place[:2]))
 
 
 def _files(options: argparse.Namespace) -> list[Path]:

@@ -13,7 +13,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from tympan.base.errors import InputError
+from tympan.base.errors import WORKS_STILL, InputError
 from tympan.base.fields import numbers, only
 from tympan.base.process.interruption import raise_again
 from tympan.base.units import BENCH, quantity, suffix_of, unit_of
@@ -125,7 +125,7 @@ class FormerOption(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
                  value: Any, option: str | None = None) -> None:
-        print(f"tympan: {option} is {self.now} now; the former name works until the next release",
+        print(f"tympan: {option} is {self.now} now; the former name {WORKS_STILL}",
               file=sys.stderr)
         setattr(namespace, self.dest, value)
 

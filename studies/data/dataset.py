@@ -190,7 +190,8 @@ class Dataset:
     specimens: Annotated[tuple[Specimen, ...], Key(
         "what was measured: a table each, written as a specimen's file, or with `file`, the name "
         "of one", name="specimen", also=("specimens",))]
-    rig: Annotated[Rig, Key("what acts on plate and film besides the nominal load")]
+    rig: Annotated[Rig, Key("what acts on plate and film besides the nominal load: its keys, or "
+                            "the name of their file", default="that of the specimens")]
     source: Annotated[str, Key("where the data are from")] = "not stated"
     noise: Annotated[float | None, Key(
         "standard deviation of one reading of the displacement", "length", POSITIVE)] = None

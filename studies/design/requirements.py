@@ -63,6 +63,8 @@ _FORMER = {
              "[vary]; leave it out",
     "pull_in_margin": "is no longer a quantity: write tension_margin, the voltage of the "
                       "film's first loss of tension or pull-in, over its voltage"}
+#: Keys of such files by the names that they had formerly.
+FORMER_KEYS = {"limits": "bounds"}
 #: Message for a file without wants, as in the files of `tympan optimise`.
 _NO_WANT = ('is missing: write a table [want], such as stroke = "largest" and bounds: '
             'tension_margin = 1.2, frame_area = "100 cm^2"')
@@ -110,7 +112,8 @@ class RequirementsFile:
     tolerances: Annotated[Tolerances | None, Key(
         "how numbers scatter: keys of TOLERANCES.toml, the name of such a file, or \"none\"")
         ] = Tolerances()
-    limits: Annotated[Table | None, Key("further bounds, as in want")] = None
+    bounds: Annotated[Table | None, Key(
+        "bounds as in want, also of a quantity that is \"largest\" or \"least\" there")] = None
 
 
 def sought() -> dict[str, Quantity]:
@@ -163,6 +166,8 @@ class Requirements:
         if "want" not in table:
             raise table.error("want", _NO_WANT)
         _refuse_former(table)
+        for former, now in FORMER_KEYS.items():
+            table = table.renamed(former, now)
         given = read(RequirementsFile, table, _READERS)
         try:
             specimens, rig = mounted_together(_specimens(table, given), given.rig)
@@ -176,7 +181,7 @@ class Requirements:
                 require_moved(specimen, rig, mass)
             except InputError as error:
                 raise error.located(file=table.file) from None
-        bounds, best = _wanted(table, (given.want, given.limits), specimens)
+        bounds, best = _wanted(table, (given.want, given.bounds), specimens)
         return cls(given.name or Path(table.file).stem, specimens, mass, voltage, variables, bounds,
                    best, rig, given.tolerances, given.share, _front(table, given.front))
 
@@ -393,7 +398,7 @@ _READERS: Special = {
     (RequirementsFile, "specimen"): _loaded,
     (RequirementsFile, "want"): Table.table,
     (RequirementsFile, "vary"): Table.table,
-    (RequirementsFile, "limits"): lambda table, key: table.table(key, {}),
+    (RequirementsFile, "bounds"): lambda table, key: table.table(key, {}),
     (RequirementsFile, "rig"): rig_under,
     (RequirementsFile, "tolerances"): lambda table, key: tolerances_under(table, key,
                                                                           Tolerances()),

@@ -6,7 +6,6 @@ import copy
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,9 +17,9 @@ from tympan.base.fields import Key, Special, read
 from tympan.base.points import Drawing, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Rule, Table, one_of
-from tympan.base.units import DIMENSIONS, RANGE, any_quantity, quantities, quantity
+from tympan.base.units import DIMENSIONS, any_quantity, quantity
 from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Rig, checked_load
+from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
@@ -43,15 +42,13 @@ _MOST_VALUES = 2_000_000
 #: Most cases, which are specimens under loads; a larger number is a typing error.
 _MOST_CASES = 10_000_000
 
-#: Keys of a choice that are loads, and the prefix of its keys of the rig. All other keys belong to
-#: the specimen.
-_LOADS = ("mass", "voltage")
+#: Keys of a choice that are loads with their rules, and the prefix of its keys of the rig. All
+#: other keys belong to the specimen.
+_LOADS = {"mass": MASS_RULE, "voltage": VOLTAGE_RULE}
 _RIG = "rig."
 
 _SPECIMENS: Rule = (lambda x: 1 <= x <= MOST and x == int(x),
                     f"must be a whole number from 1 to {MOST}")
-_COUNT: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
-                "must be a whole number from 2 to 10000")
 _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x),
                "must be a whole number from 0 to 4294967295")
 
@@ -67,15 +64,6 @@ class Sample:
     count: Annotated[int, Key("specimens that are drawn", rule=_SPECIMENS)]
     ranges: Annotated[Table, Key("lowest and highest value of each key, by its dotted name")]
     seed: Annotated[int, Key("of the random numbers", rule=_SEED)] = 0
-
-
-@dataclass(frozen=True)
-class LoadSpan:
-    """Masses or voltages at even distances."""
-
-    low: Annotated[Any, Key("lowest value", name="from")]
-    high: Annotated[Any, Key("highest value", name="to")]
-    count: Annotated[int, Key("number of values", rule=_COUNT)] = RANGE
 
 
 @dataclass(frozen=True)
@@ -446,51 +434,18 @@ def _rig(table: Table, rig: Table, choice: Choice) -> Rig:
 
 def _load(table: Table, name: str, value: Any) -> float:
     """Read one mass [kg] or voltage [V]."""
-    try:
-        return _borne(name, quantity(value, name))
-    except InputError as error:
-        raise InputError(error.allowed, file=table.file, key=table.path(name),
-                         given=value) from None
-
-
-def _borne(name: str, load: float) -> float:
-    """Check one mass [kg] or voltage [V]."""
-    checked_load(*((load, 0.0) if name == "mass" else (0.0, load)))
-    return load
-
-
-def _written(table: Table, name: str, value: Any) -> tuple[float, ...]:
-    """Read masses [kg] or voltages [V] as a text has them: one, several, or a range."""
-    if not isinstance(value, str):
-        return (_load(table, name, value),)
-    try:
-        return tuple(_borne(name, load) for load in quantities(value, name))
-    except InputError as error:
-        raise InputError(error.allowed, file=table.file, key=table.path(name),
-                         given=value) from None
-
-
-def _end(name: str, span: Table, key: str) -> float:
-    """Read the first or last mass [kg] or voltage [V] of a span."""
-    return _load(span, name, span.value(key))
+    return replace(table, data={**table.data, name: value}).number(name, name, rule=_LOADS[name])
 
 
 def _loads(table: Table, name: str) -> tuple[float, ...]:
     """Read all masses [kg], which must differ, or all voltages [V], which must ascend."""
     value = table.value(name)
-    if isinstance(value, Mapping):
-        read_end = partial(_end, name)
-        span = read(LoadSpan, table.table(name), {(LoadSpan, "low"): read_end,
-                                                  (LoadSpan, "high"): read_end})
-        loads = np.linspace(span.low, span.high, span.count).tolist()
-    else:
-        items = value if isinstance(value, list) else [value]
-        loads = [load for item in items for load in _written(table, name, item)]
-    if name == "mass" and (not loads or len(set(loads)) < len(loads)):
-        raise table.error(name, "must be a mass or a list of different ones", value)
-    if name == "voltage" and (not loads or loads != sorted(set(loads))):
+    loads = table.numbers(name, name, rule=_LOADS[name])
+    if name == "mass" and len(set(loads)) < len(loads):
+        raise table.error(name, "must be different masses", value)
+    if name == "voltage" and list(loads) != sorted(set(loads)):
         raise table.error(name, "must ascend", value)
-    return tuple(loads)
+    return loads
 
 
 def _raw(table: Table, key: str) -> Any:

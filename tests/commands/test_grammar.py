@@ -13,7 +13,7 @@ import tympan
 from tests.support import grammar, python_doors
 from tests.support.specimens import circular, specimen_toml
 from tympan.base.errors import InputError
-from tympan.base.units import any_quantity
+from tympan.base.units import DIMENSIONS, any_quantity
 from tympan.cli import main
 from tympan.commands import COMMANDS
 from tympan.geometry.mesher import MeshSettings
@@ -48,7 +48,18 @@ def test_every_option_and_argument_is_a_word_and_every_word_is_used() -> None:
                for name in arguments(function)}
     handed = {name for command in COMMANDS if command.name not in python_doors.WITHOUT
               for name in python_doors.arguments(command.name)} - {*HANDED_ON, "from_"}
-    assert spoken | written | handed == {*WORDS}
+    assert spoken | written | handed | {*grammar.keys()} == {*WORDS}
+
+
+def test_a_key_of_a_file_has_unit_and_default_of_its_word() -> None:
+    """Keys of the files that ask; tables of parts have keys of their own in the reference."""
+    for name, places in grammar.keys().items():
+        word = WORDS[name]
+        for file, field in places:
+            if field.says.dimension and word.unit:
+                assert DIMENSIONS[field.says.dimension].si == word.unit, f"{file}: {name}"
+            if word.default is not BY_QUESTION and not field.required:
+                assert field.default in (None, (), "", plain(word.default)), f"{file}: {name}"
 
 
 def test_a_default_is_the_same_wherever_its_word_stands() -> None:

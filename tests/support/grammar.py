@@ -10,13 +10,36 @@ from typing import Any
 
 import tympan
 from tests.support import python_doors
+from tympan.base.fields import Field, fields_of
 from tympan.commands import COMMANDS
 from tympan.grammar import BY_QUESTION, LOADS, SUBJECTS, WORDS
 from tympan.options import FormerOption
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.design import requirements
+from tympan.studies.design.requirements import RequirementsFile
+from tympan.studies.study import StudyFile
+from tympan.studies.sweep.plan import Sample, SweepFile
 
 PAGE = Path(__file__).parents[2] / "docs" / "grammar.md"
 
 BEGINNING = Path(__file__).with_name("grammar.txt").read_text(encoding="utf-8")
+
+
+#: Files that ask, by what they are called, with the class that declares their keys.
+FILES: dict[str, type] = {"STUDY.toml": StudyFile, "SWEEP.toml": SweepFile,
+                          "[sample] of a sweep": Sample, "REQUIREMENTS.toml": RequirementsFile,
+                          "dataset.toml": Dataset}
+#: Former keys of such files.
+FORMER_KEYS = {"REQUIREMENTS.toml": requirements.FORMER_KEYS}
+
+
+def keys() -> dict[str, list[tuple[str, Field]]]:
+    """Every key of the files that ask, with the files that have it."""
+    found = dict[str, list[tuple[str, Field]]]()
+    for file, declared in FILES.items():
+        for field in fields_of(declared):
+            found.setdefault(field.key, []).append((file, field))
+    return found
 
 
 def former_options() -> Iterator[tuple[str, str, str]]:
@@ -63,14 +86,17 @@ def page() -> str:
     """The page."""
     rows = [BEGINNING, "## Words", "",
             "A default stands here where it is the same in every question.", "",
-            "| word | meaning | SI unit | default | commands |", "|---|---|---|---|---|"]
+            "| word | meaning | SI unit | default | commands | files |",
+            "|---|---|---|---|---|---|"]
     for name in sorted(WORDS, key=lambda name: (name not in LOADS, name not in SUBJECTS, name)):
         word, commands = WORDS[name], [command for command, _ in spoken().get(name, [])]
         where = (", ".join(commands) if 0 < len(commands) <= 6 else
                  f"{len(commands)} commands" if commands else "Python")
         default = ("" if word.default in (BY_QUESTION, None, "", False) else
                    "yes" if word.default is True else str(word.default))
-        rows.append(f"| `{name}` | {word.meaning} | {word.unit} | {default} | {where} |")
+        files = ", ".join(file for file, _ in keys().get(name, []))
+        where = "" if where == "Python" and files else where
+        rows.append(f"| `{name}` | {word.meaning} | {word.unit} | {default} | {where} | {files} |")
     rows += ["", "## Former names", "",
              "They work until the next release. Each use prints one line with the name of now.", "",
              "| where | formerly | now |", "|---|---|---|"]
@@ -78,6 +104,8 @@ def page() -> str:
     rows += [f"| `tympan {command.name.rpartition(' ')[0]} {then}`".replace("  ", " ")
              + f" | the command | `tympan {command.name}` |"
              for command in COMMANDS for then in command.formerly]
+    rows += [f"| {file} | `{then}` | `{now}` |"
+             for file, renamed in FORMER_KEYS.items() for then, now in renamed.items()]
     rows += [f"| `tympan.{where}` | {_code(then)} | `{now}` |"
              for where, then, now in former_arguments()]
     return "\n".join([*rows, ""])

@@ -47,7 +47,7 @@ SWEEP = ('specimen = ["oval.toml"]\nmass = ["17.9 g", "20 g"]\n'
          '[sample.ranges]\n"membrane.thickness" = ["0.5 mm", "1 mm"]\n')
 REQUIREMENTS = ('specimen = "oval.toml"\nmass = "17.9 g"\nshare = 0.9\n'
                 'front = ["stroke", "work"]\n[want]\nstroke = "largest"\nfrequency = "5 Hz"\n'
-                '[limits]\nwidth = "12 cm"\n[vary]\nvoltage = ["1 kV", "3 kV"]\n'
+                '[bounds]\nwidth = "12 cm"\n[vary]\nvoltage = ["1 kV", "3 kV"]\n'
                 '"membrane.prestretch" = [2, 2.5]\n[tolerances.load]\nfilm = 0.01\n'
                 '[[film]]\nmaterial = "vhb-4910"\nthickness = ["1 mm"]\nlayers = [1, 2]\n')
 DATASET = ('name = "data"\nnoise = "20 um"\n[rig]\ngravity = "9.81 m/s^2"\n[[specimen]]\n'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 from functools import cache
 from itertools import count
@@ -534,8 +535,8 @@ def test_the_former_names_are_those_of_design(tmp_path: Path, capsys: pytest.Cap
     ('[[start]]\n"plate.radius" = "1 cm"\n[want]\nstroke = "largest"',
      r"start: is no longer a key: the search begins at the best of random films"),
     ('[want]\npull_in_margin = 1.2', r"want\.pull_in_margin: .* write tension_margin"),
-    ('[want]\nstroke = "largest"\n[limits]\npull_in_margin = 1.2',
-     r"limits\.pull_in_margin: .* write tension_margin")])
+    ('[want]\nstroke = "largest"\n[bounds]\npull_in_margin = 1.2',
+     r"bounds\.pull_in_margin: .* write tension_margin")])
 def test_each_former_key_says_what_takes_its_place(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=rf"wanted\.toml: {message}"):
         requirements(tmp_path, f'{text}\n[vary]\n"plate.radius" = ["9 mm", "2 cm"]')
@@ -605,3 +606,23 @@ def test_films_that_are_not_searched_are_refused(tmp_path: Path, text: str, mess
 
 def test_every_quantity_has_words_and_a_unit() -> None:
     assert all(each.words and each.unit for each in QUANTITIES.values())
+
+
+def test_a_former_key_works_with_one_line_of_advice(tmp_path: Path,
+                                                    capsys: pytest.CaptureFixture[str]) -> None:
+    text = ('[want]\nstroke = "largest"\n[{}]\nstroke = "1 mm"\n'
+            '[vary]\n"plate.radius" = ["9 mm", "11 mm"]')
+    now = requirements(tmp_path, text.format("bounds"))
+    with pytest.warns(FutureWarning, match=r"wanted\.toml: limits is bounds now"):
+        before = requirements(tmp_path, text.format("limits"))
+    assert before == now
+    with pytest.raises(InputError, match="limits: is bounds now, which is there, too"):
+        requirements(tmp_path, text.format("limits") + '\n[bounds]\nwidth = "1 m"')
+    (tmp_path / "wanted.toml").write_text("[limits]\n" + (tmp_path / "wanted.toml").read_text(
+        "utf-8").replace("[limits]", "[nothing]").replace("[bounds]", "[none]"), encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")  # as outside of these tests
+        assert main(["design", str(tmp_path / "wanted.toml")]) == 2
+    first = capsys.readouterr().err.splitlines()[0]
+    assert first.startswith("tympan: ")
+    assert first.endswith("limits is bounds now; the former key works until the next release")
