@@ -461,7 +461,14 @@ def names_arguments(more: Any = None, *, former: Mapping[str, str] = MappingProx
                 arguments.require_type(_type_of(hints[name], places), value, name)
                 if is_dataclass(value) and not isinstance(value, type):
                     require_of_file(value)
-            return function(*values, **named)
+            try:
+                return function(*values, **named)
+            except InputError as error:
+                option = str(error.key or "")
+                if error.file is None and option.startswith("--"):
+                    raise type(error)(error.allowed, key=option[2:].replace("-", "_"),
+                                      given=error.given) from error.__cause__
+                raise
 
         def _in_new_words(values: tuple[Any, ...], named: dict[str, Any], still: int
                           ) -> tuple[tuple[Any, ...], dict[str, Any]]:
@@ -475,6 +482,8 @@ def names_arguments(more: Any = None, *, former: Mapping[str, str] = MappingProx
                 named[rest] = list(beyond)
                 _advise(f"{rest}= has to be named now: {rest}=[...]")
                 return values[:still], named
+            if "settings" in placed[:1] and beyond and not is_dataclass(beyond[0]):
+                return values, named  # never was right: all names are said
             for name, value in zip(placed, beyond, strict=False):
                 named.setdefault(name, value)
                 _advise(f"{name}= has to be named now")

@@ -68,6 +68,11 @@ KINDS: dict[str, FileKind] = {
 }
 
 
+def of_kind(kind: str, data: Content) -> bool:
+    """Check whether a file's content is recognised as this kind first."""
+    return next((name for name, each in KINDS.items() if each.known(data)), "") == kind
+
+
 def require_kind(file: Path | str, data: Content, kind: str) -> None:
     """Refuse a file that is recognised as another kind than the one needed."""
     found = next((name for name, each in KINDS.items() if each.known(data)), "")

@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 from tympan.base.errors import WORKS_STILL, InputError, did_you_mean, nearest_word
 from tympan.base.file_kinds import require_kind
 from tympan.base.read_file import WRITTEN, beside, file_text
-from tympan.base.units import DIMENSIONS, RANGE, bounded, evenly, quantities, quantity
+from tympan.base.units import DIMENSIONS, RANGE, bounded, evenly, quantities, quantity, range_ends
 
 T = TypeVar("T")
 Rule = tuple[Callable[[Any], bool], str]
@@ -29,6 +29,8 @@ WHOLE: Rule = (lambda x: x % 1 == 0, "must be a whole number")
 #: Most tables and lists within each other, and dots of a key: files of tympan need only a few, and
 #: the parser of the standard library takes very long on many.
 _DEEPEST = 20
+#: Shapes of drawings by the ends of their names.
+_DRAWINGS = {"dxf": "dxf", "step": "step", "stp": "step"}
 #: Most entries of a list. A longer one is data and belongs in a table of its own file.
 _ENTRIES = 10_000
 
@@ -73,7 +75,11 @@ class Table:
         try:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
-            raise InputError(f"is not valid TOML: {error}", file=file) from None
+            drawn = Path(file).suffix.lower().lstrip(".")
+            shape = _DRAWINGS.get(drawn)
+            raise InputError(f"is not valid TOML: {error}" if shape is None else
+                             f'is a drawing: name it in a specimen\'s file, frame = {{ shape = '
+                             f'"{shape}", file = "{Path(file).name}" }}', file=file) from None
         except RecursionError:
             raise InputError(too_deep, file=file) from None
         except ValueError:  # more digits than Python reads
@@ -154,7 +160,9 @@ class Table:
         items = value if isinstance(value, list) else [value]
         if not items or not all(isinstance(item, str | Mapping) for item in items):
             raise self.error(key, f"must be {what}, or a list of them", value)
-        return tuple(item if isinstance(item, str) else self._within(item, key) for item in items)
+        return tuple(item if isinstance(item, str) else
+                     self._within(item, f"{key}.{number}" if isinstance(value, list) else key)
+                     for number, item in enumerate(items))
 
     def _within(self, data: Mapping[str, Any], key: str) -> Table:
         return Table(self.file, data, self.path(key), self.plain, above=self)
@@ -209,6 +217,9 @@ class Table:
         loose = dimension and not self.plain and count is None
         if loose and isinstance(value, Mapping):
             return self._span(key, value, dimension, rule)
+        ends = range_ends(value) if count == 2 else None
+        if ends is not None:
+            value = ends if dimension else [float(end) for end in ends]
         items = self._list(key, [value] if loose and isinstance(value, str) else value, count, what)
         return tuple(number for item in items for number in (
             self._quantities(key, item, dimension, rule) if loose and isinstance(item, str)
@@ -268,6 +279,8 @@ class Table:
 
     def choice(self, key: str, options: Mapping[str, T], default: Any = MISSING) -> T:
         """Choose one of several named values."""
+        if key not in self.data and default is MISSING:
+            raise self.error(key, f"is missing: {one_of(None, options)}{self._instead(key)}")
         name = self.value(key, default)
         if not isinstance(name, str) or name not in options:
             raise self.error(key, one_of(name, options), name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -312,6 +312,47 @@ def quantities(text: str, dimension: str) -> tuple[float, ...]:
         low, high = (quantity(span[end].strip(), dimension) for end in (1, 2))
         found += evenly(low, high, RANGE if span[3] is None else int(span[3]))
     return tuple(found)
+
+
+def range_ends(text: object) -> list[str] | None:
+    """Split a range into its two ends; None if it is no range without a count.
+
+    Examples
+    --------
+    >>> range_ends("6 mm..14 mm"), range_ends("6 mm..14 mm in 5"), range_ends("6 mm")
+    (['6 mm', '14 mm'], None, None)
+    """
+    span = _RANGE.fullmatch(text) if isinstance(text, str) else None
+    return None if span is None or span[3] else [span[1].strip(), span[2].strip()]
+
+
+def written_range(value: object) -> list[str | float] | None:
+    """Write the values of a range one by one, in the unit of its first end; None if it is none.
+
+    Examples
+    --------
+    >>> written_range("6 mm..1.4 cm in 3"), written_range({"from": 2, "to": 3, "count": 2})
+    (['6 mm', '10 mm', '14 mm'], [2.0, 3.0])
+    >>> written_range("6 mm")
+    """
+    span = _RANGE.fullmatch(value) if isinstance(value, str) else None
+    if span is not None:
+        low, high, count = span[1], span[2], span[3] or RANGE
+    elif isinstance(value, Mapping) and {"from", "to"} <= {*value} <= {"from", "to", "count"}:
+        low, high, count = value["from"], value["to"], value.get("count", RANGE)
+    else:
+        return None
+    ends = [_QUANTITY.fullmatch(str(end)) for end in (low, high)]
+    if None in ends:
+        raise InputError("must be a range of numbers or quantities", given=value)
+    (first, unit), (last, other) = ((float(end[1]), end[2]) for end in ends if end)
+    if unit != other:
+        sizes = [any_quantity(f"1 {each}") for each in (unit, other)]
+        if None in sizes or len({size[1] for size in sizes if size}) > 1:
+            raise InputError("must have one kind of unit at both ends", given=value)
+        last *= sizes[1][0] / sizes[0][0]  # type: ignore[index]
+    numbers = evenly(first, last, int(count))
+    return [f"{number:.12g} {unit}" if unit else number for number in numbers]
 
 
 def evenly(low: float, high: float, count: int) -> list[float]:

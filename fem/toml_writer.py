@@ -73,8 +73,12 @@ def rig_to_toml(rig: Rig) -> str:
 
 
 def rig_content(rig: Rig, plain: bool = False) -> Content:
-    """Convert a rig to the keys of a rig file; ``plain`` as for :func:`specimen_content`."""
-    content = write(rig, plain)
+    """Convert a rig to the keys of a rig file that differ from an ideal rig's.
+
+    ``plain`` as for :func:`specimen_content`.
+    """
+    ideal = write(Rig(), plain)
+    content = {key: value for key, value in write(rig, plain).items() if ideal.get(key) != value}
     for bias, entry in zip(rig.biases, content.get("bias", ()), strict=True):
         if isinstance(bias, JoinedFilm):
             entry["specimen"] = specimen_content(bias.specimen, plain)

@@ -63,6 +63,9 @@ _TOGETHER = 400
 
 _ALONE = Loading()
 
+#: What is said where the mass of a question about one state is left out.
+NO_MASS = 'must be given, such as "17.9 g", or "0 g" for none: the film has a plate'
+
 #: Fields that several results have.
 #: Text of a result that is the kind of a limit state.
 OF_LIMITS = Printed(choices=LIMIT_STATES)

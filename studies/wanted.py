@@ -285,9 +285,10 @@ def _pairs(text: str) -> Mapping[str, object]:
     pairs: dict[str, list[str]] = {}
     for part in filter(None, map(str.strip, text.split(","))):
         name, equals, value = map(str.strip, part.partition("="))
-        if not (name and equals and value):
-            raise InputError('must be "quantity = bound", such as "stroke = 2 mm", with commas '
-                             "between several", key="want", given=text)
+        if not (name and equals and value) or name[-1] in "<>":
+            raise InputError('must be "quantity = bound", such as "stroke = at least 2 mm" or '
+                             '"deflection = at most 6 mm", with commas between several',
+                             key="want", given=text)
         name = name.replace(" ", "_")
         pairs[name] = [*pairs.get(name, ()), value.strip("\"'")]
     return pairs

@@ -19,8 +19,8 @@ from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.grammar import public
 from tympan.result import Result as Result
+from tympan.studies.case import NO_MASS, CaseResult
 from tympan.studies.case import Case as Case
-from tympan.studies.case import CaseResult
 from tympan.studies.case import Settings as Settings
 
 if TYPE_CHECKING:
@@ -160,8 +160,12 @@ def _case(specimen: SpecimenOrFile, loads: Loads, settings: Settings) -> Case:
 
     given: dict[str, Any] = {**loads}
     specimen, rig = held(specimen, given.pop("rig", None), given.pop("pressure", None))
+    missing = specimen.plate is not None and given.get("mass") is None
     mass, voltage = (only(given.pop(name, None), name, 0.0) for name in ("mass", "voltage"))
-    return charged(Case(specimen, mass=mass, rig=rig, **given), voltage, settings)
+    case = Case(specimen, mass=mass, rig=rig, **given)
+    if missing:
+        raise InputError(NO_MASS, key="mass")
+    return charged(case, voltage, settings)
 
 
 @public()
@@ -173,6 +177,9 @@ def load(file: File) -> Specimen:
     InputError
         When it is missing or wrong, naming file, key, what was given and what is allowed.
     """
+    if Path(file).is_dir():
+        raise InputError("is a folder: tympan.Result.load reads a result that is stored there",
+                         file=Path(file))
     return load_actuator(Path(file))
 
 
@@ -257,9 +264,10 @@ def limits(specimen: SpecimenOrFile, *, beyond: bool = False, settings: Settings
     from tympan.studies.limits.loads import usual_masses
 
     settings = settings or Settings()
-    case = _case(specimen, loads, settings)
-    if case.specimen.plate is not None and loads.get("mass") is None:
-        case = replace(case, mass=usual_masses(case.specimen, settings, case.rig)[0])
+    bare, on = held(specimen, loads.get("rig"), loads.get("pressure"))
+    if bare.plate is not None and loads.get("mass") is None:
+        loads["mass"] = usual_masses(bare, settings, on)[0]
+    case = _case(bare, loads | {"rig": on, "pressure": None}, settings)
     return Result(LimitsResult.of(case, settings, beyond))
 
 

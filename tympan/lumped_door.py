@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
@@ -16,9 +16,11 @@ from tympan.door import (
     Holder,
     Load,
     SpecimenOrFile,
+    Stated,
     Voltages,
     Waves,
     held_together,
+    loaded,
     several,
 )
 from tympan.geometry.specimen import Specimen, require_different_names
@@ -65,15 +67,17 @@ def build(*specimens: SpecimenOrFile, mass: Load | None = None, voltage: Load | 
 
 @public(Waves)
 @one_thread()
-def simulate(*models: Specimen | LumpedModel | File, mass: Load | None = None,
+def simulate(*models: Specimen | LumpedModel | Result[BuildResult] | Stated,
+             mass: Load | None = None,
              rig: Holder = None, signal: str = "step", swing: bool = False, paper: bool = False,
              alpha: Sequence[float] | None = None, table_1: float | None = None,
              settings: Settings | None = None, **wave: Unpack[Waves]) -> Result[Responses]:
     """Simulate lumped models under a step, ramp, sine, random voltages, or those of a CSV file.
 
-    ``models`` are specimens, whose models are built, or models: of ``build``, or files
-    NAME.lumped.toml. All else is as for ``tympan.transient``. ``paper``: use the source paper's
-    cones, not membrane circles, with weights ``alpha`` and relative permittivity ``table_1``.
+    ``models`` are specimens, whose models are built, or their files; results of ``build``, their
+    models, or files NAME.lumped.toml. All else is as for ``tympan.transient``. ``paper``: use the
+    source paper's cones, not membrane circles, with weights ``alpha`` and relative permittivity
+    ``table_1``.
     """
     from tympan.studies.signals import Wave
     from tympan.studies.trace import sample_count
@@ -88,7 +92,8 @@ def simulate(*models: Specimen | LumpedModel | File, mass: Load | None = None,
 
 @public(former={"at": "voltage"})
 @one_thread()
-def linearise(*models: Specimen | LumpedModel | File, mass: Load | None = None,
+def linearise(*models: Specimen | LumpedModel | Result[BuildResult] | Stated,
+              mass: Load | None = None,
               voltage: Load = 3e3, rig: Holder = None, input: Input = "U", paper: bool = False,
               alpha: Sequence[float] | None = None, table_1: float | None = None,
               settings: Settings | None = None) -> Result[LinearResult]:
@@ -105,7 +110,8 @@ def linearise(*models: Specimen | LumpedModel | File, mass: Load | None = None,
 
 @public(Voltages)
 @one_thread()
-def control(*models: Specimen | LumpedModel | File, mass: Load | None = None,
+def control(*models: Specimen | LumpedModel | Result[BuildResult] | Stated,
+            mass: Load | None = None,
             rig: Holder = None, signal: str = "step", interval: float | str = 10e-3,
             supply: float | str = 7e3, sensor_lag: float | str | None = None,
             method: Literal["pi", "lqg"] = "pi",
@@ -163,8 +169,9 @@ def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: 
 
 @public()
 @one_thread()
-def export(model: LumpedModel | File, folder: File, *, mass: float | str | None = None,
-           fmu: bool = False, slow_fast: bool = False) -> list[Path]:
+def export(model: LumpedModel | Result[BuildResult] | File, folder: File, *,
+           mass: float | str | None = None, fmu: bool = False, slow_fast: bool = False
+           ) -> list[Path]:
     """Write a lumped model for a controller, and return the files.
 
     The format is C99; or, with a ``mass`` on the plate, ``fmu`` (FMU 2.0) or ``slow_fast``, a
@@ -192,20 +199,40 @@ class Lumped:
 lumped = Lumped()
 
 
-def _model(given: LumpedModel | File) -> LumpedModel:
+def _model(given: LumpedModel | Result[BuildResult] | File) -> LumpedModel:
     from tympan.studies.lumped.model_file import LumpedModel, read_model
 
-    if not isinstance(given, LumpedModel | str | PathLike):
+    model, *others = _models_of(given)
+    if others:
+        raise InputError("must be one model: name it, such as result.models[0]", key="model",
+                         given=f"a result of {1 + len(others)} models")
+    if not isinstance(model, LumpedModel | str | PathLike):
         raise InputError("must be a Specimen, a model of lumped.build, or its file", given=given)
-    return given if isinstance(given, LumpedModel) else read_model(Path(given))
+    return model if isinstance(model, LumpedModel) else read_model(Path(model))
 
 
-def _case(actuators: Sequence[Specimen | LumpedModel | File], *,
+def _models_of(given: Any) -> list[Any]:
+    """List the models of a result of :func:`build`; anything else is itself."""
+    return list(given.models) if isinstance(given, Result) else [given]
+
+
+def _read(given: Any) -> Specimen | LumpedModel:
+    """Read a specimen or a model that is given by the name of its file."""
+    from tympan.studies.lumped.model_file import read_actuator
+
+    if isinstance(given, Specimen):
+        return given
+    return (read_actuator(Path(given)) if isinstance(given, str | PathLike)
+            else loaded(given) if isinstance(given, Mapping) else _model(given))
+
+
+def _case(actuators: Sequence[Specimen | LumpedModel | Result[BuildResult] | Stated], *,
           rig: Holder, alpha: Sequence[float] | None, **given: Any) -> LumpedCase:
     from tympan.studies.lumped.case import LumpedCase
 
-    specimens, on = held_together([item for item in actuators if isinstance(item, Specimen)], rig)
-    models = tuple(_model(item) for item in actuators if not isinstance(item, Specimen))
+    read = [_read(one) for each in actuators for one in _models_of(each)]
+    specimens, on = held_together([item for item in read if isinstance(item, Specimen)], rig)
+    models = tuple(item for item in read if not isinstance(item, Specimen))
     weights = None if alpha is None else numbers(alpha, "", "alpha")
     if given["mass"] is not None:
         given["mass"] = only(given["mass"], "mass")

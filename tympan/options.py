@@ -213,12 +213,12 @@ def read_settings(options: argparse.Namespace) -> Settings:
 
 def read_case(options: argparse.Namespace) -> Case:
     """Read the case of the options that :func:`case_arguments` adds."""
-    from tympan.studies.case import Case
+    from tympan.studies.case import NO_MASS, Case
     from tympan.studies.limits import charged
 
     specimen, rig = read_mounted(options)
     if options.mass is None and specimen.plate is not None:
-        raise InputError('must be given, such as "17.9 g": the film has a plate', key="--mass")
+        raise InputError(NO_MASS, key="--mass")
     case = Case(specimen=specimen, mass=parse_quantity(options.mass or "0 g", "mass", "--mass"),
                 rig=rig)
     share = options.voltage.strip().endswith("%")
@@ -227,12 +227,17 @@ def read_case(options: argparse.Namespace) -> Case:
         return charged(case, voltage, read_settings(options))
 
 
-def read_mounted_all(options: argparse.Namespace) -> tuple[tuple[Specimen, ...], Rig]:
-    """Read specimens, whose names must differ, and the one rig that all are on."""
+def read_mounted_all(options: argparse.Namespace, specimens: Sequence[Specimen] | None = None
+                     ) -> tuple[tuple[Specimen, ...], Rig]:
+    """Read specimens, whose names must differ, and the one rig that all are on.
+
+    ``specimens``: those that have been read.
+    """
     from tympan.fem.rig import load_actuator, mounted_together
     from tympan.geometry.specimen import require_different_names
 
-    specimens = [load_actuator(file) for file in options.specimens]
+    if specimens is None:
+        specimens = [load_actuator(file) for file in options.specimens]
     require_different_names(specimens)
     return mounted_together(specimens, _rig(options))
 

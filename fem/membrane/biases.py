@@ -168,10 +168,11 @@ class Magnet:
 
     law: ClassVar[str] = "magnet"
     on_arrays: ClassVar[bool] = True
-    force: Annotated[float, Key("F₀ at contact", "force", POSITIVE)]
-    gap: Annotated[float, Key("gap at the mounted plate", "length", POSITIVE)]
-    decay: Annotated[float, Key("d", "length", POSITIVE)]
-    power: Annotated[float, Key("n", rule=_POWER)] = 4.0
+    force: Annotated[float, Key("F₀: its pull at contact", "force", POSITIVE)]
+    gap: Annotated[float, Key("gap between magnet and plate of the flat film", "length", POSITIVE)]
+    decay: Annotated[float, Key("d: length in which the pull falls, F₀ (1 + gap/d)^(−n)", "length",
+                                POSITIVE)]
+    power: Annotated[float, Key("n: how steeply it falls far away", rule=_POWER)] = 4.0
 
     @property
     def softening(self) -> tuple[Interval, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Self
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Special, fields_of, read, takes_units
@@ -28,10 +28,19 @@ class Actuator(Specimen):
         "what else acts on film and plate: keys of RIG.toml, or the name of such a file; a rig "
         "that a question gives replaces it")] = OWN
 
+    @classmethod
+    def of(cls, specimen: Specimen, rig: Rig) -> Self:
+        """Put a specimen on a rig."""
+        return cls(**_parts(specimen), rig=rig)
+
     @property
     def bare(self) -> Specimen:
         """The specimen without its rig."""
-        return Specimen(*(getattr(self, field.name) for field in fields_of(Specimen)))
+        return Specimen(**_parts(self))
+
+
+def _parts(specimen: Specimen) -> dict[str, Any]:
+    return {field.name: getattr(specimen, field.name) for field in fields_of(Specimen)}
 
 
 def rig_under(table: Table, key: str = "rig") -> Rig | None:

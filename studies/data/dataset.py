@@ -25,6 +25,8 @@ from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import CopiedRows, RunZeros, at_sensor_end
+from tympan.studies.shipped import FILES as SHIPPED
+from tympan.studies.shipped import specimen_tables
 from tympan.tables.formats import FORMATS, Format, format_of, suffixes
 from tympan.tables.layouts import Layout
 from tympan.tables.meanings import (
@@ -472,31 +474,21 @@ def _specimen_files(about: Path) -> list[str]:
     """List the files of specimens and rig that a dataset names."""
     table = Table.read(about)
     rig = [table.text("rig")] if isinstance(table.value("rig", None), str) else []
-    return rig + [entry.text("file") for entry in table.tables("specimen") if "file" in entry]
+    names = (part if isinstance(part, str) else part.data.get("file")
+             for part in table.parts("specimen", "specimens"))
+    return rig + [name for name in names if name is not None and name not in SHIPPED]
 
 
 def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
-    entries = table.tables(key)
-    if not entries:
+    if not table.value(key, []):
         raise table.error(key, "is missing: write one [[specimen]] table for each specimen")
-    specimens = tuple(load_actuator(_specimen_table(entry)) for entry in entries)
+    entries = specimen_tables(table, key)
+    specimens = tuple(map(load_actuator, entries))
     names = [specimen.name for specimen in specimens]
     for entry, name in zip(entries, names, strict=True):
         if names.count(name) > 1:
             raise entry.error("name", "is there twice: specimens must have different names", name)
     return specimens
-
-
-def _specimen_table(entry: Table) -> Table:
-    """Read the table of the ``file`` that an entry names, relative to the dataset; else itself."""
-    if "file" not in entry:
-        entry.knows("file", ("specimen", "path"), "the name of a specimen's own file")
-        return entry
-    others = [key for key in entry.data if key != "file"]
-    if others:
-        raise entry.error("file", "must stand alone, or the specimen's own keys without it: "
-                                  f"there is also {', '.join(others)}", entry.data["file"])
-    return Table.read(entry.beside("file"), "specimen")
 
 
 def _rig(table: Table, key: str) -> Rig:

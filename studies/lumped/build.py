@@ -298,7 +298,8 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None =
         forces = (pull + rig.spring * deflection).max(axis=1).tolist()
         film, viscous = reduced_film(bare, forces, highest, settings.path), STILL
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
-                        model.capacitance(model.mounted()), highest, viscous=viscous, film=film)
+                        model.capacitance(model.mounted()), highest, viscous=viscous, film=film,
+                        rig=rig)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     stiffness, permittivity = _factors(plain, samples)
     lifted = gas_area(model, samples, rig, settings)

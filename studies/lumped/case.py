@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
 from tympan.base.progress import Progress
-from tympan.fem.rig import Rig
+from tympan.fem.rig import OWN, Rig, mounted_together
+from tympan.fem.rig import Actuator as OnRig
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.case import Settings
 from tympan.studies.limits.loads import usual_masses
@@ -47,17 +48,21 @@ class LumpedCase:
     alpha: Annotated[tuple[float, ...] | None, Key("weights of the paper's circles")] = None
     table_1: Annotated[float | None, Key("relative permittivity of the paper's film", rule=(
         lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000"))] = None
-    rig: Rig = Rig()
+    rig: Rig = OWN
 
     if TYPE_CHECKING:
         def __init__(self, specimens: tuple[Specimen, ...] = (),
                      models: tuple[LumpedModel, ...] = (), *, mass: float | str | None = None,
                      paper: bool = False, alpha: tuple[float, ...] | None = None,
-                     table_1: float | None = None, rig: Rig = Rig()) -> None: ...
+                     table_1: float | None = None, rig: Rig = OWN) -> None: ...
 
     def __post_init__(self) -> None:
         if not (self.specimens or self.models):
             raise InputError("give a specimen, or a model of one", key="specimens")
+        built = [OnRig.of(model.specimen, model.rig) for model in self.models]
+        bare, rig = mounted_together([*self.specimens, *built], self.rig)
+        object.__setattr__(self, "specimens", bare[:len(self.specimens)])
+        object.__setattr__(self, "rig", rig)
         require_different_names([*self.specimens, *(model.specimen for model in self.models)])
         for key in ("alpha", "table_1"):
             if not self.paper and getattr(self, key) is not None:

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from tympan.base.errors import VoltageError
+from tympan.base.file_kinds import of_kind
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import Rig
-from tympan.fem.toml_writer import specimen_content, toml
+from tympan.fem.rig import OWN, Rig, load_actuator, rig_under
+from tympan.fem.toml_writer import rig_content, specimen_content, toml
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
@@ -39,6 +40,7 @@ class LumpedModel:
     is the highest voltage across the film that the model is valid for: these circles keep their
     hoop stretch, so they do not pull in where the film does. ``gas_area`` [m²] is the area on which
     a gas below film and plate lifts the plate. Where a file has no such area, the circles' is used.
+    ``rig``: the one that it was built on; a question's own replaces it.
     """
 
     specimen: Specimen
@@ -51,6 +53,7 @@ class LumpedModel:
     viscous: Viscous = BORROWED
     film: ReducedFilm | None = None
     gas_area: float | None = None
+    rig: Rig = OWN
 
     @property
     def circles(self) -> MembraneCircle:
@@ -83,6 +86,7 @@ def write_model(file: Path, model: LumpedModel) -> None:
                    for radius, weight in zip(model.radii, model.weights, strict=True)],
         **({"film": _film_content(model.film)} if model.film else {}),
         "specimen": specimen_content(model.specimen, plain=True),
+        **({} if model.rig == OWN else {"rig": rig_content(model.rig, plain=True)}),
     }
     texts = ("model_file.txt", "reduced_film.txt" if model.film else "viscous.txt", "limits.txt")
     formulas = (resources.files("tympan.studies.lumped").joinpath(name) for name in texts)
@@ -98,6 +102,12 @@ def _film_content(film: ReducedFilm) -> dict[str, Any]:
                       for volume, covered, gradient in zip(
                           film.volumes.tolist(), film.covered.tolist(), gradients.tolist(),
                           strict=True)]}
+
+
+def read_actuator(file: Path | str) -> Specimen | LumpedModel:
+    """Read a lumped model from its file, or a specimen from its own."""
+    table = Table.read(file)
+    return read_model(file) if of_kind("lumped model", table.data) else load_actuator(file)
 
 
 def read_model(file: Path | str) -> LumpedModel:
@@ -122,7 +132,9 @@ def read_model(file: Path | str) -> LumpedModel:
         specimen, radii, weights, table.number("flat_capacitance_F", rule=NON_NEGATIVE),
         table.number("highest_voltage_V", rule=POSITIVE), table.number("stiffness", rule=POSITIVE),
         table.number("permittivity", rule=NON_NEGATIVE),
-        STILL if film else _viscous(table.table("viscous")), film, gas_area)
+        STILL if film else _viscous(table.table("viscous")), film, gas_area,
+        rig_under(replace(table, plain=True)) or OWN)
+    table.asked.add("rig")
     for part in (*circles, table):
         part.done()
     if abs(sum(weights) - 1) > 1e-9:

@@ -28,12 +28,23 @@ _SPECIMEN = f"a specimen: its file, the paper's {', '.join(FILES)}, or the table
 def specimen_tables(table: Table, key: str) -> tuple[Table, ...]:
     """Read the tables of specimens that a file names, or contains, one or several under a key.
 
-    A name is that of a file, relative to the table's own, or of one of the paper's actuators.
+    A name is that of a file, relative to the table's own, or of one of the paper's actuators. It
+    may also be the only key of a table, ``file``.
     """
-    return tuple(part if isinstance(part, Table) else
-                 Table.read(FILES[part] if part in FILES else table.named_file(key, part),
-                            "specimen")
-                 for part in table.parts(key, _SPECIMEN))
+    return tuple(_specimen_table(table, key, part) for part in table.parts(key, _SPECIMEN))
+
+
+def _specimen_table(table: Table, key: str, part: str | Table) -> Table:
+    if isinstance(part, Table) and "file" in part:
+        others = [key for key in part.data if key != "file"]
+        if others:
+            raise part.error("file", "must stand alone, or the specimen's own keys without it: "
+                                     f"there is also {', '.join(others)}", part.data["file"])
+        return Table.read(part.beside("file"), "specimen")
+    if isinstance(part, Table):
+        part.knows("file", ("specimen", "path"), "the name of a specimen's own file")
+        return part
+    return Table.read(FILES[part] if part in FILES else table.named_file(key, part), "specimen")
 
 
 @cache

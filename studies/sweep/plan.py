@@ -17,7 +17,7 @@ from tympan.base.fields import Key, Special, read
 from tympan.base.points import Drawing, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Rule, Table, one_of
-from tympan.base.units import DIMENSIONS, any_quantity, quantity
+from tympan.base.units import DIMENSIONS, any_quantity, quantity, range_ends, written_range
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen, Unbuildable
@@ -328,16 +328,29 @@ def _limit(table: Table, key: str, what: str, count: int, most: int) -> None:
                          key=table.path(key).strip("."), given=f"{count} of them")
 
 
-def _columns(table: Table | None) -> dict[str, list[Any]]:
-    """Read the lists of a table by key; keys must be dotted names in quotation marks."""
+def _spread(table: Table, key: str, ends: bool) -> Any:
+    """Read the value of a key; of a range all values, or its ``ends`` alone."""
+    value = table.value(key)
+    try:
+        spread = (range_ends(value) if ends else None) or written_range(value)
+    except InputError as error:
+        raise table.error(key, error.allowed, value) from None
+    return value if spread is None else spread
+
+
+def _columns(table: Table | None, ends: bool = False) -> dict[str, list[Any]]:
+    """Read the lists of a table by key; keys must be dotted names in quotation marks.
+
+    A range stands for its values, or for its ``ends``.
+    """
     if table is None:
         return {}
-    columns = {key: table.value(key) for key in table.data}
+    columns = {key: _spread(table, key, ends) for key in table.data}
     _limit(table, "", "keys", len(columns), _MOST_KEYS)
     for key, values in columns.items():
         if isinstance(values, Mapping):
-            raise table.error(key, "must be a list; write a dotted key in quotation marks, such as "
-                                   f'"{key}.…" = […]')
+            raise table.error(key, "must be a list or a range; write a dotted key in quotation "
+                                   f'marks, such as "{key}.…" = […]')
         if not isinstance(values, list) or not values:
             raise table.error(key, "must be a list of values, at least one", values)
     return columns
@@ -359,7 +372,8 @@ def _sample(table: Table, given: Sample | None) -> list[Choice]:
     if given is None:
         return [{}]
     ranges = given.ranges
-    limits = {key: _range(ranges, key, values) for key, values in _columns(ranges).items()}
+    limits = {key: _range(ranges, key, values)
+              for key, values in _columns(ranges, ends=True).items()}
     if not limits:
         raise table.error("sample.ranges", "must name at least one key", {})
     _limit(table, "sample.count", "values", given.count * len(limits), _MOST_VALUES)

@@ -29,10 +29,11 @@ if TYPE_CHECKING:
 
 #: Arguments that choose actuators, for :func:`read_case`.
 ACTUATORS = (
-    argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml",
-             help="its membrane circles are found from its field model, and kept"),
+    argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml|NAME.lumped.toml",
+             help="a specimen, whose membrane circles are found from its field model and kept; or "
+                  "a model that `tympan lumped build` made"),
     argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
-             help="models that `tympan lumped build` made, instead of specimens or beside them"),
+             help="models, too"),
     argument("--mass", help="of plate, hook and weight (default: one that suits the film)"),
     argument("--paper", action="store_true",
              help="the source paper's straight cones instead of membrane circles, 2 to 3 times as "
@@ -47,13 +48,17 @@ ACTUATORS = (
 
 def read_case(options: argparse.Namespace) -> LumpedCase:
     """Read the actuators and the load that are requested."""
+    from tympan.geometry.specimen import Specimen
     from tympan.studies.lumped.case import LumpedCase
-    from tympan.studies.lumped.model_file import read_model
+    from tympan.studies.lumped.model_file import read_actuator, read_model
 
-    models = tuple(read_model(file) for file in options.model)
-    specimens, rig = read_mounted_all(options)
+    given = [read_actuator(file) for file in options.specimens]
+    models = (*(item for item in given if not isinstance(item, Specimen)),
+              *map(read_model, options.model))
+    specimens, rig = read_mounted_all(options, [
+        item for item in given if isinstance(item, Specimen)])
     if not (specimens or models):
-        raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
+        raise InputError("give a specimen or a model", key="SPECIMEN.toml")
     mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
     with naming_options(options):
         return LumpedCase(specimens, models, mass=mass, paper=options.paper,
