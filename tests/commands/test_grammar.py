@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +21,7 @@ from tympan.commands import COMMANDS
 from tympan.geometry.mesher import MeshSettings
 from tympan.grammar import BY_QUESTION, LOADS, SUBJECTS, WORDS
 from tympan.studies.case import Settings
+from tympan.studies.sweep.plan import read_sweep
 
 #: Names of arguments that hand others on.
 HANDED_ON = ("loads", "wave", "sizes", "table")
@@ -187,3 +190,91 @@ def test_a_former_option_sets_the_one_of_now(command: str, then: str, now: str,
 def test_the_page_is_up_to_date() -> None:
     """If it fails: ``python -m tests.support.grammar``."""
     assert grammar.PAGE.read_text(encoding="utf-8") == grammar.page()
+
+
+SHARED = 'specimen = "oval.toml"\nmass = "10 g, 20 g"\nvoltage = "0 kV..2 kV in 3"\n'
+
+
+@pytest.mark.parametrize(("written", "same"), [
+    ('[grid]\n"plate.radius" = "6 mm..1.4 cm in 5"',
+     '[grid]\n"plate.radius" = ["6 mm", "8 mm", "10 mm", "12 mm", "14 mm"]'),
+    ('[grid]\n"plate.radius" = { from = "6 mm", to = "14 mm", count = 2 }',
+     '[grid]\n"plate.radius" = ["6 mm", "14 mm"]'),
+    ('[list]\n"electrode.margin_plate" = "0 mm..2 mm in 2"',
+     '[list]\n"electrode.margin_plate" = ["0 mm", "2 mm"]'),
+    ('[sample]\nmethod = "sobol"\ncount = 4\n[sample.ranges]\n"plate.radius" = "6 mm..14 mm"',
+     '[sample]\nmethod = "sobol"\ncount = 4\n[sample.ranges]\n"plate.radius" = ["6 mm", "14 mm"]')])
+def test_a_range_of_a_sweep_is_its_values(written: str, same: str, tmp_path: Path) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    found = []
+    for text in (written, same):
+        (tmp_path / "sweep.toml").write_text(f"{SHARED}{text}\n", encoding="utf-8")
+        planned = read_sweep(tmp_path / "sweep.toml")
+        found.append([(entry.task.specimen, entry.masses, entry.voltages)
+                      for entry in planned.entries if entry.task])
+    assert found[0] == found[1] != []
+    assert found[0][0][1:] == ((0.01, 0.02), (0.0, 1e3, 2e3))
+
+
+def test_a_range_of_a_design_is_its_ends(tmp_path: Path) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    found = []
+    for vary in ('"0.5 mm..1.5 mm"', '["0.5 mm", "1.5 mm"]'):
+        (tmp_path / "wanted.toml").write_text(
+            'specimen = "oval.toml"\nmass = "10 g"\nvoltage = "2 kV"\n[want]\nstroke = "largest"\n'
+            f'[vary]\n"membrane.thickness" = {vary}\n', encoding="utf-8")
+        found.append(tympan.Requirements.read(tmp_path / "wanted.toml"))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("wrong", ['"6 mm..14 g in 3"', '"wide..14 mm"', '"6 mm..14 mm in 1"'])
+def test_a_wrong_range_is_one_message(wrong: str, tmp_path: Path) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    (tmp_path / "sweep.toml").write_text(f'{SHARED}[grid]\n"plate.radius" = {wrong}\n',
+                                         encoding="utf-8")
+    with pytest.raises(InputError, match=r"sweep\.toml: grid\.plate\.radius: given .*must"):
+        read_sweep(tmp_path / "sweep.toml")
+
+
+def test_a_lumped_model_stands_where_a_specimen_does_and_keeps_its_rig(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film, rig = circular(), {"spring": "20 N/m"}
+    built = tympan.lumped.build(film, rig=rig, voltage="0 kV..2 kV in 3", mass="10 g",
+                                settings=COARSE)
+    built.save(tmp_path)
+    file = tmp_path / "circle.lumped.toml"
+    loads: dict[str, Any] = {"mass": "10 g", "voltage": "1 kV"}
+    sprung, = tympan.lumped.linearise(built, **loads).linear
+    for given in (built.models[0], file, str(file)):
+        same, = tympan.lumped.linearise(given, **loads).linear
+        assert same.deflection == pytest.approx(sprung.deflection, rel=1e-12)
+    free, = tympan.lumped.linearise(file, rig={}, **loads).linear
+    assert free.deflection > 1.05 * sprung.deflection
+    words = ["--mass", "10 g", "--voltage", "1 kV", "--json"]
+    printed = []
+    for place in ([str(file)], ["--model", str(file)]):
+        assert main(["lumped", "linearise", *place, *words]) == 0
+        printed.append(json.loads(capsys.readouterr().out))
+    assert printed[0] == printed[1]
+    assert [path.name for path in tympan.lumped.export(built, tmp_path / "c")] == [
+        "circle.h", "circle.c"]
+
+
+@pytest.mark.parametrize("name", ["solve", "path", "modes", "response", "sensitivity"])
+def test_both_doors_ask_for_a_mass(name: str, tmp_path: Path,
+                                   capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError, match=r'^mass: must be given, such as "17\.9 g", or "0 g"'):
+        grammar.functions()[name](circular(), voltage="1 kV")
+    (tmp_path / "oval.toml").write_text(specimen_toml(), encoding="utf-8")
+    assert main([name, str(tmp_path / "oval.toml"), "--voltage", "1 kV"]) == 2
+    assert '--mass: must be given, such as "17.9 g", or "0 g"' in capsys.readouterr().err
+
+
+def test_files_of_another_kind_say_where_they_belong(tmp_path: Path) -> None:
+    (tmp_path / "frame.dxf").write_text("  0\nSECTION\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r'is a drawing: .*shape = "dxf", file = "frame\.dxf"'):
+        tympan.draw(tmp_path / "frame.dxf")
+    with pytest.raises(InputError, match=r"is a folder: tympan\.Result\.load reads"):
+        tympan.load(tmp_path)
+    with pytest.raises(InputError, match="name the others: mass, voltage"):
+        tympan.solve(circular(), "17.9 g")
