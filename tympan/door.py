@@ -22,6 +22,7 @@ from tympan.result import Result as Result
 from tympan.studies.case import NO_MASS, CaseResult
 from tympan.studies.case import Case as Case
 from tympan.studies.case import Settings as Settings
+from tympan.studies.shipped import load_named
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +126,7 @@ def loaded(given: SpecimenOrFile) -> Specimen:
     if not isinstance(given, str | os.PathLike):
         raise InputError("must be a Specimen or the name of its file", key="specimen",
                          given=given)
-    return load_actuator(Path(given))
+    return load_named(Path(given))
 
 
 def held(specimen: SpecimenOrFile, rig: Holder = None, pressure: float | str | None = None
@@ -180,7 +181,7 @@ def load(file: File) -> Specimen:
     if Path(file).is_dir():
         raise InputError("is a folder: tympan.Result.load reads a result that is stored there",
                          file=Path(file))
-    return load_actuator(Path(file))
+    return load_named(Path(file))
 
 
 @public()

@@ -233,11 +233,12 @@ def read_mounted_all(options: argparse.Namespace, specimens: Sequence[Specimen] 
 
     ``specimens``: those that have been read.
     """
-    from tympan.fem.rig import load_actuator, mounted_together
+    from tympan.fem.rig import mounted_together
     from tympan.geometry.specimen import require_different_names
+    from tympan.studies.shipped import load_named
 
     if specimens is None:
-        specimens = [load_actuator(file) for file in options.specimens]
+        specimens = [load_named(file) for file in options.specimens]
     require_different_names(specimens)
     return mounted_together(specimens, _rig(options))
 
@@ -247,9 +248,10 @@ def read_mounted(options: argparse.Namespace) -> tuple[Specimen, Rig]:
 
     The rig of :data:`RIG` replaces that of the specimen's file.
     """
-    from tympan.fem.rig import load_actuator, mounted
+    from tympan.fem.rig import mounted
+    from tympan.studies.shipped import load_named
 
-    specimen, rig = mounted(load_actuator(options.specimen), _rig(options))
+    specimen, rig = mounted(load_named(options.specimen), _rig(options))
     given = getattr(options, "pressure", None)
     pressure = None if given is None else parse_quantity(given, "stress", "--pressure")
     with naming_options(options):

@@ -17,13 +17,14 @@ from tympan.base.errors import VoltageError
 from tympan.base.file_kinds import of_kind
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.fem.film.library import load_specimen
-from tympan.fem.rig import OWN, Rig, load_actuator, rig_under
+from tympan.fem.rig import OWN, Rig, rig_under
 from tympan.fem.toml_writer import rig_content, specimen_content, toml
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.lumped.actuator import BORROWED, Actuator, Viscous
+from tympan.studies.shipped import load_named
 
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
@@ -106,8 +107,8 @@ def _film_content(film: ReducedFilm) -> dict[str, Any]:
 
 def read_actuator(file: Path | str) -> Specimen | LumpedModel:
     """Read a lumped model from its file, or a specimen from its own."""
-    table = Table.read(file)
-    return read_model(file) if of_kind("lumped model", table.data) else load_actuator(file)
+    lumped = Path(file).exists() and of_kind("lumped model", Table.read(file).data)
+    return read_model(file) if lumped else load_named(file)
 
 
 def read_model(file: Path | str) -> LumpedModel:

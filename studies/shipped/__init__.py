@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tympan.base.toml_reader import Table
 from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import load_actuator
 from tympan.geometry.specimen import Specimen
 
 #: File of each actuator by its name, the circle first, the large ellipse last.
@@ -45,6 +46,15 @@ def _specimen_table(table: Table, key: str, part: str | Table) -> Table:
         part.knows("file", ("specimen", "path"), "the name of a specimen's own file")
         return part
     return Table.read(FILES[part] if part in FILES else table.named_file(key, part), "specimen")
+
+
+def load_named(given: Path | str) -> Specimen:
+    """Load a specimen from its file, or one of the paper's actuators by its name.
+
+    A file of that name comes first.
+    """
+    named = FILES.get(str(given))
+    return load_actuator(given if named is None or Path(given).exists() else named)
 
 
 @cache

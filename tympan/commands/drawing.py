@@ -13,9 +13,9 @@ from tympan.options import SPECIMEN, command, output, print_record
          example="oval.toml -o drawing", also=("plot", "show"))
 def draw(options: argparse.Namespace) -> None:
     """Draw a specimen as it was read, with its sizes; nothing is solved."""
-    from tympan.fem.rig import load_actuator
     from tympan.reports.figures.specimen import draw_specimen
+    from tympan.studies.shipped import load_named
 
-    specimen = load_actuator(options.specimen)
+    specimen = load_named(options.specimen)
     options.json = False
     print_record(options, {}, specimen=specimen, drawn=draw_specimen(specimen, options.output))

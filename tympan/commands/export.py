@@ -47,11 +47,11 @@ SIZES = {
          also=("cad", "mesh", "dxf", "stl"))
 def export(options: argparse.Namespace) -> None:
     """Write frame, clamp, plate and film as STEP, DXF and SVG; mesh; or finite-element input."""
-    from tympan.fem.rig import load_actuator
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export
+    from tympan.studies.shipped import load_named
 
-    specimen, settings = load_actuator(options.specimen), read_settings(options)
+    specimen, settings = load_named(options.specimen), read_settings(options)
     with naming_options(options):
         settings.require_elements()
     if options.inp:

@@ -149,10 +149,10 @@ def _film(options: argparse.Namespace) -> Case | None:
         if options.mass is not None or options.voltage != "0 V":
             raise InputError("is missing: --mass and --voltage are of its film", key="--film")
         return None
-    from tympan.fem.rig import load_actuator
     from tympan.studies.case import Case
+    from tympan.studies.shipped import load_named
 
     if options.mass is None:
         raise InputError('must be given with --film, such as "17.9 g"', key="--mass")
-    return Case(load_actuator(options.film), mass=parse_quantity(options.mass, "mass", "--mass"),
+    return Case(load_named(options.film), mass=parse_quantity(options.mass, "mass", "--mass"),
                 voltage=parse_quantity(options.voltage, "voltage", "--voltage"))

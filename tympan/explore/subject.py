@@ -13,6 +13,7 @@ from tympan.fem.rig import Rig, load_actuator, mounted, mounted_together
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.shipped import load_named
 
 _RIG = "rig.toml"
 
@@ -52,7 +53,7 @@ def read_subject(path: Path, rig: Path | None = None) -> Subject:
     A ``rig`` that is given replaces the folder's.
     """
     if not path.is_dir():
-        specimen, on = mounted(load_actuator(path), None if rig is None else Rig.read(rig))
+        specimen, on = mounted(load_named(path), None if rig is None else Rig.read(rig))
         specimen.needed_plate()
         return Subject(specimen.name, (specimen,), on,
                        files=(str(path),), rig_file="" if rig is None else str(rig))
