@@ -187,8 +187,8 @@ LOCK = uv pip compile pyproject.toml --quiet --universal --no-header --python-ve
 
 # Both locks again, after a change of pyproject.toml; what is in both has one version.
 locks:
-	$(LOCK) --extra dev --extra docs -o requirements-dev.lock >/dev/null
-	$(LOCK) --extra explore --extra excel --extra completion --constraint requirements-dev.lock --no-annotate -o requirements.lock >/dev/null
+	$(LOCK) --extra dev --extra docs --extra cad -o requirements-dev.lock >/dev/null
+	$(LOCK) --extra cad --extra explore --extra sheets --extra completion --constraint requirements-dev.lock --no-annotate -o requirements.lock >/dev/null
 
 clean:
 	rm -rf .venv out build dist tympan.egg-info
