@@ -18,6 +18,7 @@ from scipy.stats import qmc
 
 import tympan
 from tests.oracles import axisymmetric
+from tests.support.checks.json_schema import printed_record
 from tests.support.costs import dear
 from tests.support.specimens import OVAL, ROUND, SOFT, VHB, reference_film, specimen_toml
 from tympan.base.errors import InputError
@@ -445,7 +446,7 @@ def test_the_command_stores_what_it_prints_and_solve_takes_the_film(
     command = ["design", str(tmp_path / "wanted.toml"), "-o", str(folder), "--json",
                "--refine", "0.5"]
     assert main(command) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = printed_record(capsys.readouterr().out)
     stored = DesignResult.load(folder)
     assert record == stored.json() == json.loads((folder / "design.json").read_text())
     film = stored.films[0]
