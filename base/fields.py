@@ -483,7 +483,7 @@ def names_arguments(more: Any = None, *, former: Mapping[str, str] = MappingProx
 
         def _advise(words: str) -> None:
             warnings.warn(f"tympan.{function.__name__}: {words}; the former way works until the "
-                          "next release", FutureWarning, stacklevel=4)
+                          "next minor version", FutureWarning, stacklevel=4)
 
         public: Any = checked
         public.__signature__ = _short_signature(function, get_annotations(more) if more else {})

@@ -122,8 +122,8 @@ class FormerOption(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
                  value: Any, option: str | None = None) -> None:
-        print(f"tympan: {option} is {self.now} now; the former name works until the next release",
-              file=sys.stderr)
+        print(f"tympan: {option} is {self.now} now; the former name works until the next minor "
+              "version", file=sys.stderr)
         setattr(namespace, self.dest, value)
 
 

@@ -72,7 +72,8 @@ def page() -> str:
                    "yes" if word.default is True else str(word.default))
         rows.append(f"| `{name}` | {word.meaning} | {word.unit} | {default} | {where} |")
     rows += ["", "## Former names", "",
-             "They work until the next release. Each use prints one line with the name of now.", "",
+             "They work until the next minor version ([what is public](public.md)). Each use "
+             "prints one line with the name of now.", "",
              "| where | formerly | now |", "|---|---|---|"]
     rows += [f"| `tympan {where}` | `{then}` | `{now}` |" for where, then, now in former_options()]
     rows += [f"| `tympan {command.name.rpartition(' ')[0]} {then}`".replace("  ", " ")
