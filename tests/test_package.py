@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,29 +14,13 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.release import BUILD, PYTHONS, SOURCES, TRIALS, copied, files_in
 from tympan.base.extras import EXTRAS
 
 ROOT = Path(__file__).parent.parent
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-SOURCES = ("base", "tables", "geometry", "fem", "studies", "reports", "tympan", "pyproject.toml",
-           "README.md", "LICENSE")
 #: Names of a user's own files that were import names of the project once, or are names of others.
 USERS = ("base", "tables", "geometry", "fem", "studies", "reports", "tests", "units", "specimen")
-
-#: Run in a copy of the tree: the two wheels, straight and by way of the source distribution.
-BUILD = """
-import os, tarfile
-from setuptools import build_meta
-build_meta.build_wheel("straight")
-archive = build_meta.build_sdist("source")
-with tarfile.open(f"source/{archive}") as source:
-    assert not any(member.issym() or member.islnk() for member in source)
-    safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
-    source.extractall("source", **safe)
-wheels = os.path.abspath("by_source")
-os.chdir("source/" + archive.removesuffix(".tar.gz"))
-build_meta.build_wheel(wheels)
-"""
 
 #: Run with a name of the lock in each line of its input: it imports every module of tympan without
 #: other packages, and without those of its arguments; it prints the modules that need these.
@@ -127,13 +110,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         fcntl.flock(lock, fcntl.LOCK_EX)
         tree = folder / "wheels"
         if not tree.exists():
-            for name in SOURCES:
-                if (ROOT / name).is_dir():
-                    shutil.copytree(ROOT / name, tree / name, symlinks=True,
-                                    ignore=shutil.ignore_patterns("__pycache__"))
-                else:
-                    shutil.copy(ROOT / name, tree / name)
-            built = _python("-c", BUILD, cwd=tree)
+            built = _python("-c", BUILD, cwd=copied(SOURCES, tree))
             assert built.returncode == 0, built.stdout + built.stderr
     straight, = (tree / "straight").glob("*.whl")
     by_source, = (tree / "by_source").glob("*.whl")
@@ -149,9 +126,10 @@ def installed(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactor
 
 
 def test_the_wheel_holds_tympan_whole_and_nothing_else(wheels: tuple[Path, Path]) -> None:
-    straight, by_source = ({name for name in zipfile.ZipFile(wheel).namelist()
-                            if not name.endswith("/")} for wheel in wheels)
-    assert straight == by_source
+    names = files_in(wheels[0])
+    straight = set(names)
+    assert len(names) == len(straight)
+    assert names == files_in(wheels[1])
     ours = {name for name in straight if name.startswith("tympan/")}
     assert {name.split("/")[0] for name in straight - ours} == {f"tympan-{VERSION}.dist-info"}
     sources = {str(Path(folder, name).relative_to(ROOT))
@@ -160,9 +138,6 @@ def test_the_wheel_holds_tympan_whole_and_nothing_else(wheels: tuple[Path, Path]
     assert ours == sources
     assert {Path(name).suffix for name in ours} >= {".py", ".pyi", ".typed", ".html", ".js",
                                                     ".css", ".toml", ".csv", ".txt"}
-    for wheel in wheels:
-        names = zipfile.ZipFile(wheel).namelist()
-        assert len(names) == len(set(names))
 
 
 def test_what_the_wheel_says_of_itself(wheels: tuple[Path, Path]) -> None:
@@ -175,11 +150,15 @@ def test_what_the_wheel_says_of_itself(wheels: tuple[Path, Path]) -> None:
     assert classified > {"Typing :: Typed", "Intended Audience :: Science/Research",
                          "Operating System :: POSIX :: Linux"}
     pythons = {line.rpartition(" ")[2] for line in classified if "Python :: 3." in line}
-    assert pythons == {"3.11", "3.12", "3.13"}
+    assert {f"python{python}" for python in pythons} == set(PYTHONS)
     assert said["Requires-Python"] == "<3.14,>=3.11"
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {VERSION}\n" in citation
     assert f"\nlicense: {said['License-Expression']}\n" in citation
+
+
+def test_every_extra_is_tried_before_a_release() -> None:
+    assert set(TRIALS) == {*EXTRAS, "all"}
 
 
 def test_a_user_s_own_modules_disturb_nothing(installed: Path, tmp_path: Path) -> None:
