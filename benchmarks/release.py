@@ -121,15 +121,15 @@ TRIALS = {
     assert linear.to_control().nstates >= 2
 """,
     "explore": """
-    import re, signal, subprocess, sys, urllib.request
+    import re, subprocess, sys, urllib.request
     explorer = subprocess.Popen([sys.executable, "-m", "tympan", "explore", "oval.toml",
                                  "--no-browser"], stderr=subprocess.PIPE, text=True)
     try:
         address = re.search(r"http://\\S+", explorer.stderr.readline())[0]
         cookies = urllib.request.HTTPCookieProcessor()
         assert urllib.request.build_opener(cookies).open(address, timeout=60).status == 200
-        explorer.send_signal(signal.SIGINT)
-        assert explorer.wait(60) == 130
+        explorer.terminate()
+        assert explorer.wait(60) == 143
     finally:
         explorer.kill()
 """,
