@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study check test study-tests benchmarks scaling verification compose compose-data robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean drafts
+.PHONY: study check test study-tests benchmarks scaling verification compose compose-data robustness spreads films-in-time hidden hidden-page verdict-cases fuzz mutants mutants-again mutants-page hostile drawings signals optimum outlines map lumped-build paper coupons coupon-rubbers external house verdict-pictures page-pictures doc-pictures docs locks clean drafts release-check
 
 # Compiled modules are kept, whatever the environment says: some hundred processes of the tests would each compile all
 # that they import again.
@@ -187,8 +187,13 @@ LOCK = uv pip compile pyproject.toml --quiet --universal --no-header --python-ve
 
 # Both locks again, after a change of pyproject.toml; what is in both has one version.
 locks:
-	$(LOCK) --extra dev --extra docs -o requirements-dev.lock >/dev/null
-	$(LOCK) --extra explore --extra excel --extra completion --constraint requirements-dev.lock --no-annotate -o requirements.lock >/dev/null
+	$(LOCK) --extra dev --extra docs --extra cad -o requirements-dev.lock >/dev/null
+	$(LOCK) --extra cad --extra explore --extra sheets --extra completion --constraint requirements-dev.lock --no-annotate -o requirements.lock >/dev/null
+
+# Wheel and source archive, installed into empty environments in another folder and tried, with each extra, then left in
+# dist/; some eight minutes and 4 GB for a Python. Those of 3.11 to 3.13 that start, or PYTHONS.
+release-check:
+	$(PYTHON) -m benchmarks.release $(PYTHONS)
 
 clean:
 	rm -rf .venv out build dist tympan.egg-info

@@ -9,7 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any, Self
 
 #: End of what is said of a former name.
-WORKS_STILL = "works until the next release"
+WORKS_STILL = "works until the next minor version"
 #: Most characters of a value in a message: about two lines of a terminal.
 _LONGEST = 200
 #: Most parts of a list that are written out; more would be cut in any case.

@@ -16,6 +16,7 @@ import numpy as np
 
 from tympan.base.arrays import Numbers
 from tympan.base.errors import InputError
+from tympan.base.extras import needs
 from tympan.base.fields import checks_types
 from tympan.base.process.folder import temporary_folder
 from tympan.base.process.interruption import handlers_kept
@@ -138,6 +139,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
 
 def _cut_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
     """Cut the flat film with cadquery: its ``covered`` and ``bare`` faces, for OpenCASCADE."""
+    needs("cadquery", "a mesh cut along an electrode's outline, or at curves that meet an axis "
+                      "repeatedly,")
     from tympan.geometry.cad.membrane import membrane_faces  # not loaded where nothing is cut
 
     return {name: [face.wrapped for face in faces]

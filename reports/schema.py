@@ -22,6 +22,7 @@ import numpy as np
 
 from tympan.base.fields import fields_of
 from tympan.base.units import unit_of
+from tympan.reports.schema_number import SCHEMA_NUMBER
 from tympan.reports.template import template, text_of
 
 #: JSON types by the name of a kind of value.
@@ -84,9 +85,11 @@ class JsonRecord:
 
     @property
     def schema(self) -> dict[str, Any]:
-        """The record as a JSON Schema (draft 2020-12)."""
+        """The record as a JSON Schema (draft 2020-12); printed records have its number, too."""
+        content = _object([(_steps(key.path), key) for key in self.keys])
+        number = {"const": SCHEMA_NUMBER, "description": "number of this schema"}
         return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": self.commands,
-                **_object([(_steps(key.path), key) for key in self.keys])}
+                **content, "properties": {"schema": number, **content.get("properties", {})}}
 
 
 @cache
@@ -217,7 +220,7 @@ def schemas() -> str:
 
 def json_page() -> str:
     """Write the page docs/json.md: the keys of all records, as people read them."""
-    return template("reports/schema.txt").render(records=json_records())
+    return template("reports/schema.txt").render(records=json_records(), number=SCHEMA_NUMBER)
 
 
 if __name__ == "__main__":

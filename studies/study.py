@@ -14,6 +14,7 @@ import numpy as np
 
 from tympan.base.arrays import Array, Columns
 from tympan.base.errors import InputError
+from tympan.base.extras import version_of
 from tympan.base.fields import Key, Special, read
 from tympan.base.progress import Progress
 from tympan.base.read_file import file_text
@@ -328,7 +329,8 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
     libraries = ("cadquery", "gmsh", "meshio", "numpy", "pyvista", "scikit-fem", "scipy", "vtk")
     return StudyResult(
         study.name, metadata.version("tympan"),
-        {name: metadata.version(name) for name in libraries}, platform.python_version(),
+        {name: found for name in libraries if (found := version_of(name)) is not None},
+        platform.python_version(),
         time.strftime("%Y-%m-%d %H:%M:%S %z"), study.mass, study.voltage,
         to_json(study.rig.record()), to_json(study.settings), to_json(study.alpha),
         from_films, tuple(specimens), tuple(alphas))

@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any
 
 from tympan.base.errors import InputError
+from tympan.base.extras import needs
 from tympan.base.fields import Registry
 from tympan.base.plugins import load_later
 from tympan.base.read_file import STORED
-from tympan.base.system import MissingLibrary
 from tympan.base.units import quantity
 
 #: A row: its line, 1 for the first of a file, and its cells without blanks around them.
@@ -436,10 +436,9 @@ def workbook_rows(file: Path, content: bytes) -> list[Row]:
     Formulas count with their values when the workbook was saved. Its unpacked size is counted
     before a library reads it.
     """
-    try:
-        from openpyxl import load_workbook
-    except ImportError:
-        raise MissingLibrary("workbooks need openpyxl: pip install 'tympan[excel]'") from None
+    needs("openpyxl", "reading a workbook")
+    from openpyxl import load_workbook
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # openpyxl warns of styles and links it drops

@@ -29,6 +29,7 @@ from scipy.io import loadmat
 
 import tympan
 from tests.support import parts_stub
+from tests.support.checks.json_schema import printed_record
 from tests.support.diagnosed import diagnosed
 from tests.support.specimens import circular, elliptical, specimen_toml
 from tests.support.sweeps import written
@@ -506,7 +507,7 @@ def test_limits_and_responses_are_those_of_the_commands(
     file = str(tmp_path / "oval.toml")
     found = tympan.limits(specimen, mass="17.9 g")
     assert main(["limits", file, "--mass", "17.9 g", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(found.json()))
+    assert printed_record(capsys.readouterr().out) == json.loads(json.dumps(found.json()))
     assert found.to_pandas()["voltage_V"].tolist() == sorted(found.to_pandas()["voltage_V"])
     moved = tympan.response(specimen, frequency=[1.0, "20 Hz"], mass="17.9 g", voltage="3 kV")
     assert main(["response", file, "--mass", "17.9 g", "--voltage", "3 kV", "--frequency",
@@ -544,7 +545,7 @@ def test_lumped_models_are_those_of_the_commands(tmp_path: Path,
 
     def printed(*arguments: str) -> Any:
         assert main(["lumped", *arguments, "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
+        return printed_record(capsys.readouterr().out)
 
     built = tympan.lumped.build(specimen, mass=["17.9 g", "22 g"], voltage=("0 kV", "4 kV"),
                                 count=5, circles=1)
@@ -714,7 +715,7 @@ def test_options_are_those_of_the_commands(tmp_path: Path,
 
     def printed(*arguments: str) -> Any:
         assert main([*arguments, "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
+        return printed_record(capsys.readouterr().out)
 
     found = tympan.solve(specimen, mass="17.9 g", voltage="2 kV", pressure="20 Pa", direction="up",
                          after="1 s")

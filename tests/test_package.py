@@ -5,38 +5,26 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
+from email import message_from_string
 from pathlib import Path
 
 import pytest
 
+from benchmarks.release import BUILD, PYTHONS, SOURCES, TRIALS, copied, files_in
+from tympan.base.extras import EXTRAS
+
 ROOT = Path(__file__).parent.parent
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-SOURCES = ("base", "tables", "geometry", "fem", "studies", "reports", "tympan", "pyproject.toml",
-           "README.md", "LICENSE")
 #: Names of a user's own files that were import names of the project once, or are names of others.
 USERS = ("base", "tables", "geometry", "fem", "studies", "reports", "tests", "units", "specimen")
 
-#: Run in a copy of the tree: the two wheels, straight and by way of the source distribution.
-BUILD = """
-import os, tarfile
-from setuptools import build_meta
-build_meta.build_wheel("straight")
-archive = build_meta.build_sdist("source")
-with tarfile.open(f"source/{archive}") as source:
-    assert not any(member.issym() or member.islnk() for member in source)
-    safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
-    source.extractall("source", **safe)
-wheels = os.path.abspath("by_source")
-os.chdir("source/" + archive.removesuffix(".tar.gz"))
-build_meta.build_wheel(wheels)
-"""
-
-#: Run by a name of the lock each line of its input: every module of tympan, without other packages.
+#: Run with a name of the lock in each line of its input: it imports every module of tympan without
+#: other packages, at first also without those of its arguments; it prints the modules that need
+#: these.
 IMPORT_ALL = """
 import importlib, pkgutil, re, sys
 from importlib.machinery import PathFinder
@@ -46,15 +34,25 @@ def plain(name): return re.sub("[-_.]+", "-", name).lower()
 allowed = {plain(name) for name in sys.stdin.read().split()} | {"tympan"}
 refused = {package for package, distributions in packages_distributions().items()
            if not allowed & set(map(plain, distributions))} - sys.modules.keys()
+refused |= set(sys.argv[1:])
 class Installed(PathFinder):
     @classmethod
     def find_spec(cls, name, *rest):
         return None if name.split(".")[0] in refused else super().find_spec(name, *rest)
 sys.meta_path[sys.meta_path.index(PathFinder)] = Installed
+needing = []
 for module in pkgutil.walk_packages(tympan.__path__, "tympan."):
     if not module.name.endswith("__main__"):
-        importlib.import_module(module.name)
-assert "cadquery" in sys.modules
+        try:
+            importlib.import_module(module.name)
+        except ModuleNotFoundError as error:
+            if error.name.split(".")[0] not in sys.argv[1:]:
+                raise
+            needing.append(module.name)
+refused -= set(sys.argv[1:])
+for module in needing:
+    importlib.import_module(module)
+    print(module)
 """
 
 
@@ -71,17 +69,24 @@ def test_a_user_s_lock_is_part_of_the_developers() -> None:
     left_out = {line.split(";")[0] for line in project["tool"]["uv"]["override-dependencies"]}
     assert not left_out & developer.keys()
     extras = project["project"]["optional-dependencies"]
-    named = {re.split("[>=]", line)[0] for line in (*extras["dev"], *extras["docs"],
-                                                    *project["project"]["dependencies"])}
+    named = {re.split("[>=]", line)[0] for line in (
+        *extras["dev"], *extras["docs"], *extras["cad"], *project["project"]["dependencies"])}
     assert named <= developer.keys()
+    assert {EXTRAS[name].package for name in ("cad", "completion", "explore", "sheets")
+            } <= user.keys()
 
 
 def test_what_a_user_s_lock_installs_is_enough() -> None:
     """What is optional is imported where it is used, and named there if it is missing."""
-    done = subprocess.run([sys.executable, "-c", IMPORT_ALL], cwd=ROOT, text=True,
+    optional = ["OCP", *(extra.package for extra in EXTRAS.values())]
+    done = subprocess.run([sys.executable, "-c", IMPORT_ALL, *optional], cwd=ROOT, text=True,
                           input="\n".join(_pins("requirements.lock")), capture_output=True,
                           check=False)
     assert done.returncode == 0, done.stderr
+    assert set(done.stdout.split()) == {
+        "tympan.explore.door", "tympan.explore.server", "tympan.explore.talk",
+        "tympan.geometry.cad.membrane", "tympan.geometry.cad.parts", "tympan.geometry.cad.wires",
+        "tympan.geometry.outlines.step"}
 
 
 def _python(*arguments: str, cwd: Path, path: Path | None = None
@@ -102,13 +107,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         fcntl.flock(lock, fcntl.LOCK_EX)
         tree = folder / "wheels"
         if not tree.exists():
-            for name in SOURCES:
-                if (ROOT / name).is_dir():
-                    shutil.copytree(ROOT / name, tree / name, symlinks=True,
-                                    ignore=shutil.ignore_patterns("__pycache__"))
-                else:
-                    shutil.copy(ROOT / name, tree / name)
-            built = _python("-c", BUILD, cwd=tree)
+            built = _python("-c", BUILD, cwd=copied(SOURCES, tree))
             assert built.returncode == 0, built.stdout + built.stderr
     straight, = (tree / "straight").glob("*.whl")
     by_source, = (tree / "by_source").glob("*.whl")
@@ -124,17 +123,39 @@ def installed(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactor
 
 
 def test_the_wheel_holds_tympan_whole_and_nothing_else(wheels: tuple[Path, Path]) -> None:
-    straight, by_source = ({name for name in zipfile.ZipFile(wheel).namelist()
-                            if not name.endswith("/")} for wheel in wheels)
-    assert straight == by_source
+    names = files_in(wheels[0])
+    straight = set(names)
+    assert len(names) == len(straight)
+    assert names == files_in(wheels[1])
     ours = {name for name in straight if name.startswith("tympan/")}
     assert {name.split("/")[0] for name in straight - ours} == {f"tympan-{VERSION}.dist-info"}
     sources = {str(Path(folder, name).relative_to(ROOT))
                for folder, _, names in os.walk(ROOT / "tympan", followlinks=True)
                if "__pycache__" not in folder for name in names}
     assert ours == sources
-    assert {Path(name).suffix for name in ours} >= {".py", ".typed", ".html", ".css", ".toml",
-                                                    ".csv"}
+    assert {Path(name).suffix for name in ours} >= {".py", ".pyi", ".typed", ".html", ".js",
+                                                    ".css", ".toml", ".csv", ".txt"}
+
+
+def test_what_the_wheel_says_of_itself(wheels: tuple[Path, Path]) -> None:
+    """Licence and Pythons are those of the project, and the citation has its version."""
+    said, = (message_from_string(zipfile.ZipFile(wheels[0]).read(name).decode())
+             for name in zipfile.ZipFile(wheels[0]).namelist() if name.endswith("/METADATA"))
+    assert (said["Version"], said["License-Expression"]) == (VERSION, "BSD-3-Clause")
+    assert set(said.get_all("Provides-Extra")) > {*EXTRAS, "all", "excel"}
+    classified = set(said.get_all("Classifier"))
+    assert classified > {"Typing :: Typed", "Intended Audience :: Science/Research",
+                         "Operating System :: POSIX :: Linux"}
+    pythons = {line.rpartition(" ")[2] for line in classified if "Python :: 3." in line}
+    assert {f"python{python}" for python in pythons} == set(PYTHONS)
+    assert said["Requires-Python"] == "<3.14,>=3.11"
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {VERSION}\n" in citation
+    assert f"\nlicense: {said['License-Expression']}\n" in citation
+
+
+def test_every_extra_is_tried_before_a_release() -> None:
+    assert set(TRIALS) == {*EXTRAS, "all"}
 
 
 def test_a_user_s_own_modules_disturb_nothing(installed: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tympan.base.errors import WORKS_STILL, Failure, InputError, did_you_mean
+from tympan.base.extras import needs
 from tympan.base.process.folder import alone
 from tympan.base.process.interruption import raise_again
 from tympan.base.reader_process import ready_for
@@ -233,11 +234,9 @@ class _Completion(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
                  value: Any, option: str | None = None) -> None:
-        try:
-            import shtab
-        except ImportError:
-            raise InputError("needs the package shtab: pip install 'tympan[completion]'",
-                             key=option) from None
+        needs("shtab", option or "completion")
+        import shtab
+
         _complete_files(parser, shtab.FILE)
         print(shtab.complete(parser, shell=value))
         parser.exit()

@@ -797,7 +797,7 @@ def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
     of CalculiX or Abaqus, a step for each ``mass``, then for each ``voltage``, above a gas of a
     ``pressure`` [Pa].
     """
-    from tympan.geometry.cad.parts import PartOptions
+    from tympan.geometry.cad.sizes import PartOptions
     from tympan.studies.export import export, export_input
 
     specimen, settings = loaded(specimen), settings or Settings()

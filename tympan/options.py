@@ -368,12 +368,14 @@ def print_record(options: argparse.Namespace, record: dict[str, Any], drawn: Seq
                  text: Callable[..., str] | None = None, **more: Any) -> None:
     """Print a record as one JSON object, or as ``text`` writes it from the record and ``more``.
 
-    Without ``text`` the command's template in commands/text writes it. The files ``drawn`` come
-    last, one by one.
+    The object begins with the number of its schema. Without ``text`` the command's template in
+    commands/text writes it. The files ``drawn`` come last, one by one.
     """
     raise_again()
     if options.json:
-        print(json.dumps(record, allow_nan=False))
+        from tympan.reports.schema_number import SCHEMA_NUMBER
+
+        print(json.dumps({"schema": SCHEMA_NUMBER, **record}, allow_nan=False))
         return
     written = (text or _by_template)(record=record, options=options, entries=_entries, **more)
     if written:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from tympan.base.arrays import AnyArray
+from tympan.base.extras import installed
 from tympan.base.system import silent
 from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
 
@@ -112,7 +112,7 @@ def analyse(indices: AnyArray, indptr: AnyArray, ordered: bool = False) -> Analy
     ``indices`` and ``indptr`` are the sparsity in compressed columns, rows ascending, both
     triangles, with the diagonal; ``ordered`` says that the unknowns' own order has little fill-in.
     """
-    if len(indptr) - 1 >= PARDISO_PAYS and find_spec("pypardiso") is not None:
+    if len(indptr) - 1 >= PARDISO_PAYS and installed("pypardiso"):
         return Pardiso(indices, indptr)
     return SuperLU(ordered)
 

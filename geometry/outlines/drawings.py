@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from tympan.base.errors import InputError
+from tympan.base.extras import needs
 from tympan.base.fields import Key, read
 from tympan.base.read_file import file_bytes
 from tympan.base.reader_process import read_apart
@@ -80,6 +81,11 @@ class StepFile(Drawing):
     face: Annotated[Literal["largest", "top", "bottom"], Key(
         "which flat face of a solid: the largest, or the highest or lowest of those parallel to "
         "it")] = "largest"
+
+    @classmethod
+    def from_table(cls, table: Table) -> Drawn:
+        needs("cadquery", "reading STEP")
+        return super().from_table(table)
 
     def sheet(self, file: Path) -> DrawingSheet:
         from tympan.geometry.outlines.step import step_sheet

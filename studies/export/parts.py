@@ -10,9 +10,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from tympan.geometry.cad import membrane as cad
-from tympan.geometry.cad import parts
-from tympan.geometry.cad.parts import PartOptions
+from tympan.base.extras import needs
+from tympan.geometry.cad.sizes import PartOptions
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Specimen
 from tympan.studies.files import write_atomically
@@ -25,6 +24,10 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
     It yields the files. A film without plate has no plate file. Where the electrode leaves film
     bare, it is written too, for a mask.
     """
+    needs("cadquery", "writing parts")
+    from tympan.geometry.cad import membrane as cad
+    from tympan.geometry.cad import parts
+
     made = {"frame": parts.ring_part(specimen.frame, options, options.frame_height),
             "clamp": parts.ring_part(specimen.frame, options, options.clamp_height),
             "film": cad.membrane_part(specimen)}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.system import MissingLibrary
+from tympan.base.extras import needs
 from tympan.studies.files import write_arrays, write_csv, write_json
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
@@ -129,11 +129,9 @@ class Linear:
 
     def to_control(self) -> Any:
         """Convert it to a python-control ``StateSpace``, if python-control is installed."""
-        try:
-            import control
-        except ImportError:
-            raise MissingLibrary("a state-space object needs python-control: pip install "
-                                 "control") from None
+        needs("control", "a state-space object of python-control")
+        import control
+
         return control.ss(self.a, self.b, self.c, self.d, inputs=[INPUTS[self.driven_by][0]],
                           outputs=["deflection"], states=self.states)
 

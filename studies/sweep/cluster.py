@@ -13,6 +13,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from tympan.base.errors import Failure, InputError
+from tympan.base.extras import needs
 from tympan.base.progress import Progress
 from tympan.studies.parallel import Item, NoValue, Value, value_or_reason
 from tympan.studies.sweep.task import solver
@@ -54,11 +55,9 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
         When there is no worker any more, or a worker has no tympan, or another version; the
         message names it.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("wants Dask: pip install 'tympan[cluster]'", key="--scheduler",
-                         given=address) from None
+    needs("distributed", "a sweep on several computers")
+    from distributed import Client
+
     _reach(address)
     client = Client(address, timeout=_PATIENCE, set_as_default=False)
     workers = _Workers(client, address, wait, say)

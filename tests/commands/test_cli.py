@@ -15,6 +15,7 @@ import meshio
 import numpy as np
 import pytest
 
+from tests.support.checks.json_schema import printed_record
 from tests.support.costs import dear
 from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
@@ -34,7 +35,7 @@ def printed(capsys: pytest.CaptureFixture[str]) -> dict:
     out, err = capsys.readouterr()
     assert err == ""
     assert out.count("\n") == 1
-    return json.loads(out)
+    return printed_record(out)
 
 
 @pytest.mark.parametrize("name", ACTUATORS)

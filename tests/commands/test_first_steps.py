@@ -218,13 +218,13 @@ def test_the_doctor_finds_this_machine_in_order(capsys) -> None:
 
 @pytest.mark.parametrize(("name", "answer", "words"), [
     ("drawing_window", None, "drawing"),
-    ("_version", None, "packages"),
+    ("version_of", None, "packages"),
     ("self_check", {"points": [{"voltage_V": 0.0, "deflection_m": None, "reference_m": 2e-3,
                                 "passed": False}], "passed": False, "wall_s": 0.1}, "self-check"),
 ])
 def test_the_doctor_says_what_is_wrong(name: str, answer: object, words: str, monkeypatch,
                                        capsys) -> None:
-    for probe, result in {"drawing_window": "vtkWindow", "_version": "1.0", "self_check": {
+    for probe, result in {"drawing_window": "vtkWindow", "version_of": "1.0", "self_check": {
             "points": [], "passed": True, "wall_s": 0.1}, name: answer}.items():
         monkeypatch.setattr(doctor, probe, Mock(return_value=result))
     assert main(["doctor"]) == 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import sys
 import time
 import urllib.error
 import urllib.request
@@ -320,11 +319,3 @@ def test_interrupting_it_ends_everything_with_one_line(folder: Path) -> None:
         _, errors = running.process.communicate(timeout=30)
         assert running.process.returncode == 130
         assert errors.splitlines() == ["tympan: interrupted"]
-
-
-def test_without_aiohttp_one_line_says_what_to_install(
-        folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setitem(sys.modules, "aiohttp", None)
-    assert main(["explore", str(folder / "oval.toml")]) == 1
-    assert capsys.readouterr().err == ("tympan: explore needs the package aiohttp: pip install "
-                                       "'tympan[explore]'\n")

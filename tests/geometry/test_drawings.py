@@ -26,7 +26,7 @@ from tympan.commands.export import SIZES
 from tympan.fem.film.library import load_specimen
 from tympan.geometry.cad import membrane as cad
 from tympan.geometry.cad import parts
-from tympan.geometry.cad.parts import PartOptions
+from tympan.geometry.cad.sizes import PartOptions
 from tympan.geometry.cad.wires import outline_wire, planar
 from tympan.geometry.outlines import (
     OUTLINES,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.checks.json_schema import faults, schema_of
+from tests.support.checks.json_schema import faults, printed_record, schema_of
 from tests.support.checks.policy import unlawful
 from tympan.base.errors import InputError
 from tympan.cli import main
@@ -214,7 +214,7 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     options = ["--levels", "2", "--seed", "3", "--period", "20 s", "--reading", "rest", "-o",
                str(out), "--json"]
     assert main(["lumped", "paper", *options]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed_record(capsys.readouterr().out)
     assert printed == json.loads((out / "paper.json").read_text(encoding="utf-8"))
     assert list(faults(printed, schema_of("lumped_paper"))) == []
     for name in FIGURES:

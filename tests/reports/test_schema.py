@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from tests.support.checks.json_schema import faults
+from tests.support.checks.json_schema import faults, printed_record
 from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
 from tympan.base.errors import InputError
@@ -138,9 +138,9 @@ def test_real_output_is_as_declared(name: str, command: str, options: tuple[str,
     monkeypatch.chdir(models)
     capsys.readouterr()
     main([*command.split(), *options, "--json"])
-    printed = json.loads(capsys.readouterr().out)
-    assert list(faults(printed, RECORDS[name].schema)) == []
-    for path in paths_of_numbers(printed):
+    printed = capsys.readouterr().out
+    assert list(faults(json.loads(printed), RECORDS[name].schema)) == []
+    for path in paths_of_numbers(printed_record(printed)):
         assert any(fits(path, key) for key in RECORDS[name].keys) or path[1:2] == ("material",)
 
 
@@ -246,6 +246,7 @@ def solved(folder: Path) -> dict[str, Any]:
     ({"mass_kg": True}, ".mass_kg: True is no number"),
     ({"colour": "red"}, ".colour is not declared"),
     ({"limit": {"kind": "tension"}}, ".limit.voltage_V is missing"),
+    ({"schema": 2}, ".schema: 2 is not 1"),
     ({"warnings": [1]}, ".warnings[0]: 1 is no string"),
 ])
 def test_what_is_wrong_would_be_noticed(change: dict[str, Any], words: str,

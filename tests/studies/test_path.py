@@ -14,6 +14,7 @@ import pytest
 
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import branch_voltage, slack_voltage
+from tests.support.checks.json_schema import printed_record
 from tests.support.specimens import ROOT5, ROUND, circular, elliptical, specimen_toml
 from tympan.base.errors import InputError
 from tympan.cli import main
@@ -174,7 +175,7 @@ def test_files_and_json(tmp_path: Path, capsys) -> None:
     out = tmp_path / "out"
     assert main(["path", str(specimen), "--mass", "17.9 g", "--beyond", "-o", str(out),
                  "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed_record(capsys.readouterr().out)
     assert json.loads((out / "soft-path.json").read_text()) == printed
     rows = list(csv.DictReader((out / "soft-path.csv").read_text().splitlines()))
     assert len(rows) == len(printed["stations"])

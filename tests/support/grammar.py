@@ -98,7 +98,8 @@ def page() -> str:
         where = "" if where == "Python" and files else where
         rows.append(f"| `{name}` | {word.meaning} | {word.unit} | {default} | {where} | {files} |")
     rows += ["", "## Former names", "",
-             "They work until the next release. Each use prints one line with the name of now.", "",
+             "They work until the next minor version ([what is public](public.md)). Each use "
+             "prints one line with the name of now.", "",
              "| where | formerly | now |", "|---|---|---|"]
     rows += [f"| `tympan {where}` | `{then}` | `{now}` |" for where, then, now in former_options()]
     rows += [f"| `tympan {command.name.rpartition(' ')[0]} {then}`".replace("  ", " ")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,7 +53,7 @@ def data(options: argparse.Namespace) -> None:
                          key="DATASET")
     if options.draft is not None:
         written = write_draft(options.draft, options.target, options.kind)
-        print(json.dumps({"written": str(written)}) if options.json else written)
+        print_record(options, {"written": str(written)}, text=lambda **_: str(written))
         return
     print_record(options, summary(read_dataset(options.dataset)))
 

@@ -9,11 +9,11 @@ import time
 from typing import Any
 
 from tympan.base.errors import Failure
+from tympan.base.extras import EXTRAS, version_of
 from tympan.options import JSON, command, print_record
 
 #: Distributions that results depend on, or that load system libraries.
-PACKAGES = ("numpy", "scipy", "scikit-fem", "meshio", "gmsh", "cadquery", "vtk", "pyvista",
-            "matplotlib")
+PACKAGES = ("numpy", "scipy", "scikit-fem", "meshio", "gmsh", "vtk", "pyvista", "matplotlib")
 #: Script that names the window that VTK draws in and checks its picture; it may end the process.
 _DRAW = """
 import numpy, pyvista
@@ -42,10 +42,11 @@ def doctor(options: argparse.Namespace) -> None:
     from tympan.base.process.threads import outer_environment
     from tympan.base.system import missing_packages
 
-    versions = {name: _version(name) for name in PACKAGES}
+    versions = {name: version_of(name) for name in PACKAGES}
     record: dict[str, Any] = {
-        "tympan": _version("tympan"), "python": platform.python_version(),
+        "tympan": version_of("tympan"), "python": platform.python_version(),
         "system": platform.platform(), "packages": versions,
+        "extras": {name: version_of(extra.package) for name, extra in EXTRAS.items()},
         "missing_libraries": missing_packages(), "processors": len(os.sched_getaffinity(0)),
         "threads": {"variables": outer_environment(), "libraries": python_threads()}}
     record["self_check"] = self_check()
@@ -56,7 +57,7 @@ def doctor(options: argparse.Namespace) -> None:
                         for counts in record["threads"]["libraries"].values())),
         ("self-check", record["self_check"]["passed"]),
         ("drawing", record["display"]["draws_with"] is not None)) if not fine]
-    print_record(options, record | {"wrong": wrong})
+    print_record(options, record | {"wrong": wrong}, extras=EXTRAS)
     if wrong:
         raise Failure(f"not in order: {', '.join(wrong)}")
 
@@ -112,12 +113,3 @@ def drawing_window() -> str | None:
                           check=False)
     window = done.stdout.strip().splitlines()[-1:] or ["nothing"]
     return None if done.returncode or window[0] == "nothing" else window[0]
-
-
-def _version(distribution: str) -> str | None:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return None

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tympan.base.errors import Failure, InputError
+from tympan.base.errors import InputError
+from tympan.base.extras import needs
 from tympan.commands.cases import TOLERANCES, given_tolerances
 from tympan.options import RIG, argument, command, naming_file, naming_options, parse_quantity
 
@@ -59,10 +60,7 @@ def explore(options: argparse.Namespace) -> None:
 
 
 def _explorer(options: argparse.Namespace) -> Explorer:
-    try:
-        import aiohttp  # noqa: F401
-    except ImportError:
-        raise Failure("explore needs the package aiohttp: pip install 'tympan[explore]'") from None
+    needs("aiohttp", "the explorer")
     from tympan.explore.latest import prepared
     from tympan.progress import say
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Settings
 
-#: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, meaning.
+#: Sizes of the parts by the field of ``geometry.cad.sizes.PartOptions``: default, meaning.
 SIZES = {
     "width": ("10 mm", "of frame and clamp ring around the film"),
     "frame_height": ("4 mm", "of the frame"),
@@ -47,7 +47,7 @@ SIZES = {
          also=("cad", "mesh", "dxf", "stl"))
 def export(options: argparse.Namespace) -> None:
     """Write frame, clamp, plate and film as STEP, DXF and SVG; mesh; or finite-element input."""
-    from tympan.geometry.cad.parts import PartOptions
+    from tympan.geometry.cad.sizes import PartOptions
     from tympan.studies.export import export
     from tympan.studies.shipped import load_named
 

@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from tympan.base.arrays import Array
+from tympan.base.extras import MissingPackage
 from tympan.base.progress import PartsDone
 from tympan.base.system import MissingLibrary
 from tympan.studies.diagnosis.hypothesis import Cause, Hypothesis
@@ -111,7 +112,7 @@ class Chain:
                 try:
                     film = self._film(trial)
                     answers[trial] = self._sampled(solve, film, self._grid(trial), near)
-                except MissingLibrary:
+                except (MissingLibrary, MissingPackage):
                     raise
                 except (ArithmeticError, ValueError, RuntimeError) as error:
                     failure = failure or error

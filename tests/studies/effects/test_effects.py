@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.checks.json_schema import printed_record
 from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
 from tympan.base.errors import InputError
@@ -479,7 +480,7 @@ def test_several_effects_do_not_depend_on_their_order() -> None:
 
 def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["effects", "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = printed_record(capsys.readouterr().out)
     assert list(content) == list(EFFECTS)
     assert content["voltage_sag"]["parameters"]["U_s"]["prior"]["width"] == 25
     assert content["drift"]["needs_columns"] == ["elapsed_s"]

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.support.checks.json_schema import printed_record
 from tests.support.lumped import MASSES, NOISE, TRUTH, noisy
 from tympan.base.errors import InputError
 from tympan.cli import main
@@ -290,7 +291,7 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path,
     out = tmp_path / "out"
     assert main(["lumped", "identify", str(tmp_path), "--paper", "--dynamic", "--weights",
                  "0.6,0.4", "-o", str(out), "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = printed_record(capsys.readouterr().out)
     assert content == json.loads((out / "identify.json").read_text())
     drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert main(["report", str(out)]) == 0

@@ -3,7 +3,6 @@ computing them."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,6 @@ from tests.oracles.lumped_model import equations
 from tests.support.lumped import MODELS, OVAL, free_energy
 from tests.support.specimens import circular
 from tympan.base.errors import InputError
-from tympan.base.system import MissingLibrary
 from tympan.fem.rig import Rig
 from tympan.paper.table1 import paper_actuators
 from tympan.studies.circles import ConeCircle
@@ -147,12 +145,6 @@ def test_linear_model_is_a_control_system() -> None:
     assert linear.gain == pytest.approx(slope, rel=1e-5)
     assert float(np.real(np.squeeze(control.dcgain(system)))) == pytest.approx(slope, rel=1e-5)
     assert np.all(linear.poles.real < 0)
-
-
-def test_without_python_control_the_message_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(MissingLibrary, match="pip install control"):
-        linearise(MODELS["paper"], 0.0).to_control()
 
 
 @pytest.mark.parametrize(("change", "words"), [

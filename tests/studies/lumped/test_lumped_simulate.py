@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from tests.oracles.lumped_model import equations
+from tests.support.checks.json_schema import printed_record
 from tests.support.lumped import MODELS, free_energy
 from tympan.base.errors import InputError
 from tympan.cli import main
@@ -200,7 +201,7 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
     assert main(["lumped", "simulate", *names, "--signal", "step", "--duration", "0.5 s",
                  "--interval", "5 ms", "--paper",
                  "--alpha", "0.6,0.4", "-o", str(out), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed_record(capsys.readouterr().out)
     assert [response["alpha"] for response in printed["responses"]] == [[1.0], [0.6, 0.4]]
     assert printed == json.loads((out / "simulate.json").read_text())
     assert (out / "response.png").stat().st_size > 10_000

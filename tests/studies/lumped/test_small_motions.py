@@ -3,7 +3,6 @@ its constants' origin."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.checks.json_schema import printed_record
 from tests.support.lumped import MODELS
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
@@ -35,7 +35,7 @@ def oval(tmp_path: Path) -> str:
 def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     capsys.readouterr()
     assert main([*arguments, "--json"]) == 0
-    return dict(json.loads(capsys.readouterr().out))
+    return printed_record(capsys.readouterr().out)
 
 
 def test_simulate_begins_where_solve_is_at_rest(oval: str, capsys) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.checks.json_schema import printed_record
 from tests.support.lumped import NOISE, TRUTH, clean, noisy
 from tympan.cli import main
 from tympan.studies.identify.static import Sharing, StaticFit, identify_static, nelder_mead
@@ -135,7 +136,7 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         for n, m, u, y in zip(read.which, read.mass, read.voltage, read.displacement, strict=True)))
     out = tmp_path / "out"
     assert main(["lumped", "identify", str(tmp_path), "--paper", "-o", str(out), "--json"]) == 0
-    content = json.loads(capsys.readouterr().out)
+    content = printed_record(capsys.readouterr().out)
     assert content == json.loads((out / "identify.json").read_text())
     drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert main(["report", str(out)]) == 0

@@ -15,6 +15,7 @@ from scipy.integrate import quad
 
 import tympan
 from tests.oracles import axisymmetric
+from tests.support.checks.json_schema import printed_record
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film, specimen_toml
 from tympan.cli import main
 from tympan.fem.membrane.biases import Constant
@@ -192,7 +193,7 @@ def test_both_doors_answer_the_same(tmp_path: Path, capsys: pytest.CaptureFixtur
     folder = tmp_path / "out"
     assert main(["sense", str(tmp_path / "oval.toml"), "--mass", "20 g", "--voltage", "0 kV, 3 kV",
                  "--points", "5", "--json", "-o", str(folder)]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed_record(capsys.readouterr().out)
     result = tympan.sense(tympan.load(tmp_path / "oval.toml"), mass=["20 g"], points=5,
                           voltage=["0 kV", "3 kV"])
     ours = json.loads(json.dumps(result.json()))

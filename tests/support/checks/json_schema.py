@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
 from tympan.reports.schema import json_records
+from tympan.reports.schema_number import SCHEMA_NUMBER
 
 _TYPES: dict[str, Any] = {"string": str, "number": (int, float), "integer": int, "boolean": bool,
                           "object": dict, "array": list, "null": type(None)}
-_USED = {"$schema", "title", "description", "unit", "type", "enum", "anyOf", "items", "properties",
-         "required", "additionalProperties"}
+_USED = {"$schema", "title", "description", "unit", "type", "enum", "const", "anyOf", "items",
+         "properties", "required", "additionalProperties"}
 
 
 def schema_of(name: str) -> dict[str, Any]:
     """The JSON Schema of a record of the reference."""
     return next(record.schema for record in json_records() if record.name == name)
+
+
+def printed_record(text: str) -> dict[str, Any]:
+    """The record that ``--json`` printed, without the number of its schema."""
+    number, *rest = json.loads(text).items()
+    assert number == ("schema", SCHEMA_NUMBER)
+    return dict(rest)
 
 
 def faults(value: Any, schema: dict[str, Any], path: str = "") -> Iterator[str]:
@@ -26,6 +35,8 @@ def faults(value: Any, schema: dict[str, Any], path: str = "") -> Iterator[str]:
         yield from () if [] in tried else tried[0]
     if "enum" in schema and value not in schema["enum"]:
         yield f"{path}: {value!r} is none of {schema['enum']}"
+    if "const" in schema and value != schema["const"]:
+        yield f"{path}: {value!r} is not {schema['const']}"
     if "type" in schema and not is_of_type(value, schema["type"]):
         yield f"{path}: {value!r} is no {schema['type']}"
     if isinstance(value, list):
