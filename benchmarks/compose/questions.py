@@ -65,6 +65,7 @@ LEFT_OUT: Mapping[str, frozenset[str]] = {
 #: Commands that ask nothing of a film on a rig, and why.
 ELSEWHERE: Mapping[str, str] = {
     "outlines": "of registered outlines", "map": "of ellipses", "report": "draws what is stored",
+    "compare": "of what is stored",
     "explore": "serves until it is ended", "draw": "reads a specimen alone",
     "study": "asks solve, curve, force and alpha",
     "materials": "of the library", "material show": "of the library", "effects": "a list",
