@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import InputError
@@ -54,6 +55,8 @@ _SAME_ERROR = 1.05
 _ALIKE = 1e-3
 #: Distance of a constant from its bound, as a share of it, within which it is at the bound.
 _AT_BOUND = 1e-3
+#: Least number of readings of which it is said that their errors grow.
+_ENOUGH = 15
 #: Most groups of runs held out.
 _FOLDS = 5
 
@@ -557,6 +560,8 @@ def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
         yield NOTES["worse"]
     if _systematic(_residual(fit.family, coupons, fit.values), coupons):
         yield NOTES["systematic"]
+    if _grows(_residual(fit.family, coupons, fit.values), coupons):
+        yield NOTES["grows"]
 
 
 def open_constants(names: Sequence[str], units: Sequence[str], values: Array,
@@ -595,6 +600,14 @@ def _open_modes(fit: LawFit, coupons: Coupons) -> Iterator[str]:
         if half[0] > 0.1 * abs(stress[0]):
             yield NOTES["untested"].format(mode=mode.replace("_", " "), stretch=stretch[0],
                                            stress=stress[0] / 1e3, half=half[0] / 1e3)
+
+
+def _grows(residual: Array, coupons: Coupons) -> bool:
+    """Check whether residuals grow with the stress (rank correlation, p < 0.001)."""
+    if len(residual) < _ENOUGH:
+        return False
+    grown = spearmanr(np.abs(residual), np.abs(coupons.stress), alternative="greater")
+    return bool(grown.pvalue < 1e-3)
 
 
 def _systematic(residual: Array, coupons: Coupons) -> bool:

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tympan
 from tests.oracles.laws import shear_modulus
+from tests.support.checks.json_schema import printed_record
 from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
@@ -362,7 +364,7 @@ def test_fit_command_writes_a_material_for_specimens(tmp_path, capsys) -> None:
     assert main(["material", "fit", str(file), "--law", "mooney_rivlin", "--law", "neo_hooke", "-o",
                  str(folder),
                  "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = printed_record(capsys.readouterr().out)
     assert result["best"] == "mooney_rivlin"
     assert result["readings"] == {"uniaxial": 12, "equibiaxial": 12, "pure_shear": 12}
     constant = result["fits"][0]["constants"]["c10"]
@@ -458,3 +460,20 @@ def test_readings_under_voltage_are_left_out_and_warm_ones_told(tmp_path: Path) 
     said = " ".join(result.numbers["warnings"])
     assert "8 readings under voltage are left out" in said
     assert "20 to 40 °C" in said
+
+
+def test_errors_that_grow_with_the_stress_are_noted(tmp_path: Path) -> None:
+    """Half-widths assume errors of one size; those of a share of the stress are told."""
+    stretch = np.linspace(1.0, 3.0, 41)
+    stress = 20e3 * (stretch - stretch**-2)
+    noise = np.random.default_rng(2).normal(size=41)
+    said = []
+    for errors in (0.01 * stress * noise, 200.0 * noise):
+        file = tmp_path / "strip.csv"
+        rows = zip(stretch, (stress + errors) / 1e3, strict=True)
+        file.write_text("stretch,stress_kPa\n" + "".join(f"{one:.6g},{other:.6g}\n"
+                                                         for one, other in rows), encoding="utf-8")
+        found = tympan.fit_material(file, mode="uniaxial", law="neo_hooke")
+        said.append(any("errors grow with the stress" in note
+                        for note in found.fits[0].notes))
+    assert said == [True, False]
