@@ -119,7 +119,9 @@ def test_a_table_without_rows_is_a_sentence() -> None:
 
 def test_a_result_names_its_own_key_numbers() -> None:
     class Named(WiderResult):
-        key_numbers = {f"of_{number}_m": float(number) for number in range(20)}
+        @property
+        def key_numbers(self) -> dict[str, float]:
+            return {f"of_{number}_m": float(number) for number in range(20)}
 
     above, _ = text(Named(specimen="oval", mass_kg=0.01, voltage_V=2e3,
                           ramps=RAMPS)).split("\n\n")
