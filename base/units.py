@@ -44,8 +44,8 @@ class Dimension:
 
 
 def suffix_of(si: str) -> str:
-    """Write an SI unit as the end of a name: "_kg_per_m3"."""
-    return "_" + si.replace("/", "_per_").replace("^", "").replace(" ", "_")
+    """Write an SI unit as the end of a name: "_kg_per_m3"; nothing for "1", of plain numbers."""
+    return "" if si == "1" else "_" + si.replace("/", "_per_").replace("^", "").replace(" ", "_")
 
 
 DIMENSIONS: dict[str, Dimension] = {

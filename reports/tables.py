@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,16 @@ _COLUMNS = 8
 _LETTERS = 60
 #: Format of numbers.
 _DIGITS = "{:.6g}".format
+#: Most single numbers above a table: more would hide it.
+_SINGLE = 15
+#: Most letters of a line above a table, as in the code: a longer text goes on below.
+_WIDTH = 100
+#: Headings of a table with a row for each name.
+_COLUMN = ["name", "value", "unit"]
+#: Names of a JSON object that say how a result was computed, not what it is.
+_OF_THE_RUN = frozenset(("wall_s", "made_s", "dofs", "seed", "version", "python", "finished"))
+#: What stands in place of a table without rows.
+_EMPTY = "The table of this result has no rows."
 
 
 def labelled(values: Mapping[str, Array], along: str,
@@ -70,16 +81,63 @@ def _units(name: str) -> dict[str, str]:
 
 
 def html(result: object) -> str:
-    """Write a table of names, values and units; units of several rows are in column names."""
+    """Write a table of names, values and units; units of several rows are in column names.
+
+    Single numbers of the result are in a table of their own above one of several rows.
+    """
     rows, most = _shown(result)
-    return str(rows.to_html(index=False, max_rows=most, border=0, na_rep="", float_format=_DIGITS))
+    above = pd.DataFrame([(name, _cell(value), unit) for name, value, unit in _above(result)],
+                         columns=_COLUMN)
+    head = "" if above.empty else _html(above)
+    return head + (f"<p>{_EMPTY}</p>" if rows.empty else _html(rows, most))
+
+
+def _html(rows: pd.DataFrame, most: int | None = None) -> str:
+    with pd.option_context("display.max_colwidth", None):
+        return str(rows.to_html(index=False, max_rows=most, border=0, na_rep="",
+                                float_format=_DIGITS))
 
 
 def text(result: object) -> str:
-    """Write a table of names, values and units for a terminal, without the middle of a wide one."""
+    """Write a table of names, values and units for a terminal, without the middle of a wide one.
+
+    Lines with the single numbers of the result stand above the table.
+    """
     rows, most = _shown(result)
-    return str(rows.to_string(index=False, max_rows=most, max_cols=_COLUMNS, na_rep="",
-                              max_colwidth=_LETTERS, float_format=_DIGITS))
+    below = _EMPTY if rows.empty else str(rows.to_string(
+        index=False, max_rows=most, max_cols=_COLUMNS, na_rep="", max_colwidth=_LETTERS,
+        float_format=_DIGITS))
+    return "\n".join((*_lines(_above(result)), below))
+
+
+def _lines(above: list[tuple[str, Any, str]]) -> Iterator[str]:
+    """Write a line for each name, value and unit; an empty one follows the last."""
+    width = max((len(name) for name, *_ in above), default=0) + 2
+    for name, value, unit in above:
+        yield textwrap.fill(f"{_cell(value)} {unit}".strip(), _WIDTH,
+                            initial_indent=name.ljust(width), subsequent_indent=" " * width)
+    if above:
+        yield ""
+
+
+def _cell(value: Any) -> str:
+    return _DIGITS(value) if isinstance(value, float) else str(value)
+
+
+def _above(result: object) -> list[tuple[str, Any, str]]:
+    """List names, values and units of the single numbers and texts of a result.
+
+    They are its ``key_numbers``, which a result has whose main answer is nested. Of other results
+    they are those on the first level of the JSON object that the table does not have.
+    """
+    found: Mapping[str, Any] | None = getattr(result, "key_numbers", None)
+    if found is None:
+        write: Callable[[], Mapping[str, Any]] = getattr(result, "json", dict)
+        rows = table(result)
+        left = _OF_THE_RUN.union(() if rows.empty else map(str, rows))
+        found = {name: value for name, value in write().items() if name not in left}
+    return [(name, value, unit_of(name) or "") for name, value in found.items()
+            if isinstance(value, str | float | int) and value != ""][:_SINGLE]
 
 
 def _shown(result: object) -> tuple[pd.DataFrame, int | None]:
@@ -89,7 +147,7 @@ def _shown(result: object) -> tuple[pd.DataFrame, int | None]:
         return rows, _ROWS
     row = pd.json_normalize(rows.to_dict("records")).iloc[0].dropna()
     return pd.DataFrame([(name, value, unit_of(str(name)) or "") for name, value in row.items()],
-                        columns=["name", "value", "unit"]), None
+                        columns=_COLUMN), None
 
 
 def table(result: object) -> pd.DataFrame:

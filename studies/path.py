@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.base.progress import Progress
-from tympan.base.units import BENCH
+from tympan.base.units import BENCH, suffix_of
 from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.arc_segment import PathPoint
 from tympan.fem.equilibrium.newton import Solution, moved, newton
@@ -175,6 +175,12 @@ class PathResult(CaseRecord):
     warnings: Warnings
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
     films: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def key_numbers(self) -> dict[str, Any]:
+        """What grows, and its value at each limit that is passed."""
+        return {"along": self.along} | {
+            event.what + suffix_of(event.unit): event.value for event in self.events}
 
     @property
     def rows(self) -> dict[str, Array]:

@@ -69,6 +69,22 @@ def lists_of(record: Any) -> dict[str, Array]:
             for name, several in _kinds(record) if several}
 
 
+def named_apart(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Join the numbers of several parts; names begin with that of the part, if there are several.
+
+    Examples
+    --------
+    >>> named_apart({"oval": {"stroke_m": 0.002}})
+    {'stroke_m': 0.002}
+    >>> named_apart({"oval": {"stroke_m": 0.002}, "disc": {"stroke_m": 0.003}})
+    {'oval: stroke_m': 0.002, 'disc: stroke_m': 0.003}
+    """
+    if len(parts) == 1:
+        return {**next(iter(parts.values()))}
+    return {f"{part}: {name}": value
+            for part, numbers in parts.items() for name, value in numbers.items()}
+
+
 def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
     """Make a row for each entry of the records' lists, with the record's single numbers and texts.
 

@@ -29,6 +29,7 @@ from tympan.studies.columns import (
 )
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.film_surface import FilmSurface, save_series
+from tympan.studies.rows import named_apart
 from tympan.studies.signals import Signal
 from tympan.studies.variables import VARIABLES
 
@@ -204,6 +205,15 @@ class Responses:
         samples = pd.concat([response.samples for response in self.responses], ignore_index=True)
         return samples.rename(columns={"mass": "mass_kg", "t": "t_s", "voltage": "voltage_V",
                                        "displacement": "displacement_m"})
+
+    @property
+    def key_numbers(self) -> dict[str, Any]:
+        """Deflections, and times and areas that a response has, of each film."""
+        names = ("status", "first_m", "last_m", "lowest_m", "highest_m", "stroke_m",
+                 "settling_time_s", "hysteresis_area_V_m")
+        return named_apart({response.specimen: {name: getattr(response, name, None)
+                                                for name in names}
+                            for response in self.responses})
 
     @property
     def films(self) -> tuple[Mapping[float, FilmSurface], ...]:

@@ -261,6 +261,17 @@ def _remarks(case: TransientCase) -> list[str]:
     return [*case.rig.in_motion, *case.highest.remarks]
 
 
+def _at_once(case: TransientCase) -> tuple[str, ...]:
+    """Remark on a film in which nothing takes time: it is in equilibrium at every moment."""
+    plate, rig = case.specimen.plate, case.rig
+    if (case.inertia or case.specimen.membrane.branches or rig.plate_damping
+            or rig.circuit.resistance):
+        return ()
+    swings = plate is not None and rig.guide != "fixed"
+    return ("the film has no viscous branches (membrane.branch), so it follows the voltage at once"
+            + "; --swing (in Python swing=True) gives the plate its inertia" * swings,)
+
+
 def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
     """Build the moving parts, and their state and memory when the signal begins."""
     rig = case.rig
@@ -408,8 +419,9 @@ def responses(specimens: Sequence[Specimen], wave: Wave, signal: Signal, setting
         progress(specimen.name)
         load = 0.0 if mass is None and specimen.plate is None else carried
         case = TransientCase(specimen, signal, mass=load, rig=rig, rest=rest, inertia=swing)
-        done.append(respond(case, settings, wave.interval, wave.period, wave.kind == "step", films,
-                            over, states)[0])
+        response, _ = respond(case, settings, wave.interval, wave.period, wave.kind == "step",
+                              films, over, states)
+        done.append(replace(response, warnings=(*response.warnings, *_at_once(case))))
     return Responses(tuple(done), tuple(specimens), rig)
 
 

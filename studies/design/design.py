@@ -45,6 +45,8 @@ from tympan.studies.parallel import mapped
 from tympan.studies.tolerance.result import Chance, FilmFailure
 from tympan.studies.wanted import QUANTITIES, TENSION, Quantity
 
+#: Digits of the values that are chosen: more are rounding of the search, and read badly in files.
+_DIGITS = 12
 #: Random films for setting the margins: 26 of them lie beyond the 5 % quantile.
 _DRAWN = 512
 #: Random films for the final check: its error is about 0.5 % of all films.
@@ -105,9 +107,12 @@ class Sought:
 
     @property
     def values(self) -> Array:
-        """Values of the variables."""
+        """Values of the variables, with the digits that files show."""
         space = self.search.space
-        return space.values(self.end.x[: len(space.variables)])
+        exact = space.values(self.end.x[: len(space.variables)])
+        shown = [float(f"{value:.{_DIGITS}g}") for value in exact.tolist()]
+        return np.clip(shown, [each.low for each in space.variables],
+                       [each.high for each in space.variables])
 
     @property
     def inner_ends(self) -> list[int]:

@@ -145,7 +145,7 @@ class DesignFront:
     @property
     def table(self) -> tuple[list[str], list[list[float]]]:
         """Header and rows, SI."""
-        units = [f"{name}{suffix_of(unit) if unit != '1' else ''}" for name, unit in
+        units = [name + suffix_of(unit) for name, unit in
                  ((self.first, self.first_unit), (self.second, self.second_unit))]
         return ([*units, *self.films[0].numbers],
                 [[film.first, film.second, *film.numbers.values()] for film in self.films])
@@ -193,6 +193,18 @@ class DesignResult:
                 rows.append({"film": film.specimen_file, "quantity": each.key, **cells,
                              "kept": kept})
         return rows
+
+    @property
+    def key_numbers(self) -> dict[str, Any]:
+        """The best film: whether it keeps all bounds, and what was chosen."""
+        found: dict[str, Any] = {"status": self.status}
+        for film in self.films[:1]:
+            reached = film.reached and film.reached.probability
+            found |= {"film": film.specimen_file, "mass_kg": film.mass_kg,
+                      "voltage_V": film.voltage_V, "share_that_keeps_all": reached}
+            found |= {key + suffix_of(number.unit): number.value
+                      for key, number in film.numbers.items()}
+        return found
 
     def json(self) -> dict[str, Any]:
         """Convert the result to a JSON object, without specimens and rigs."""

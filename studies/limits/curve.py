@@ -34,6 +34,7 @@ from tympan.studies.case import (
 from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 from tympan.studies.path import SMOOTH
+from tympan.studies.rows import named_apart
 
 #: Columns of a curve's CSV. ``asked`` is 1 at requested voltages and 0 at points on the way to the
 #: limit. ``beyond`` is the most severe limit that the voltage exceeds, blank up to the first limit.
@@ -49,6 +50,9 @@ CURVES: tuple[Column, ...] = (
     Column("breakdown_margin", required=False),
     Column.labels("beyond", LIMIT_STATES, required=False),
 )
+
+#: Relative difference of equal masses: files have 12 digits.
+_SAME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +98,29 @@ class CurveResult(SpecimenRecord):
     def rows(self) -> Mapping[str, Array]:
         """Table with a row for each voltage of each mass."""
         return self.table
+
+    @property
+    def key_numbers(self) -> dict[str, Any]:
+        """Stroke and first limit under each mass."""
+        found: dict[str, dict[str, Any]] = {}
+        for each in self.curves:
+            first = each.limits.limit
+            found[f"{1e3 * each.mass_kg:.6g} g"] = {
+                "stroke_m": each.stroke_m, **({} if first is None
+                                              else {f"{first.kind}_V": first.voltage_V})}
+        return {"specimen": self.specimen} | named_apart(found)
+
+    def asked(self, mass: float) -> list[tuple[float, float | None, str]]:
+        """List requested voltages [V] under a mass [kg], with the deflection [m] at each.
+
+        The text is the label of the most severe limit that the voltage exceeds, or "". A deflection
+        is None where there is no equilibrium.
+        """
+        rows = (self.table["asked"] == 1) & np.isclose(self.table["mass"], mass, rtol=_SAME)
+        cells = (self.table[name][rows].tolist() for name in ("voltage", "deflection", "beyond"))
+        return [(voltage, None if np.isnan(deflection) else deflection,
+                 str(LIMIT_STATES[kind].label) if kind else "")
+                for voltage, deflection, kind in zip(*cells, strict=True)]
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-curve.csv`` and ``.json``."""

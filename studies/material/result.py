@@ -11,6 +11,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
+from tympan.base.units import suffix_of
 from tympan.studies.case import Case, Settings
 from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
@@ -69,6 +70,19 @@ class MaterialFitResult:
         """The laws' curves."""
         units = {"nominal_stress": "nominal_stress_Pa", "half_band": "half_band_Pa"}
         return {units.get(name, name): values for name, values in self.curves.items()}
+
+    @property
+    def key_numbers(self) -> dict[str, Any]:
+        """The best law that is offered, else the first one: its misfit and its constants."""
+        fits = self.numbers["fits"]
+        fit = next((fit for fit in fits if fit["name"] == self.numbers["best"]), fits[0])
+        found = {"law": fit["name"], "offered": fit["offered"], "rmse_Pa": fit["rmse_Pa"]}
+        found |= {name + suffix_of(constant["unit"]): constant["value"]
+                  for name, constant in fit["constants"].items()}
+        for number, branch in enumerate(fit.get("branches", ()), 1):
+            found |= {f"branch_{number}_modulus_Pa": branch["modulus"]["value"],
+                      f"branch_{number}_time_s": branch["time"]["value"]}
+        return found
 
     def json(self) -> dict[str, Any]:
         """Write the result as a JSON object."""

@@ -226,6 +226,14 @@ class ToleranceResult(CaseRecord):
     warnings: Warnings = ()
 
     @property
+    def key_numbers(self) -> dict[str, Any]:
+        """Share of the films that reach the voltage, and that keep the wanted bounds."""
+        kept = self.kept and self.kept.probability
+        return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V,
+                "films": self.films, "reached": self.reached.probability,
+                "reached_low": self.reached.low, "reached_high": self.reached.high, "kept": kept}
+
+    @property
     def rows(self) -> list[dict[str, Any]]:
         """A row for each quantity, with the shares of the tolerances in its variance."""
         rows = []

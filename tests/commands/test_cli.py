@@ -89,6 +89,10 @@ def test_stroke_is_the_deflection_less_that_without_voltage(capsys, tmp_path: Pa
     assert float(asked["stroke_mm"]) == pytest.approx(1e3 * result["stroke_m"], rel=1e-6)
     within = [float(row["stroke_mm"]) for row in rows if row["asked"] == "0" and not row["beyond"]]
     assert 1e3 * curve["stroke_m"] == pytest.approx(max(within), rel=1e-9)
+    assert main(["curve", *loaded, "--voltage", "4 kV, 30 kV"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert f"at 4 kV         deflection {1e3 * deflections[1]:.4g} mm" in lines
+    assert any(line.startswith("at 30 kV        no equilibrium, beyond ") for line in lines)
 
 
 def test_solve_prints_what_its_user_needs(capsys, tmp_path: Path) -> None:

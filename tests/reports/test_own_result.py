@@ -89,6 +89,46 @@ def test_it_is_in_tables_with_its_unit() -> None:
     assert result.to_pandas()["force_N"].max() == 0.25
 
 
+def test_single_numbers_stand_above_the_table() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Judged(WiderResult):
+        headline: Annotated[str, Key("what it comes to")] = "the film agrees " * 12
+        gain: Annotated[float | None, Key("gain")] = None
+        work_J: Annotated[float, Key("work")] = 1.25e-5
+        wall_s: Annotated[float, Key("time")] = 3.0
+
+    found = Judged(specimen="oval", mass_kg=0.01, voltage_V=2e3, ramps=RAMPS)
+    above, below = text(found).split("\n\n")
+    lines = above.splitlines()
+    assert max(map(len, lines)) <= 100
+    names = [line.split()[0] for line in lines if line[0] != " "]
+    assert names == ["mass_kg", "headline", "work_J"]
+    assert lines[-1].split() == ["work_J", "1.25e-05", "J"]
+    assert "deflection_m" in below
+    assert "<td>1.25e-05</td>" in html(found)
+    assert found.headline.strip() in html(found)
+
+
+def test_a_table_without_rows_is_a_sentence() -> None:
+    nothing = WiderResult(specimen="oval", mass_kg=0.01, voltage_V=2e3)
+    assert repr(Result(nothing)).splitlines() == [
+        "WiderResult", "specimen   oval", "mass_kg    0.01 kg", "voltage_V  2000 V", "",
+        "The table of this result has no rows."]
+    assert "<p>The table of this result has no rows.</p>" in html(nothing)
+
+
+def test_a_result_names_its_own_key_numbers() -> None:
+    class Named(WiderResult):
+        @property
+        def key_numbers(self) -> dict[str, float]:
+            return {f"of_{number}_m": float(number) for number in range(20)}
+
+    above, _ = text(Named(specimen="oval", mass_kg=0.01, voltage_V=2e3,
+                          ramps=RAMPS)).split("\n\n")
+    assert above.splitlines()[1] == "of_1_m   1 m"
+    assert len(above.splitlines()) == 15
+
+
 def test_it_is_in_the_schema() -> None:
     key, = [key for key in class_keys(WiderResult) if key.path == "ramps[].force_N"]
     assert key.meaning == "forces of the film"

@@ -62,6 +62,18 @@ def test_a_film_moves_on_its_way_to_rest(film: Path, capsys: pytest.CaptureFixtu
     assert crept < rested
 
 
+def test_a_film_that_follows_at_once_says_so(film: Path,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    creeping, step = film.read_text(encoding="utf-8"), ("transient", str(film), "--mass", "17.9 g",
+                                                        "--duration", "0.1 s")
+    words, elastic = "voltage at once; --swing", creeping.partition("[[membrane.branch]]")[0]
+    for content, more, said in ((creeping, (), False), (elastic, (), True),
+                                (elastic, ("--swing",), False)):
+        film.write_text(content, encoding="utf-8")
+        response, = answer(capsys, *step, *more)["responses"]
+        assert any(words in warning for warning in response["warnings"]) == said
+
+
 def test_a_plate_that_swings_through_a_breakdown_is_warned_of(
         film: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Swinging it deflects, and thins, further than in equilibrium, where it just holds."""

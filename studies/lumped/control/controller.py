@@ -131,6 +131,11 @@ class Controller:
     integral_per_s: Annotated[float, Key("K_i; of LQG that of a slow error")]
     law: Annotated[LinearLaw, Key("what it does at a sample")]
 
+    @property
+    def resolution_V(self) -> float:
+        """Voltage that the static inverse may give in place of 0: the root of its error."""
+        return float(_FINE**0.5 * self.supply_V)
+
     @classmethod
     def pi(cls, inverse: StaticInverse, supply: float, interval: float, lag: float,
            proportional: float, integral: float) -> Controller:

@@ -15,6 +15,7 @@ from tympan.studies.columns import as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
 from tympan.studies.lumped.control.fmu import write_controller_fmu
+from tympan.studies.rows import named_apart
 from tympan.studies.sense.inverse import Inverse
 from tympan.tables.column import Column
 
@@ -157,6 +158,15 @@ class ControlResult:
         """A row for each step of each actuator."""
         return [{"specimen": film.specimen, **asdict(step)}
                 for film in self.films for step in film.steps]
+
+    @property
+    def key_numbers(self) -> dict[str, Any]:
+        """Margins, voltages and error of each film."""
+        return named_apart({film.specimen: {
+            "gain_margin": film.margins.gain, "phase_margin_deg": film.margins.phase_deg,
+            "delay_margin_s": film.margins.delay_s, "sensitivity": film.margins.sensitivity,
+            "highest_V": film.highest_V, "error_rms_m": film.error_rms_m}
+            for film in self.films})
 
     def json(self) -> dict[str, Any]:
         """Convert the closed loops to a JSON object, without samples."""

@@ -456,7 +456,10 @@ def test_readings_under_voltage_are_left_out_and_warm_ones_told(tmp_path: Path) 
     file.write_text("mode,stretch,nominal_stress_kPa,voltage_kV,temperature_C\n" + "".join(rows))
     result = fit_coupons(file, ["neo_hooke"])
     assert len(result.coupons) == 16
-    assert result.numbers["fits"][0]["rmse_Pa"] < 1e-3
+    fit = result.numbers["fits"][0]
+    assert fit["rmse_Pa"] < 1e-3
+    assert result.key_numbers["law"] == "neo_hooke"
+    assert result.key_numbers["mu_Pa"] == fit["constants"]["mu"]["value"]
     said = " ".join(result.numbers["warnings"])
     assert "8 readings under voltage are left out" in said
     assert "20 to 40 °C" in said
@@ -475,5 +478,5 @@ def test_errors_that_grow_with_the_stress_are_noted(tmp_path: Path) -> None:
                                                          for one, other in rows), encoding="utf-8")
         found = tympan.fit_material(file, mode="uniaxial", law="neo_hooke")
         said.append(any("errors grow with the stress" in note
-                        for note in found.fits[0].notes))
+                        for note in found.numbers.numbers["fits"][0]["notes"]))
     assert said == [True, False]

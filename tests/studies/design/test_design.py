@@ -188,7 +188,11 @@ def test_the_shipped_requirements_find_the_known_optimum() -> None:
     assert film.quantity("stroke").value == pytest.approx(2.3191e-3, rel=2e-3)
     assert film.numbers["plate.radius"].value == pytest.approx(8.569e-3, rel=0.02)
     axes = [film.numbers[f"frame.semi_axes.{axis}"].value for axis in (0, 1)]
+    assert all(float(f"{axis:.12g}") == axis for axis in axes)
     assert max(axes) / min(axes) < 1.02
+    told = DesignResult(name="a", status="met", best="stroke", share=0.95, films=(film,),
+                        wall_s=0.0)
+    assert told.key_numbers["plate.radius_m"] == film.numbers["plate.radius"].value
     assert {each.name for each in film.binding} == {"tension_margin", "frame_area"}
     # 4.19 and 0.249 % of the stroke there.
     assert film.quantity("tension_margin").relaxing == pytest.approx(0.0419, rel=0.15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
@@ -29,7 +30,9 @@ from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig, Sensor
 from tympan.geometry.specimen import ViscousBranch
+from tympan.options import print_record
 from tympan.paper.table1 import paper_actuators
+from tympan.reports.tables import text
 from tympan.studies.case import Settings, build_model
 from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.reduction import reduced_film
@@ -39,7 +42,7 @@ from tympan.studies.lumped.control.controller import Controller, Method, StaticI
 from tympan.studies.lumped.control.design import SENSITIVITY, ControllerDesign, design_controller
 from tympan.studies.lumped.control.fmu import write_controller_fmu
 from tympan.studies.lumped.control.lqg import _filter, _law, _regulator
-from tympan.studies.lumped.control.result import ControlResult
+from tympan.studies.lumped.control.result import ControlledFilm, ControlResult
 from tympan.studies.lumped.control.run import (
     ControlSettings,
     Measured,
@@ -359,8 +362,27 @@ def test_circles_creep_as_the_film_they_stand_for() -> None:
     assert lumped == pytest.approx(film, abs=0.05 * float(np.ptp(film)))
 
 
+def assert_prints_what_is_known(film: ControlledFilm, capsys: pytest.CaptureFixture[str]) -> None:
+    """A ratio to a film that does not settle is a bound; a voltage that may be 0 is 0."""
+    fine = film.controller.resolution_V
+    assert 0 < fine < 1e-2 * SUPPLY
+    for lowest, words in ((0.1 * fine, "voltage 0 kV to"), (2e3, "voltage 2 kV to")):
+        for without, sooner in ((None, "> 47.6 ×"), (9.0, " 47.6 ×")):
+            step = replace(film.steps[0], times_as_soon=47.6, open_settled_s=without,
+                           soonest_s=0.0)
+            result = ControlResult((replace(film, lowest_V=lowest, steps=(step,)),))
+            print_record(argparse.Namespace(command="lumped_control", json=False), result.json(),
+                         result=result)
+            printed = capsys.readouterr().out
+            assert words in printed
+            assert sooner in printed
+            assert ("> 47.6" in printed) == (without is None)
+            assert "at once" in printed
+
+
 @pytest.mark.study(seconds=5)
-def test_a_controller_of_circles_holds_films_in_time() -> None:
+def test_a_controller_of_circles_holds_films_in_time(
+        capsys: pytest.CaptureFixture[str]) -> None:
     """The film of the design, then films that differ in stiffness, permittivity and mass."""
     model = branched_model()
     case = ChosenActuators(LumpedCase((), (model,)), (model.actuator(17.9e-3, DAMPED),), ())
@@ -371,6 +393,9 @@ def test_a_controller_of_circles_holds_films_in_time() -> None:
     assert [each.times_as_soon is not None and each.times_as_soon >= 3
             for each in result.steps] == [True, True]
     assert result.disturbance.settled_s is not None
+    above = text(ControlResult((result,))).split("\n\n")[0]
+    assert f"gain_margin       {result.margins.gain:.6g}\n" in above
+    assert_prints_what_is_known(result, capsys)
     wanted = result.samples["wanted"].to_numpy()
     height, film = abs(result.steps[1].to_m - result.steps[1].from_m), model.film
     assert film is not None

@@ -26,6 +26,7 @@ from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
+from tympan.reports.tables import text
 from tympan.studies.case import Case, Settings, build_model
 from tympan.studies.limits import solve_within
 from tympan.studies.limits.voltages import first_limit
@@ -160,6 +161,7 @@ def test_what_does_not_differ_between_films_has_no_shares() -> None:
     assert spread.low == pytest.approx(spread.high, rel=1e-12)
     assert spread.shares == ()
     assert sum(spread.counts) == result.films
+    assert f"reached       {result.reached.probability:.6g}\n" in text(result)
 
 
 @pytest.mark.study(seconds=4)
