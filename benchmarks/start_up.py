@@ -121,6 +121,7 @@ map --help
 draw rounded.toml -o drawing
 explore --help
 export rounded.toml -o parts
+compare solved solved
 report solved
 materials
 material show vhb-4910
