@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +21,7 @@ from tympan.commands import COMMANDS
 from tympan.geometry.mesher import MeshSettings
 from tympan.grammar import BY_QUESTION, LOADS, SUBJECTS, WORDS
 from tympan.studies.case import Settings
+from tympan.studies.sweep.plan import read_sweep
 
 #: Names of arguments that hand others on.
 HANDED_ON = ("loads", "wave", "sizes", "table")
@@ -187,3 +190,20 @@ def test_a_former_option_sets_the_one_of_now(command: str, then: str, now: str,
 def test_the_page_is_up_to_date() -> None:
     """If it fails: ``python -m tests.support.grammar``."""
     assert grammar.PAGE.read_text(encoding="utf-8") == grammar.page()
+
+
+def test_the_files_of_the_page_are_read(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = re.findall(r"`(\w+\.toml)`, for(?:(?!```).)*```toml\n(.*?)```", grammar.BEGINNING,
+                       re.DOTALL)
+    assert [name for name, _ in found] == ["actuator.toml", "scatter.toml", "wanted.toml",
+                                           "sweep.toml"]
+    for name, text in found:
+        assert len(text.splitlines()) <= 15
+        Path(name).write_text(text, encoding="utf-8")
+    actuator = tympan.load("actuator.toml")
+    assert isinstance(actuator, tympan.Actuator)
+    assert len(actuator.rig.biases) == 1
+    wanted = tympan.Requirements.read("wanted.toml")
+    assert wanted.tolerances == tympan.Tolerances.read("scatter.toml")
+    assert len(read_sweep(Path("sweep.toml")).entries) == 3 * 2
