@@ -13,7 +13,7 @@ from tympan.base.fields import number, numbers, only
 from tympan.base.process.folder import alone, temporary_folder
 from tympan.base.process.threads import one_thread
 from tympan.base.toml_reader import Table
-from tympan.fem.film.library import LibraryMaterial, library_material
+from tympan.fem.film.library import LibraryMaterial, StatedMaterial, material_named
 from tympan.fem.rig import Rig, load_actuator, mounted, mounted_together
 from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.specimen import Specimen
@@ -193,8 +193,10 @@ def draw(specimen: SpecimenOrFile, target: Axes | File | None = None) -> Axes:
 
 
 @public()
-def material(name: str) -> LibraryMaterial:
-    """Load a material of the library, as ``tympan materials`` lists it with its source.
+def material(name: str) -> LibraryMaterial | StatedMaterial:
+    """Load a material of the library, as ``tympan materials`` lists it with its source, or a file.
+
+    A file is one that ``tympan material fit`` writes, or a specimen's.
 
     A :class:`Film` made of it has what a specimen file's ``material = "name"`` sets: law, viscous
     branches, electric strength, and relative permittivity where the library lists one.
@@ -204,7 +206,7 @@ def material(name: str) -> LibraryMaterial:
     >>> material("vhb-4910").law, material("vhb-4910").relative_permittivity
     ('ogden', 4.7)
     """
-    return library_material(name)
+    return material_named(name)
 
 
 @public(Loads, placed=("settings",))
@@ -671,9 +673,9 @@ def fit_material(*files: File, law: str | Sequence[str] = (), noise: float | str
                  **table: Unpack[CouponTable]) -> Result[MaterialFitResult | FilmFit]:
     """Fit laws to coupon tests, or a film to readings of its actuators.
 
-    ``files`` are one set of coupon tests; ``result.best`` is the law to take, ``result.fits`` are
-    all laws. ``law``: those to compare, by default all; ``noise``: standard deviation of one
-    stress; ``film``: a case that is solved with the fitted laws, in
+    ``files`` are one set of coupon tests; ``result.best["constants"]["mu"]["value"]`` is a constant
+    of the law to take, ``result.fits`` are all laws. ``law``: those to compare, by default all;
+    ``noise``: standard deviation of one stress; ``film``: a case that is solved with the fitted laws, in
     ``result.numbers.numbers["film"]``. Or ``files`` is one folder of a dataset, whose law keeps its
     form: ``result.stiffness_factor`` and ``result.permittivity_factor`` have 95 % limits, and
     ``result.not_told`` names what the readings do not determine. ``constants``: keys of its law,

@@ -59,7 +59,7 @@ WORDS = SUBJECTS | {
     "mass": Word("all that hangs on the film: plate, hook and weight", "kg"),
     "voltage": Word("across the film, before an amplifier's gain", "V"),
     "pressure": Word("of the gas below the film; positive lifts it", "Pa"),
-    "rig": Word("what else acts on film and plate: a file, its keys, or a `Rig`"),
+    "rig": Word("what else acts on film and plate: a file; in Python also its keys, or a `Rig`"),
     "elapsed": Word("time since the run began, for a rig that drifts", "s", "0 s"),
     "direction": Word("way on which the voltage was reached: up or down", default=""),
     "tolerances": Word("scatter between films: a file, or a `Tolerances`"),
@@ -96,7 +96,7 @@ WORDS = SUBJECTS | {
     "interval": Word("between samples", "s"),
     "animate": Word("draw a moving picture", default=False),
     "circles": Word("number of circles of a lumped model", default=2),
-    "radii": Word("choice of these circles", default="semi_axes"),
+    "radii": Word("which circles: semi_axes, sectors or fit", default="semi_axes"),
     "uncertainty": Word("how α changes with mesh, material and loads", default=False),
     "alpha_settings": Word("loads on which α is fitted", default=None),
     "basis": Word("formerly the kind of circles; both are printed", default="membrane"),
@@ -105,7 +105,8 @@ WORDS = SUBJECTS | {
     "scheduler": Word("address of a Dask cluster", default=None),
     "wait": Word("for a worker of the cluster", "s", "60 s"),
     "best": Word("result whose largest values are listed", default=None),
-    "under": Word("conditions that these keep", default=None),
+    "under": Word('conditions that these results keep, such as "max_true_stress < 131 kPa"',
+                  default=None),
     "inp": Word("write input of CalculiX or Abaqus instead", default=False),
     "width": Word("of frame and clamp ring around the film", "m", "10 mm"),
     "frame_height": Word("of the frame", "m", "4 mm"),
@@ -155,7 +156,8 @@ WORDS = SUBJECTS | {
     "no_browser": Word("print the address only", default=False),
 } | {
     # keys of files that ask
-    "want": Word("bounds that films should keep", default=""),
+    "want": Word("bounds that films should keep, such as "
+                 '"stroke = 2 mm, deflection = at most 6 mm"', default=""),
     "bounds": Word("further ones, of a quantity that is to be largest or least"),
     "vary": Word("lowest and highest value of each number that may vary"),
     "share": Word("of the films that must keep all bounds", default=0.95),

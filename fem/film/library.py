@@ -144,6 +144,12 @@ def library_material(name: str) -> LibraryMaterial:
     return MATERIALS[name]
 
 
+def material_named(name: str) -> LibraryMaterial | StatedMaterial:
+    """Find a material of the library by its name, or read one from a file NAME.toml."""
+    return (_of_file(Table.read(name), checked) if name.endswith(_OF_FILE)
+            else library_material(name))
+
+
 def material_name(film: Film) -> str | None:
     """Find the name of the library's material that a film is made of, None if there is none.
 
@@ -166,7 +172,7 @@ def library_strength(name: str) -> Strength:
     return STRENGTH_LIBRARY[name].strength
 
 
-LAWS.by_name = library_material
+LAWS.by_name = material_named
 STRENGTHS.by_name = library_strength
 
 
@@ -199,7 +205,7 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material | 
     return StatedMaterial(law, {"law_range": (low, high)}) if stated else law
 
 
-def _of_file(file: Table, check: Callable[..., Material]) -> LibraryEntry:
+def _of_file(file: Table, check: Callable[..., Material]) -> StatedMaterial:
     """Read a material from a file of it, as ``material fit`` writes, or of a specimen.
 
     Thickness, prestretch and other properties of a specimen's film are not of its material.

@@ -72,10 +72,19 @@ class MaterialFitResult:
         return {units.get(name, name): values for name, values in self.curves.items()}
 
     @property
+    def fits(self) -> list[dict[str, Any]]:
+        """All laws, the best first: names, constants with limits, misfits and notes."""
+        return list(self.numbers["fits"])
+
+    @property
+    def best(self) -> dict[str, Any] | None:
+        """The law to take, as in :attr:`fits`; None where none is offered."""
+        return next((fit for fit in self.fits if fit["name"] == self.numbers["best"]), None)
+
+    @property
     def key_numbers(self) -> dict[str, Any]:
         """The best law that is offered, else the first one: its misfit and its constants."""
-        fits = self.numbers["fits"]
-        fit = next((fit for fit in fits if fit["name"] == self.numbers["best"]), fits[0])
+        fit = self.best or self.fits[0]
         found = {"law": fit["name"], "offered": fit["offered"], "rmse_Pa": fit["rmse_Pa"]}
         found |= {name + suffix_of(constant["unit"]): constant["value"]
                   for name, constant in fit["constants"].items()}

@@ -242,6 +242,8 @@ def test_a_material_is_a_name_a_table_or_a_file(tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text(specimen_toml("film", film='material = "film.toml"'), encoding="utf-8")
     assert tympan.load(other) == tympan.load(of_table)
+    made = tympan.Film("1 mm", 2.236, tympan.material(str(fitted)), relative_permittivity=4.7)
+    assert made == tympan.load(of_table).membrane
     fitted.write_text(law + "thicknes = 1\n", encoding="utf-8")
     with pytest.raises(InputError, match="thicknes") as raised:
         tympan.load(of_file)

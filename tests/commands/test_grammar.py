@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -278,3 +279,20 @@ def test_files_of_another_kind_say_where_they_belong(tmp_path: Path) -> None:
         tympan.load(tmp_path)
     with pytest.raises(InputError, match="name the others: mass, voltage"):
         tympan.solve(circular(), "17.9 g")
+
+
+def test_the_files_of_the_page_are_read(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = re.findall(r"`(\w+\.toml)`, for(?:(?!```).)*```toml\n(.*?)```", grammar.BEGINNING,
+                       re.DOTALL)
+    assert [name for name, _ in found] == ["actuator.toml", "scatter.toml", "wanted.toml",
+                                           "sweep.toml"]
+    for name, text in found:
+        assert len(text.splitlines()) <= 15
+        Path(name).write_text(text, encoding="utf-8")
+    actuator = tympan.load("actuator.toml")
+    assert isinstance(actuator, tympan.Actuator)
+    assert len(actuator.rig.biases) == 1
+    wanted = tympan.Requirements.read("wanted.toml")
+    assert wanted.tolerances == tympan.Tolerances.read("scatter.toml")
+    assert len(read_sweep(Path("sweep.toml")).entries) == 3 * 2

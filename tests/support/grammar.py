@@ -82,9 +82,23 @@ def spoken() -> dict[str, list[tuple[str, Any]]]:
     return found
 
 
+def doors() -> Iterator[str]:
+    """Yield the rows of a table of all commands, with their functions."""
+    yield from ("| command | Python | what it does |", "|---|---|---|")
+    for command in COMMANDS:
+        name = python_doors.NAMES.get(command.name, command.name).replace(" ", ".")
+        function = "" if command.name in python_doors.WITHOUT else f"`tympan.{name}`"
+        yield f"| `tympan {command.name}` | {function} | {command.summary} |"
+
+
 def page() -> str:
     """The page."""
-    rows = [BEGINNING, "## Words", "",
+    rows = [BEGINNING, "## Commands and functions", "",
+            "[Commands as Python functions](python-commands.md) lists the options of each. Where "
+            "no function stands, there is none.", "", *doors(),
+            "| `tympan data --draft` | `tympan.draft` | draft a dataset.toml for a table |",
+            "| `tympan diagnose --plan` | `tympan.plan` | list what such readings can show |", "",
+            "## Words", "",
             "A default stands here where it is the same in every question.", "",
             "| word | meaning | SI unit | default | commands | files |",
             "|---|---|---|---|---|---|"]

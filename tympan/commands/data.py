@@ -69,7 +69,7 @@ def data(options: argparse.Namespace) -> None:
          argument("--self-check", type=int, default=0, metavar="N", within=(0, 100_000),
                   help="hide errors in N synthetic sets of such readings and count what is said"),
          FORMULA, JSON,
-         example="readings -o diagnosis", also=("compare", "validate", "calibrate"))
+         example="readings -o diagnosis", also=("validate", "calibrate"))
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
