@@ -186,6 +186,8 @@ class Table:
 
     def named_file(self, key: str, name: str) -> Path:
         """Locate the file of a ``name`` under a key, relative to the table's own file."""
+        if "\0" in name:
+            raise self.error(key, "must name a file: no file has NUL in its name", name)
         try:
             return beside(Path(self.file).parent, name)
         except InputError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -162,7 +163,9 @@ def read_sweep(file: Path, settings: Settings = Settings(), exact: bool = False,
         ask = ask.banded(tolerances)
     bases = {_base_name(base): base for base in given.specimen}
     if len(bases) < len(given.specimen):
-        raise table.error("specimen", "must be specimens of different names", list(bases))
+        names = Counter(map(_base_name, given.specimen))
+        raise table.error("specimen", "must be specimens of different names",
+                          names.most_common(1)[0][0])
     grid, rows = choices(table, given)
     loads = _common_loads(table, given, {*grid, *rows[0]}, rows[0],
                           [base.data for base in bases.values()])

@@ -180,7 +180,7 @@ def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], word
 @pytest.mark.parametrize(("over", "words"), [
     (0.919, "noise of one reading: 15 µm is stated, and the readings scatter 0.92 times as much"),
     (1.3, "noise of one reading: 15 µm is stated, and the readings scatter 1.3 times as much"),
-    (1.02, "noise of one reading, stated</div>")])
+    (1.02, "noise of one reading: 15 µm is stated</div>")])
 def test_the_noise_is_stated_as_the_file_has_it(over: float, words: str) -> None:
     """With the errors of the reduced model it is not what was found over what it is found to be."""
     usual = diagnosed("named", cause("drift", "Readings rise", named=True))

@@ -208,7 +208,7 @@ gravity = "9.81 m/s^2"
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('["a.toml"]', "[]", "specimens: given []: must be a list"),
+        ('["a.toml"]', "[]", "specimens: given []: must be a specimen: its file"),
         ('["a.toml"]', '["a.toml", "a.toml"]', "different names"),
         ('["a.toml"]', '["b.toml"]', "b.toml: cannot be read"),
         ('mass = "20 g"\n[', 'mess = "20 g"\n[', "mess: unknown key: did you mean 'mass'"),

@@ -157,7 +157,7 @@ REFUSED = {
                 'cm", "3 kg"]',
               r"sample.ranges.plate.radius: given .*one kind"),
     "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]',
-                 r"grid.plate: must be a list; write a dotted key"),
+                 r"grid.plate: must be a list or a range; write a dotted key"),
     "ask": (LOADS + 'ask = ["alfa"]',
             r"SWEEP.toml: ask: given 'alfa': must be one of alpha, .*; did you mean 'alpha'"),
     "asked twice": (LOADS + 'ask = ["modes", "modes"]', r"SWEEP.toml: ask: "),
@@ -166,7 +166,7 @@ REFUSED = {
     "alike": (LOADS + '[grid]\n"plate.radius" = ["1 cm", "1 cm"]',
               r"SWEEP.toml: grid.plate.radius: given .*different"),
     "one file many times": (LOADS.replace('"oval.toml"', "[" + 20_000 * '"oval.toml", ' + "]"),
-                            r"SWEEP.toml: specimen: given 'oval': must be files of different"),
+                            r"SWEEP.toml: specimen: given 'oval': must be specimens of different"),
     "no specimen": ('mass = "1 g"\nvoltage = "1 kV"', r"specimen: is missing"),
     "none possible": (
         LOADS + '[grid]\n"plate.radius" = ["5 cm", "6 cm"]',
