@@ -677,9 +677,9 @@ def fit_material(*files: File, law: str | Sequence[str] = (), noise: float | str
     of the law to take, ``result.fits`` are all laws. ``law``: those to compare, by default all;
     ``noise``: standard deviation of one stress; ``film``: a case that is solved with the fitted
     laws, in ``result.numbers.numbers["film"]``. Or ``files`` is one folder of a dataset, whose law
-    keeps its form: ``result.stiffness_factor`` and ``result.permittivity_factor`` have 95 % limits, and
-    ``result.not_told`` names what the readings do not determine. ``constants``: keys of its law,
-    such as ``["mu"]``, or ``["all"]``, that are fitted individually: ``result.law.constants``.
+    keeps its form: ``result.stiffness_factor`` and ``result.permittivity_factor`` have 95 % limits,
+    and ``result.not_told`` names what the readings do not determine. ``constants``: keys of its
+    law, such as ``["mu"]``, or ``["all"]``, that are fitted individually: ``result.law.constants``.
     ``branches``: number of viscous branches, by default as many as the tests determine. ``table``:
     what the headings do not state: ``mode``, ``unit`` of stresses, ``area`` and ``length`` of the
     strip before the test, ``decimal`` mark.

@@ -30,8 +30,9 @@ def loads_page(commands: tuple[Command, ...]) -> str:
         f"Loads and rig. They mean the same in {', '.join(names[:-1])} and {names[-1]}.",
         _listed((f"--{name}", WORDS[name].meaning.replace("`", "")) for name in LOADS),
         "Forms of a load. Several values are for curve, force, sense, export, lumped build and "
-        "sweeps; a question about one state takes one. A load that is left out suits the film, or "
-        "is 0.",
+        "sweeps; a question about one state takes one. A voltage or a pressure that is left out is "
+        "0. solve, path, modes, sensitivity and response ask for the mass of a film with a plate; "
+        "other questions choose one that suits the film.",
         _listed(_FORMS.items()),
         'A rig is a file, or the table [rig] of the specimen\'s file, which --rig replaces: rig = '
         '"rig.toml" names a file there, too. Its keys (docs/reference.md has their limits):',
