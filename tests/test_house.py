@@ -110,7 +110,7 @@ def test_no_test_is_imported() -> None:
     """Tests import no tests, benchmarks nothing of tests/ but the oracles, oracles no benchmark."""
     allowed = {"tests": ("tests.", "benchmarks.compose", "benchmarks.explore.",
                          "benchmarks.external", "benchmarks.first_limit",
-                         "benchmarks.peers.harness", "benchmarks.trials.",
+                         "benchmarks.peers.harness", "benchmarks.release.", "benchmarks.trials.",
                          "benchmarks.verification"),
                "benchmarks": ("tests.oracles.", "benchmarks."),
                "tests/oracles": ("tests.oracles.",),

@@ -12,7 +12,7 @@ from tympan.fem.film.laws import MooneyRivlin as AnyMooneyRivlin
 from tympan.fem.film.laws import NeoHooke as AnyNeoHooke
 from tympan.fem.film.laws import Ogden as AnyOgden
 from tympan.fem.film.laws import Yeoh as AnyYeoh
-from tympan.fem.film.library import LibraryMaterial
+from tympan.fem.film.library import LibraryMaterial, StatedMaterial
 from tympan.fem.membrane.biases import Bias
 from tympan.fem.membrane.biases import Bistable as AnyBistable
 from tympan.fem.membrane.biases import BuckledBeam as AnyBuckledBeam
@@ -158,13 +158,13 @@ class Electrode(AnyElectrode):
 
 class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: float | tuple[float, float], material:
-                 Material | LibraryMaterial | str, relative_permittivity: float
-                 = ..., permittivity_exponent: float = ..., density: Quantity =
-                 ..., strength: Strength | str | None = ..., branches:
-                 Sequence[AnyViscousBranch] = ..., thickness_gradient:
-                 tuple[float, float] = ..., mounted: Quantity | None = ...,
-                 temperature_power: float = ..., layers: int = ..., law_range:
-                 Pair | None = ...) -> None: ...
+                 Material | LibraryMaterial | StatedMaterial | str,
+                 relative_permittivity: float = ..., permittivity_exponent:
+                 float = ..., density: Quantity = ..., strength: Strength | str
+                 | None = ..., branches: Sequence[AnyViscousBranch] = ...,
+                 thickness_gradient: tuple[float, float] = ..., mounted:
+                 Quantity | None = ..., temperature_power: float = ..., layers:
+                 int = ..., law_range: Pair | None = ...) -> None: ...
 
 class Patch(AnyPatch):
     def __init__(self, centre: Pair, diameter: Quantity) -> None: ...

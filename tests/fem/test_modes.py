@@ -16,6 +16,7 @@ from skfem.helpers import dot
 
 from tests.oracles import annulus_modes, axisymmetric
 from tests.oracles.potential import potential
+from tests.support.checks.json_schema import printed_record
 from tests.support.models import model, structured_quarter
 from tests.support.specimens import (
     NEO_HOOKE,
@@ -500,7 +501,7 @@ def test_command(tmp_path, capsys) -> None:
     assert main([*arguments, "--json", "-o", str(out)]) == 0
     printed, err = capsys.readouterr()
     assert err == ""
-    result = json.loads(printed)
+    result = printed_record(printed)
     assert result["status"] == "equilibrium"
     assert [mode["name"] for mode in result["modes"]] == ["heave", "slide along y", "slide along x",
                                                           "tilt about y"]

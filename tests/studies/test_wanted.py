@@ -92,7 +92,7 @@ def test_a_wrong_bound_is_one_message(name: str, given: object, message: str) ->
 
 @pytest.mark.parametrize("text", ["stroke", "stroke =", "= 2 mm", "stroke = 2,5 mm", " , "])
 def test_a_text_that_is_no_bounds_is_told_what_bounds_are(text: str) -> None:
-    with pytest.raises(InputError, match='such as "stroke = 2 mm"'):
+    with pytest.raises(InputError, match='such as "stroke = at least 2 mm"'):
         wanted_bounds(text)
 
 

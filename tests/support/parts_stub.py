@@ -34,7 +34,7 @@ def stub() -> str:
                for name, module in places.items()]
     used = {"Bias": "tympan.fem.membrane.biases", "Outline": "tympan.geometry.outlines",
             "FlowLaw, Material, Strength": "tympan.geometry.specimen",
-            LibraryMaterial.__name__: LibraryMaterial.__module__}
+            "LibraryMaterial, StatedMaterial": LibraryMaterial.__module__}
     imports += [f"from {module} import {name}" for name, module in used.items()]
     classes = [f"\nclass {name}(Any{name}):\n{constructors(name)}"
                for name in places if fields(name)]
@@ -96,7 +96,8 @@ def annotation(field: Field) -> str:
     if field.several:
         return f"Sequence[{words}]"
     if field.says.kinds is not None and field.says.kinds.by_name:
-        words += " | LibraryMaterial | str" if words == "Material" else " | str"
+        words += (" | LibraryMaterial | StatedMaterial | str" if words == "Material"
+                  else " | str")
     return f"{words} | None" if field.default is None else str(words)
 
 
