@@ -272,7 +272,8 @@ def wanted_bounds(given: Mapping[str, object] | str) -> tuple[Bound, ...]:
     """
     pairs = _pairs(given) if isinstance(given, str) else given
     if not pairs:
-        raise InputError('must be bounds, such as "stroke = at least 2 mm"', key="want", given=given)
+        raise InputError('must be bounds, such as "stroke = at least 2 mm"', key="want",
+                         given=given)
     try:
         return tuple(by_key(bound for name, value in pairs.items()
                             for bound in read_bounds(name, value)).values())
