@@ -32,7 +32,7 @@ def test_law_permittivity_and_both_branches_are_within_their_limits(
     """And the specimen that is stored has them."""
     data, folder = runs_in_time.write(tmp_path / "data", TWO, RUN, 1), tmp_path / "fit"
     assert main(["material", "fit", str(data), "-o", str(folder), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed_record(capsys.readouterr().out)
     (record,) = [record for record in json_records() if record.name == "film_fit"]
     assert list(faults(printed, record.schema)) == []
     assert printed == json.loads((folder / "film_fit.json").read_text(encoding="utf-8"))

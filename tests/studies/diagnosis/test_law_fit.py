@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 import tympan
 from tests.oracles import axisymmetric
 from tests.oracles.readings.round_actuators import GRAVITY, dataset_file
-from tests.support.checks.json_schema import faults
+from tests.support.checks.json_schema import faults, printed_record
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, Ogden, Yeoh
 from tympan.fem.film.library import load_specimen
@@ -95,7 +94,7 @@ def test_command_writes_the_film_and_both_doors_agree(tmp_path: Path, capsys) ->
     data, folder = measured(tmp_path / "data", 7), tmp_path / "fit"
     assert main(["material", "fit", str(data), "--constants", "mu", "-o", str(folder),
                  "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed_record(capsys.readouterr().out)
     (record,) = [record for record in json_records() if record.name == "film_fit"]
     assert list(faults(printed, record.schema)) == []
     fitted = [each["value"] for each in printed["law"]["constants"]]
