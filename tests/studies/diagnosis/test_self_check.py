@@ -92,8 +92,8 @@ def test_a_design_of_few_readings_is_told_so(tmp_path: Path,
     assert main(["diagnose", str(folder), "--plan", "--self-check", "40", "--json",
                  "-o", str(tmp_path / "out"), "--workers", "1"]) == 0
     record = json.loads(capsys.readouterr().out)["self_check"]
-    assert "can name hardly anything" in record.sentence
-    assert record.usual_or_more["named"] < 0.1
+    assert "can name hardly anything" in record["sentence"]
+    assert record["usual_or_more"]["named"] < 0.1
     page = (tmp_path / "out" / "self-check.html").read_text(encoding="utf-8")
     assert "hardly anything" in page
     assert unlawful(page) == []
