@@ -52,13 +52,13 @@ from tympan.base.toml_reader import A_NUMBER, FINITE, POSITIVE, WHOLE, Rule, Tab
 from tympan.base.units import (
     DIMENSIONS,
     LARGEST,
-    RANGE,
     bounded,
     evenly,
     quantities,
     quantities_text,
     quantity,
     quantity_text,
+    span_of,
 )
 
 if TYPE_CHECKING:
@@ -706,11 +706,11 @@ def only(given: Any, key: str, default: Any = None) -> Any:
 
 def _spanned(span: Mapping[Any, Any], dimension: str, key: str) -> tuple[float, ...]:
     """Convert a range that is a mapping."""
-    if not {"from", "to"} <= {*span} <= {"from", "to", "count"}:
-        raise InputError("of a range there are from, to and count", key=key, given=str(span))
-    count = span.get("count", RANGE)
-    if isinstance(count, bool) or not isinstance(count, int):
-        raise InputError("must be a whole number", key=f"{key}.count", given=count)
+    try:
+        _, _, count = span_of(span)
+    except InputError as error:
+        raise InputError(error.allowed, key=f"{key}.{error.key}" if error.key else key,
+                         given=error.given) from None
     low, high = (number(span[end], dimension, f"{key}.{end}") for end in ("from", "to"))
     try:
         return tuple(evenly(low, high, count))

@@ -326,6 +326,16 @@ def range_ends(text: object) -> list[str] | None:
     return None if span is None or span[3] else [span[1].strip(), span[2].strip()]
 
 
+def span_of(span: Mapping[Any, Any]) -> tuple[Any, Any, int]:
+    """Read the ends and the count of a range that is a mapping: ``from``, ``to``, ``count``."""
+    if not {"from", "to"} <= {*span} <= {"from", "to", "count"}:
+        raise InputError("of a range there are from, to and count", given=str(span))
+    count = span.get("count", RANGE)
+    if isinstance(count, bool) or not isinstance(count, int):
+        raise InputError("must be a whole number", key="count", given=count)
+    return span["from"], span["to"], count
+
+
 def written_range(value: object) -> list[str | float] | None:
     """Write the values of a range one by one, in the unit of its first end; None if it is none.
 
@@ -337,9 +347,9 @@ def written_range(value: object) -> list[str | float] | None:
     """
     span = _RANGE.fullmatch(value) if isinstance(value, str) else None
     if span is not None:
-        low, high, count = span[1], span[2], span[3] or RANGE
-    elif isinstance(value, Mapping) and {"from", "to"} <= {*value} <= {"from", "to", "count"}:
-        low, high, count = value["from"], value["to"], value.get("count", RANGE)
+        low, high, count = span[1], span[2], int(span[3] or RANGE)
+    elif isinstance(value, Mapping) and {"from", "to"} <= {*value}:
+        low, high, count = span_of(value)
     else:
         return None
     ends = [_QUANTITY.fullmatch(str(end)) for end in (low, high)]
@@ -347,11 +357,11 @@ def written_range(value: object) -> list[str | float] | None:
         raise InputError("must be a range of numbers or quantities", given=value)
     (first, unit), (last, other) = ((float(end[1]), end[2]) for end in ends if end)
     if unit != other:
-        sizes = [any_quantity(f"1 {each}") for each in (unit, other)]
-        if None in sizes or len({size[1] for size in sizes if size}) > 1:
+        sizes = [size for each in (unit, other) if (size := any_quantity(f"1 {each}"))]
+        if len(sizes) < 2 or sizes[0][1] != sizes[1][1]:
             raise InputError("must have one kind of unit at both ends", given=value)
-        last *= sizes[1][0] / sizes[0][0]  # type: ignore[index]
-    numbers = evenly(first, last, int(count))
+        last *= sizes[1][0] / sizes[0][0]
+    numbers = evenly(first, last, count)
     return [f"{number:.12g} {unit}" if unit else number for number in numbers]
 
 

@@ -178,7 +178,7 @@ class PathResult(CaseRecord):
 
     @property
     def key_numbers(self) -> dict[str, Any]:
-        """What grows, and its value at each limit that is passed."""
+        """Quantity that grows, with its value at each limit that is passed."""
         return {"along": self.along} | {
             event.what + suffix_of(event.unit): event.value for event in self.events}
 
