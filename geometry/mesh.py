@@ -17,6 +17,10 @@ ELEMENTS: dict[int, type[skfem.Element]] = {
     1: skfem.ElementTriP1, 2: skfem.ElementTriP2, 3: skfem.ElementTriP3, 4: skfem.ElementTriP4}
 
 
+#: Beginning of the names of subdomains that are an electrode's segments; their number follows.
+SEGMENT = "segment "
+
+
 @dataclass(frozen=True, eq=False)
 class FlatMesh:
     """Flat mesh with gmsh's order of nodes in each element.

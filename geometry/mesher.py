@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,6 +124,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     faces = _cut_faces(specimen, planes) if loops is None else {}
     with _session() as gmsh:
         surfaces = _imported(gmsh, faces) if loops is None else _built(gmsh, loops)
+        if specimen.electrode.segments:
+            surfaces = _divided(gmsh, specimen, surfaces)
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups, 2 ** len(planes))
         try:
@@ -134,7 +136,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
                 raise short from None
             raise InputError(f"cannot be meshed: {error}", key="frame, plate, electrode",
                              given=specimen.name) from None
-        return _flat_mesh(gmsh, groups, settings.order)
+        flat = _flat_mesh(gmsh, groups, settings.order)
+        return _segmented(flat, specimen) if specimen.electrode.segments else flat
 
 
 def _cut_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
@@ -284,6 +287,42 @@ def _glued(gmsh: Any, surfaces: Groups) -> Groups:
     of = dict(zip(whole, parts, strict=True))
     return {name: [part for surface in members for part in of[surface]]
             for name, members in surfaces.items()}
+
+
+def _divided(gmsh: Any, specimen: Specimen, surfaces: Groups) -> Groups:
+    """Cut surfaces along the edges of the electrode's segments."""
+    occ = gmsh.model.occ
+    electrode, frame = specimen.electrode, specimen.frame
+    edges = {piece for segment in electrode.segments
+             for piece in segment.edges(frame, electrode.gap)}
+    lines = [(1, _curve(occ, piece)) for piece in sorted(edges, key=repr)]
+    whole = [surface for members in surfaces.values() for surface in members]
+    _, parts = occ.fragment(whole, lines)
+    occ.synchronize()
+    of = dict(zip(whole, parts[:len(whole)], strict=True))
+    divided = {name: [part for surface in members for part in of[surface]]
+               for name, members in surfaces.items()}
+    kept = {abs(tag) for _, tag in gmsh.model.getBoundary(
+        [part for members in divided.values() for part in members], combined=False)}
+    # The pieces of edges beyond the film would be meshed too.
+    outside = [curve for curve in gmsh.model.getEntities(1) if curve[1] not in kept]
+    occ.remove(outside, recursive=True)
+    occ.synchronize()
+    return divided
+
+
+def _segmented(flat: FlatMesh, specimen: Specimen) -> FlatMesh:
+    """Tag the triangles of each segment; those of none are bare."""
+    from tympan.geometry.mesh import SEGMENT  # settings are read without finite elements
+
+    covered = flat.subdomains.get("covered", np.zeros(0, dtype=np.int64))
+    places = flat.points[flat.triangles[covered]].mean(axis=1)
+    x, y = places.T
+    number = specimen.electrode.segment_at(x, y, specimen.frame)
+    parts = {f"{SEGMENT}{found}": covered[number == found]
+             for found in range(len(specimen.electrode.segments))}
+    bare = np.concatenate([flat.subdomains.get("bare", covered[:0]), covered[number < 0]])
+    return replace(flat, subdomains={"covered": covered[number >= 0], "bare": bare, **parts})
 
 
 def _brep_file(folder: Path, name: str, faces: list[Any]) -> str:

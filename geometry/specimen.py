@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import prod
 from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.base.arrays import AnyArray, Array
+from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Registry, takes_units
 from tympan.base.paths import any_complex
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.base.units import place_text, quantities_text
+from tympan.geometry.electrode import Electrode as Electrode
+from tympan.geometry.electrode import Patch as Patch
+from tympan.geometry.electrode import Region as Region
+from tympan.geometry.electrode import Segment as Segment
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, area, check_outline
 from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import SMALLEST
@@ -35,7 +38,6 @@ _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
 _POWER: Rule = (lambda x: -50 <= x <= 50, "must be from -50 to 50")
 _DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
                   "must be 0 (weightless) or from 1 to 30000 kg/m^3")
-_ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
 _UNEVEN: Rule = (lambda x: -0.9 <= x <= 0.9, "must be from -0.9 to 0.9")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
 _LAYERS: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 1000")
@@ -47,6 +49,13 @@ _LARGEST_STRETCH = 20.0
 
 #: Largest share of the stated thickness that a gradient may take away somewhere.
 _UNEVENNESS = 0.9
+
+#: Places across the frame, and around it, at which overlaps of segments are looked for: a hundredth
+#: of the frame apart.
+_ACROSS, _AROUND = 100, 360
+
+#: Electrode of a specimen that states none.
+_IN_ONE_PIECE = Electrode()
 
 #: Least width of an uncovered band along an edge, as a share of the gap between plate and frame.
 NARROWEST = 0.01
@@ -123,35 +132,6 @@ class ConstantFlow:
 
     def relative_viscosity(self, stretch: Any, stress_squared: Any) -> Any:
         return 1.0
-
-
-@takes_units
-@dataclass(frozen=True)
-class Region:
-    """Region within an outline; ``offset`` of its centre from the frame's [m]."""
-
-    outline: Annotated[Outline, Key("its shape", kinds=OUTLINES, inline=True)]
-    offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
-
-    def __str__(self) -> str:
-        (a, b), (x, y) = (tuple(1e3 * length for length in pair)
-                          for pair in (self.outline.semi_axes, self.offset))
-        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, "
-                f"centred at {x:.4g}, {y:.4g} mm")
-
-    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
-        """Signed distance to the outline [m], negative inside it."""
-        return self.outline.level(x - self.offset[0], y - self.offset[1])
-
-    def points(self, count: int) -> Array:
-        """Points on the outline, shape (2, count) [m]."""
-        return np.asarray(self.outline.points(count) + np.array(self.offset)[:, None])
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Axes of the frame whose coordinate may change sign without changing the region."""
-        offset = zip("xy", self.offset, strict=True)
-        return self.outline.mirror_planes & {axis for axis, distance in offset if distance == 0}
 
 
 @takes_units
@@ -258,51 +238,6 @@ class Film:
 
 @takes_units
 @dataclass(frozen=True)
-class Patch:
-    """A round spot that the electrode misses; its edge fades over about a third of its width."""
-
-    centre: Annotated[Pair, Key("from the frame's centre", "length")]
-    diameter: Annotated[float, Key("where half of the film is covered", "length", POSITIVE)]
-
-    def bare(self, x: Any, y: Any) -> Any:
-        """Share of the film left bare at places [m]: the smooth function 2^(-s⁴), s = 2 r/d."""
-        away = (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2
-        return np.exp(-np.log(2) * (4 * away / self.diameter**2) ** 2)
-
-
-@takes_units
-@dataclass(frozen=True)
-class Electrode:
-    """Electrode on the film: between two uncovered bands, and within an outline if there is one.
-
-    The outline may cross frame and plate, or lie beside the plate.
-    """
-
-    margin_frame: Annotated[float, Key(
-        "width of the uncovered band along the frame", "length", NON_NEGATIVE)] = 0.0
-    margin_plate: Annotated[float, Key(
-        "width of the uncovered band along the plate", "length", NON_NEGATIVE)] = 0.0
-    stiffness: Annotated[float, Key(
-        "neo-Hookean modulus per virgin volume, without stress when mounted", "stress",
-        NON_NEGATIVE)] = 0.0
-    outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
-    mass: Annotated[float, Key(
-        "of the electrodes on both sides, per mounted area", "mass per area", _ELECTRODE)] = 0.0
-    patches: Annotated[tuple[Patch, ...], Key(
-        "spots that it misses, of a smooth edge that no mesh follows", name="patch")] = ()
-
-    @property
-    def everywhere(self) -> bool:
-        """Whether it covers the whole film between plate and frame, apart from patches."""
-        return self.outline is None and self.margin_frame == self.margin_plate == 0
-
-    def coverage(self, x: Any, y: Any) -> Any:
-        """Share of the film covered at places within margins and outline [m]; 1 without patches."""
-        return prod((1 - patch.bare(x, y) for patch in self.patches), start=1.0)
-
-
-@takes_units
-@dataclass(frozen=True)
 class Specimen:
     """One actuator, all sizes in SI."""
 
@@ -314,7 +249,8 @@ class Specimen:
         default="none", also=("disc", "disk", "piston"))]
     membrane: Annotated[Film, Key("the film", also=("film", "elastomer"))]
     electrode: Annotated[Electrode, Key(
-        "the electrodes; left out, they cover the whole film", also=("electrodes",))] = Electrode()
+        "the electrodes; left out, they cover the whole film",
+        also=("electrodes",))] = _IN_ONE_PIECE
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built; specimens with complex numbers are not checked."""
@@ -365,8 +301,9 @@ class Specimen:
         return f"{plate.outline.shape.replace('_', ' ')} of {size} mm{moved}"
 
     def _check_electrode(self) -> None:
-        if self.electrode.outline is not None:
-            check_outline(self.electrode.outline.outline, "electrode.outline")
+        for key, part in self._inside:
+            if key != "plate":
+                check_outline(part.outline, key)
         gap, within = self.gap, self._gap_words
         bands = self.electrode.margin_frame + self.electrode.margin_plate
         if bands > 0.98 * gap:
@@ -381,6 +318,7 @@ class Specimen:
         if self.electrode.outline is not None and not self._meets(self.electrode.outline):
             raise InputError("must cover some of the film",
                              key="electrode.outline", given=str(self.electrode.outline))
+        self._check_segments()
         for number, patch in enumerate(self.electrode.patches):
             if not self._holds(patch):
                 raise InputError("must lie in the frame and be no wider than it",
@@ -389,6 +327,17 @@ class Specimen:
             raise InputError("must leave some film everywhere: shares must add up to 0.9 at most",
                              key="membrane.thickness_gradient",
                              given=self.membrane.thickness_gradient)
+
+    def _check_segments(self) -> None:
+        electrode = self.electrode
+        if electrode.gap and not electrode.segments:
+            raise InputError("must be left out: the electrode has no segments",
+                             key="electrode.gap", given=f"{electrode.gap * 1e3:.4g} mm")
+        if len(set(electrode.names)) < len(electrode.segments):
+            raise InputError("must have different names", key="electrode.segment",
+                             given=", ".join(electrode.names))
+        even = tuple(replace(segment, share=1.0) for segment in electrode.segments)
+        _check_regions(self.frame, self.plate, even, electrode.gap)
 
     def _check_prestretch(self) -> None:
         if self.membrane.law_range is not None:
@@ -410,8 +359,10 @@ class Specimen:
 
     @property
     def _inside(self) -> list[tuple[str, Region]]:
-        """Plate and outline of the electrode, where there are any, with their keys."""
-        inside = (("plate", self.plate), ("electrode.outline", self.electrode.outline))
+        """Plate and outlines of the electrode, where there are any, with their keys."""
+        inside = [("plate", self.plate), ("electrode.outline", self.electrode.outline)]
+        inside += [(f"electrode.segment[{number}].outline", segment.outline)
+                   for number, segment in enumerate(self.electrode.segments)]
         return [(key, part) for key, part in inside if part is not None]
 
     @property
@@ -486,14 +437,16 @@ class Specimen:
                           and isinstance(outline, Circle | Ellipse) for outline in edges)
         centred = all(part.offset == (0.0, 0.0) for part in inside)
         whole = all(patch.centre == (0.0, 0.0) for patch in self.electrode.patches)
+        whole = whole and all(segment.sector is None for segment in self.electrode.segments)
         film = self.membrane.prestretch
         return even and round_edges and centred and whole and film[0] == film[1]
 
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
-        planes = self.frame.mirror_planes.intersection(
-            *(part.mirror_planes for _, part in self._inside))
+        fixed = [part for part in (self.plate, self.electrode.outline) if part is not None]
+        planes = self.frame.mirror_planes.intersection(*(part.mirror_planes for part in fixed))
+        planes = frozenset(plane for plane in planes if self.electrode.mirrored_in(plane))
         lopsided = (self.membrane.thickness_gradient,
                     *(patch.centre for patch in self.electrode.patches))
         uneven = {axis for pair in lopsided for axis, part in zip("xy", pair, strict=True) if part}
@@ -537,6 +490,36 @@ def check_range(low: float, high: float) -> None:
     if not 0 < low < high <= _LARGEST_STRETCH:
         raise InputError("must be two stretches, the smaller first, at most 20",
                          key="range", given=[low, high])
+
+
+@lru_cache(maxsize=64)
+def _check_regions(frame: Outline, plate: Plate | None, segments: tuple[Segment, ...], gap: float
+                   ) -> None:
+    """Refuse segments that overlap or cover no film."""
+    x, y = np.column_stack([_sampled(frame, plate), frame.points(_AROUND) * (1 - SMALLEST)])
+    # Edges have no width: a rounding error is no overlap.
+    slack = SMALLEST * max(frame.semi_axes)
+    within = [segment.level(x, y, frame, gap) < -slack for segment in segments]
+    for number, covers in enumerate(within):
+        key, name = f"electrode.segment[{number}]", segments[number].name
+        if not covers.any():
+            raise InputError("must cover some of the film, wider than a thousandth of the frame",
+                             key=key, given=name)
+        for other in range(number):
+            both = covers & within[other]
+            if both.any():
+                raise InputError(f"must not overlap {segments[other].name}: both cover "
+                                 f"{place_text(x[both][0], y[both][0])}", key=key, given=name)
+
+
+def _sampled(frame: Outline, plate: Plate | None) -> Array:
+    """Sample places of the film, shape (2, n) [m]."""
+    steps = (np.arange(_ACROSS) + 0.5) / _ACROSS * 2 - 1
+    x, y = (axis.ravel() for axis in np.meshgrid(*(half * steps for half in frame.semi_axes)))
+    within = frame.level(x, y) < 0
+    if plate is not None:
+        within &= plate.level(x, y) > 0
+    return np.array([x[within], y[within]])
 
 
 @lru_cache(maxsize=64)

@@ -89,7 +89,7 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
     film = model.specimen.membrane
     area = np.sqrt(c[0] * c[1] - c[2] ** 2) * film.area_prestretch
     thickness = film.thickness * model.relative_thickness
-    return model.covered * np.sqrt(voltage_squared) * area / thickness
+    return model.covered * model.shares * np.sqrt(voltage_squared) * area / thickness
 
 
 def largest(field: PositiveField, unit: str) -> Functional:

@@ -170,7 +170,7 @@ class ResidualDerivative:
         film, result = model.specimen.membrane, np.zeros(len(self._plate))
         thickness = film.volume_per_area
         uneven = bool(np.any(np.imag(model.relative_thickness)))
-        stirred = uneven or bool(np.any(np.imag(model.covered)))
+        stirred = uneven or bool(np.any(np.imag(model.covered)) or np.any(np.imag(model.shares)))
         relative = model.relative_thickness if uneven else self.at.model.relative_thickness
         for part in self._parts_of(model, state):
             if stirred or part not in self._parts:

@@ -24,7 +24,7 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.discretisation.recovery import Recovery
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
-from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
+from tympan.geometry.mesh import ELEMENTS, SEGMENT, CurvedTriangles, curved_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +190,23 @@ class Discretisation(FieldsAlone):
         covered[(self.mesh.subdomains or {}).get("bare", [])] = 0
         return covered
 
+    @cached_property
+    def segments(self) -> AnyArray:
+        """Number of the electrode's segment of every element, 0 where there is none, (elements,).
+
+        An electrode in one piece is segment 0.
+        """
+        number = np.zeros(self.mesh.nelements, dtype=np.int64)
+        for name, members in (self.mesh.subdomains or {}).items():
+            if name.startswith(SEGMENT):
+                number[members] = int(name.removeprefix(SEGMENT))
+        return number
+
+    @cached_property
+    def _sides(self) -> AnyArray:
+        """A number for each part of the electrode and one for bare film, shape (elements,)."""
+        return np.where(self.covered[:, 0] > 0, 1 + self.segments, 0)
+
     def boundary_nodes(self, name: str) -> AnyArray:
         """Find the nodes on a named boundary; empty if the mesh has none of that name."""
         return self.boundaries.get(name, np.array([], dtype=int))
@@ -269,7 +286,7 @@ class Discretisation(FieldsAlone):
     def recovery(self) -> Recovery:
         """Values at the corners of elements from those at the quadrature points around."""
         places = np.matmul(self.shapes, self.reference[self.connectivity])[..., :2]
-        return Recovery(self.connectivity, self.covered[:, 0] > 0, self.reference[:, :2], places,
+        return Recovery(self.connectivity, self._sides, self.reference[:, :2], places,
                         self.mesh.order)
 
     def nodal_matrix(self, elements: AnyArray) -> Any:

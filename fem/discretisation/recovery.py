@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tympan.base.arrays import AnyArray, Mask
+from tympan.base.arrays import AnyArray
 from tympan.fem.discretisation.electrode_edge import CORNERS
 
 
@@ -20,13 +20,14 @@ from tympan.fem.discretisation.electrode_edge import CORNERS
 class Recovery:
     """Weights of the values around each corner, computed once for each corner when needed.
 
-    ``connectivity`` (elements, local); ``covered`` (elements,); ``nodes`` (nodes, 2) and ``places``
+    ``connectivity`` (elements, local); ``parts``, a number for each part of the electrode and one
+    for bare film, (elements,); ``nodes`` (nodes, 2) and ``places``
     (elements, points, 2) are the positions of nodes and quadrature points, complex where the mesh
     is; ``order`` is that of the elements.
     """
 
     connectivity: AnyArray
-    covered: Mask
+    parts: AnyArray
     nodes: AnyArray
     places: AnyArray
     order: int
@@ -63,7 +64,9 @@ class Recovery:
     @cached_property
     def _sides(self) -> AnyArray:
         """A number for each corner of each element, the same on one side of an electrode's edge."""
-        return 2 * self.connectivity[:, :CORNERS] + self.covered[:, None]
+        count = 1 + self.parts.max(initial=0)
+        sides: AnyArray = count * self.connectivity[:, :CORNERS] + self.parts[:, None]
+        return sides
 
     def _fitted(self, side: int, node: int) -> tuple[AnyArray, AnyArray]:
         around = np.flatnonzero((self._sides == side).any(axis=1))

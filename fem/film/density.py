@@ -68,9 +68,10 @@ class FilmDensity:
     """The film's energy at a voltage: elastic, and electrostatic and electrode where covered.
 
     ``covered`` is the share of the film under the electrode, broadcastable against the quadrature
-    points. So is ``thickness``, the virgin film's over the stated one. With ``wrinkles`` the film
-    wrinkles rather than carry compression (:class:`~tympan.fem.film.tension_field.TensionField`);
-    without them it carries any compression.
+    points. So are ``thickness``, the virgin film's over the stated one, and ``share``, the voltage
+    of the electrode there over the film's. With ``wrinkles`` the film wrinkles rather than carry
+    compression (:class:`~tympan.fem.film.tension_field.TensionField`); without them it carries any
+    compression.
     """
 
     specimen: Specimen
@@ -79,11 +80,13 @@ class FilmDensity:
     wrinkles: bool = True
     flow: Flow | None = None
     thickness: Any = 1.0
+    share: Any = 1.0
 
     @property
     def maxwell(self) -> Maxwell:
         """The electrostatic part."""
-        return maxwell(self.specimen, self.voltage_squared, self.covered / self.thickness**2)
+        charged = self.covered * (self.share * self.share)
+        return maxwell(self.specimen, self.voltage_squared, charged / self.thickness**2)
 
     @property
     def parts(self) -> list[EnergyPart]:

@@ -37,18 +37,18 @@ class EnergyTable:
     """A film's law and its energy by U² in a box of (I, J): ``middle`` ± ``reach``, both (2, 1).
 
     ``rows``, shape (2, 5, coefficients), give 2 W_I, 2 W_J, 4 W_II, 4 W_IJ, 4 W_JJ of the law and
-    of the charge on a covered film at 1 V. ``covered`` is the covered share of each point. The film
-    wrinkles where a principal S is below ``least`` [Pa].
+    of the charge on a covered film at 1 V. ``charged`` is the share of that charge at each point.
+    The film wrinkles where a principal S is below ``least`` [Pa].
     """
 
     middle: Array
     reach: Array
     rows: Array
-    covered: Array
+    charged: Array
     least: float
 
     @classmethod
-    def of(cls, specimen: Specimen, covered: Array, low: Array, high: Array
+    def of(cls, specimen: Specimen, charged: Array, low: Array, high: Array
            ) -> EnergyTable | None:
         """Tabulate a specimen's film between two pairs (I, J) of its virgin C.
 
@@ -74,8 +74,8 @@ class EnergyTable:
             rows = (coefficients @ fit.derivatives).swapaxes(0, 1) / units[:, None]
             rows[:, :2] *= 2
             rows[:, 2:] *= 4
-            residual = FilmDensity(specimen, 0.0, covered).material.residual
-            return cls(middle[:, None], reach[:, None], rows, covered, float(residual))
+            residual = FilmDensity(specimen, 0.0, charged).material.residual
+            return cls(middle[:, None], reach[:, None], rows, charged, float(residual))
         return None
 
     def stress(self, c: Array, voltage_squared: Any, thick: Any = None, *, tangent: bool = True
@@ -87,7 +87,7 @@ class EnergyTable:
         """
         first, last, shear = c
         trace, area = first + last, first * last - shear * shear
-        values = self._derivatives(trace, area, voltage_squared * self.covered, 5 if tangent else 2)
+        values = self._derivatives(trace, area, voltage_squared * self.charged, 5 if tangent else 2)
         if values is None or not self._tense(trace, area, values):
             return None
         if thick is not None:

@@ -194,6 +194,11 @@ class FormulaFilm(Model):
         return 1.0
 
     @property
+    def shares(self) -> Any:
+        """1: a formula has the strains of one place, under an electrode in one piece."""
+        return 1.0
+
+    @property
     def relative_thickness(self) -> Any:
         """1: a formula has the strains of one place, of the stated thickness."""
         return 1.0

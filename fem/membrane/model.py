@@ -39,13 +39,15 @@ class Sampled:
     """Film at places of some states, one state after another, for its fields there.
 
     ``places`` in the mounted film and deformed ``positions`` [m], (n, 3) each; ``deformation``, F
-    from the mounted film, (n, 3, 2); share ``covered`` by the electrode, (n,).
+    from the mounted film, (n, 3, 2); share ``covered`` by the electrode, and ``share`` of the
+    film's voltage on it, (n,) each.
     """
 
     places: AnyArray
     positions: AnyArray
     deformation: AnyArray
     covered: AnyArray
+    share: Any = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,11 @@ class Model:
     def covered(self) -> Any:
         """Share of the film under the electrode, shape (elements, 1 or points)."""
         return self.discretisation.covered * self.specimen.electrode.coverage(*self._places)
+
+    @cached_property
+    def shares(self) -> Any:
+        """Voltage of the electrode over the film's, 1 or of shape (elements, 1)."""
+        return self.specimen.electrode.share(self.discretisation.segments[:, None])
 
     @property
     def even(self) -> bool:
@@ -238,10 +245,12 @@ class Model:
         here = np.matmul(shapes.T, mesh.reference[nodes]).reshape(-1, 3)
         places = np.tile(here, (len(states), 1))
         positions = np.stack([state.positions[nodes] for state in states])
-        covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
+        covered, segments = (np.tile(np.repeat(values[cells], points.shape[1]), len(states))
+                             for values in (mesh.covered[:, 0], mesh.segments))
         return Sampled(places, np.matmul(shapes.T, positions).reshape(-1, 3),
                        deformation(gradients, positions).reshape(-1, 3, 2),
-                       covered * self.specimen.electrode.coverage(*places[:, :2].T))
+                       covered * self.specimen.electrode.coverage(*places[:, :2].T),
+                       self.specimen.electrode.share(segments))
 
     def density(self, voltage_squared: Any, *, nodal: bool = False) -> FilmDensity:
         """Make the film's energy density at U² [V²] at quadrature points, or elements' nodes."""
@@ -252,7 +261,7 @@ class Model:
             thickness = self.specimen.relative_thickness(x, y)
             covered = mesh.covered * self.specimen.electrode.coverage(x, y)
         return FilmDensity(self.specimen, voltage_squared, covered, self.wrinkles, self.flow,
-                           thickness)
+                           thickness, self.shares)
 
     def in_tension(self, state: State) -> bool:
         """Check that the film is in tension at all quadrature points."""

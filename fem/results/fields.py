@@ -257,7 +257,8 @@ def _tension(model: Model, states: Sequence[State], gradients: AnyArray, points:
     x, y = there[..., 0], there[..., 1]
     covered = mesh.covered[cells] * model.specimen.electrode.coverage(x, y)
     density = FilmDensity(model.specimen, squared, covered, model.wrinkles,
-                          _flow_at(model, cells, points), model.specimen.relative_thickness(x, y))
+                          _flow_at(model, cells, points), model.specimen.relative_thickness(x, y),
+                          model.specimen.electrode.share(mesh.segments[cells, None]))
     # Principal stresses are the eigenvalues of S C.
     s11, s22, s12 = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     c11, c22, c12 = c
@@ -291,7 +292,8 @@ def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyA
         flow = flow.at(lambda values: values.reshape(*values.shape[:-2], -1))
         assert len(states) == 1
     relative = model.specimen.relative_thickness(reference[:, 0], reference[:, 1])
-    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles, flow, relative)
+    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles, flow, relative,
+                          sampled.share)
     stress = density(c, tangent=False).stress
     l1, l2, tense = density.stretches(c)
     inward = _inward(model, reference[:, :2])
@@ -305,7 +307,8 @@ def _fields(model: Model, states: Sequence[State], cells: AnyArray, points: AnyA
     return Fields(
         position=reference, displacement=sampled.positions - reference, stretch_1=l1, stretch_2=l2,
         thickness=thickness,
-        electric_field=covered * np.sqrt(np.maximum(voltage_squared, 0.0)) / thickness,
+        electric_field=(covered * sampled.share * np.sqrt(np.maximum(voltage_squared, 0.0))
+                        / thickness),
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11,
         stress_circumferential=s22, stress_shear=s12,

@@ -225,9 +225,10 @@ def _density_at(model: Model, voltage_squared: Any, places: AnyArray) -> FilmDen
     """Make the film's density at nodes of elements, (…, 2)."""
     shape = model.discretisation.connectivity.shape
     density = model.density(voltage_squared, nodal=True)
-    covered, thickness = (np.broadcast_to(values, shape)[places[..., 0], places[..., 1]]
-                          for values in (density.covered, density.thickness))
-    return replace(density, covered=covered, thickness=thickness)
+    covered, thickness, share = (
+        np.broadcast_to(values, shape)[places[..., 0], places[..., 1]]
+        for values in (density.covered, density.thickness, density.share))
+    return replace(density, covered=covered, thickness=thickness, share=share)
 
 
 def _side(density: FilmDensity, c: Strain) -> Side:

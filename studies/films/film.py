@@ -87,7 +87,8 @@ class FilmLoads:
 class ReducedFilm:
     """A specimen's film at points; states q have the shape (..., shapes), also of several runs.
 
-    ``volumes`` [m³] and ``covered`` (1 under the electrode) have the shape (points,).
+    ``volumes`` [m³], ``covered`` (1 under the electrode) and ``segments``, the numbers of its
+    segments, have the shape (points,).
     ``gradients``: ∂φ/∂X of the deflection's shape and the others [1/m], shape (shapes, points, 3,
     2). ``errors``: largest error of the deflection over its range in the field model, by the names
     of test runs. ``table``: table of this specimen's law and charge, or None; outside it the law
@@ -102,6 +103,12 @@ class ReducedFilm:
     errors: Mapping[str, float] = field(default_factory=dict)
     table: EnergyTable | None = None
     gas_area: float | None = None
+    segments: Any = 0
+
+    @property
+    def _shares(self) -> Any:
+        """Voltage of the electrode over the film's, 1 or of shape (points,)."""
+        return self.specimen.electrode.share(self.segments)
 
     @property
     def count(self) -> int:
@@ -252,7 +259,7 @@ class ReducedFilm:
             quick = self.table.stress(c, squared, thick, tangent=tangent)
             if quick is not None:
                 return quick
-        density = FilmDensity(self.specimen, squared, self.covered)
+        density = FilmDensity(self.specimen, squared, self.covered, share=self._shares)
         stress: Any = 0.0
         bend: Any = 0.0
         if thick is not None:
@@ -279,14 +286,16 @@ class ReducedFilm:
         invariants = np.stack([c[0] + c[1], plane_determinant(c)]).reshape(2, -1)
         low, high = invariants.min(1), invariants.max(1)
         margin = _MARGIN * (high - low)
-        table = EnergyTable.of(self.specimen, self.covered, low - margin, high + margin)
+        charged = self.covered * self._shares**2
+        table = EnergyTable.of(self.specimen, charged, low - margin, high + margin)
         return replace(self, table=table)
 
     def capacitance(self, q: Array, voltage_squared: Any = 0.0) -> Any:
         """Compute the capacitance of the film [F], wrinkles included."""
-        density = FilmDensity(self.specimen, _each(voltage_squared), self.covered)
+        density = FilmDensity(self.specimen, _each(voltage_squared), self.covered,
+                              share=self._shares)
         seen = principal_stretches(tuple(self.strain(q)), (1.0, 1.0))
-        charged = maxwell(self.specimen, 1.0, self.covered)
+        charged = maxwell(self.specimen, 1.0, self.covered * self._shares**2)
         energy = charged.derivatives(*density.material.stretches(*seen)[:2])[0]
         return -2 * (energy * self.volumes).sum(-1)
 

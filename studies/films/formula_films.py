@@ -175,4 +175,4 @@ def _point() -> Sites:
     """Make the one point of films in closed form, at the plate's centre."""
     none = np.zeros(1, dtype=np.int64)
     return Sites(none, none[:, None], np.ones((1, 1)), np.zeros((1, 1, 2)), np.ones(1), np.ones(1),
-                 np.ones(1))
+                 none, np.ones(1))

@@ -450,8 +450,9 @@ class Films:
         ``squared``: U² [V²], (states,).
         """
         covered, thickness = at.uneven(films)
-        return FilmDensity(self.some(films), squared[:, None], covered, wrinkles=False,
-                           thickness=thickness)
+        some = self.some(films)
+        return FilmDensity(some, squared[:, None], covered, wrinkles=False, thickness=thickness,
+                           share=some.electrode.share(at.shapes.sites.segments))
 
     def stored(self, films: AnyArray, q: AnyArray, squared: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Compute capacitance [F] and energy of films [J], (states,) each."""
@@ -509,7 +510,7 @@ class Films:
         sound = (firm > 0) & within
         covered, relative = at.uneven(films)
         thickness = film.thickness * relative / (first * second)
-        electric = covered * np.sqrt(squared)[:, None] / thickness
+        electric = covered * density.share * np.sqrt(squared)[:, None] / thickness
         strength = np.full_like(electric, np.inf)
         if film.strength is not None:
             strength[:] = film.strength.field(first, second, thickness)

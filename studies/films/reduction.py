@@ -286,8 +286,10 @@ class Reduction:
         mesh = model.discretisation
         volumes = model.volumes.ravel()[self.points] * mesh.mirrored
         covered = np.broadcast_to(mesh.covered, model.volumes.shape).ravel()[self.points]
+        segments = np.broadcast_to(mesh.segments[:, None], model.volumes.shape).ravel()
         return ReducedFilm(model.specimen, self.shares * volumes, covered,
-                           _gradients(model, self.shapes)[:, self.points])
+                           _gradients(model, self.shapes)[:, self.points],
+                           segments=segments[self.points])
 
 
 def _gradients(model: Model, shapes: Array) -> Array:

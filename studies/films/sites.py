@@ -26,8 +26,8 @@ class Sites(FieldsAlone):
     ``cells``: element of each point, (points,). ``nodes``: nodes of these elements, (points,
     local). ``values`` and ``slopes``: shape functions and their derivatives by reference
     coordinates, (points, local) and (points, local, 2). ``weights``: area of the whole film in
-    these coordinates that a point represents. ``covered``: 1 under the electrode. ``turns``: sign
-    of det ∂X/∂ξ.
+    these coordinates that a point represents. ``covered``: 1 under the electrode, in the segment of
+    the number ``segments``. ``turns``: sign of det ∂X/∂ξ.
     """
 
     cells: Numbers
@@ -36,6 +36,7 @@ class Sites(FieldsAlone):
     slopes: Array
     weights: Array
     covered: Array
+    segments: Numbers
     turns: Array
 
     @classmethod
@@ -55,7 +56,8 @@ class Sites(FieldsAlone):
             len(cells), count, -1, 2), mesh.reference[mesh.connectivity[cells], :2])
         return cls(each, mesh.connectivity[each], np.tile(values.T, (len(cells), 1)),
                    np.tile(slopes, (len(cells), 1, 1)), np.tile(area, len(cells)),
-                   mesh.covered[each, 0], np.sign(np.linalg.det(slope)).ravel())
+                   mesh.covered[each, 0], mesh.segments[each],
+                   np.sign(np.linalg.det(slope)).ravel())
 
     @classmethod
     def quadrature(cls, mesh: Discretisation) -> Sites:
@@ -90,7 +92,7 @@ class Sites(FieldsAlone):
     def some(self, points: Numbers, shares: Array) -> Sites:
         """Select some of the points; each represents ``shares`` times its own area."""
         chosen = {name: getattr(self, name)[points] for name in
-                  ("cells", "nodes", "values", "slopes", "covered", "turns")}
+                  ("cells", "nodes", "values", "slopes", "covered", "segments", "turns")}
         return replace(self, weights=self.weights[points] * shares, **chosen)
 
     def tangents(self, positions: Array) -> Array:

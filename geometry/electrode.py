@@ -1,0 +1,293 @@
+"""Electrode on a film: where it covers it, in one piece or in segments with their own voltages."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf, pi, prod
+from typing import Annotated, Any
+
+import numpy as np
+
+from tympan.base.arrays import AnyArray, Array
+from tympan.base.errors import InputError
+from tympan.base.fields import Key, takes_units
+from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.geometry.outlines import OUTLINES, Outline
+from tympan.geometry.outlines.pieces import TURN, Line, Piece
+
+Pair = tuple[float, float]
+
+_ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
+_NAME: Rule = (lambda text: re.fullmatch(r"[^\W\d]\w{0,29}", text) is not None,
+               "must be a word: at most 30 letters, digits and _, a letter first")
+_DISTANCE: Rule = (lambda x: x >= 0, "must be 0 or positive; inf for the film's middle")
+_SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 (grounded) to 1")
+
+#: Angle within which two directions are the same [rad]: rounding of degrees to radians is smaller.
+_SAME_ANGLE = 1e-9
+#: Digits after the point to which the sines and cosines of equal directions agree.
+_DIGITS = 9
+
+#: Smallest and largest sector [rad]. A whole turn is a band or no segment at all.
+_SECTORS = (np.radians(1.0), np.radians(359.0))
+
+
+@takes_units
+@dataclass(frozen=True)
+class Region:
+    """Region within an outline; ``offset`` of its centre from the frame's [m]."""
+
+    outline: Annotated[Outline, Key("its shape", kinds=OUTLINES, inline=True)]
+    offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
+
+    def __str__(self) -> str:
+        (a, b), (x, y) = (tuple(1e3 * length for length in pair)
+                          for pair in (self.outline.semi_axes, self.offset))
+        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, "
+                f"centred at {x:.4g}, {y:.4g} mm")
+
+    def level(self, x: AnyArray, y: AnyArray) -> AnyArray:
+        """Signed distance to the outline [m], negative inside it."""
+        return self.outline.level(x - self.offset[0], y - self.offset[1])
+
+    def points(self, count: int) -> Array:
+        """Points on the outline, shape (2, count) [m]."""
+        return np.asarray(self.outline.points(count) + np.array(self.offset)[:, None])
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes of the frame whose coordinate may change sign without changing the region."""
+        offset = zip("xy", self.offset, strict=True)
+        return self.outline.mirror_planes & {axis for axis, distance in offset if distance == 0}
+
+
+@takes_units
+@dataclass(frozen=True)
+class Patch:
+    """A round spot that the electrode misses; its edge fades over about a third of its width."""
+
+    centre: Annotated[Pair, Key("from the frame's centre", "length")]
+    diameter: Annotated[float, Key("where half of the film is covered", "length", POSITIVE)]
+
+    def bare(self, x: Any, y: Any) -> Any:
+        """Share of the film left bare at places [m]: the smooth function 2^(-s⁴), s = 2 r/d."""
+        away = (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2
+        return np.exp(-np.log(2) * (4 * away / self.diameter**2) ** 2)
+
+
+@takes_units
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Part of an electrode with a voltage of its own: a sector, a band, an outline.
+
+    Of several of them it is the part that they share. ``share``: its voltage over the film's.
+    """
+
+    name: Annotated[str, Key("how voltages name it", rule=_NAME)]
+    sector: Annotated[Pair | None, Key(
+        "directions between which it lies, counterclockwise from the first to the second, seen "
+        "from the frame's centre; 0 is the x axis", "angle", TURN, discrete=True)] = None
+    band: Annotated[Pair | None, Key(
+        "distances from the frame's edge between which it lies, the nearer one first", "length",
+        _DISTANCE, discrete=True)] = None
+    outline: Annotated[Region | None, Key("it lies within this outline")] = None
+    share: Annotated[float, Key("its voltage over that of the film", rule=_SHARE)] = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse a segment without a region, and regions that are none."""
+        if self.sector is None and self.band is None and self.outline is None:
+            raise InputError("needs a region: sector, band or outline", key="sector",
+                             given=f"none in segment {self.name}")
+        if self.sector is not None:
+            low, high = _SECTORS
+            if not low - _SAME_ANGLE <= self.width <= high + _SAME_ANGLE:
+                raise InputError("must be two directions, from 1 to 359 degrees apart",
+                                 key="sector", given=self._sector_words)
+        if self.band is not None and not self.band[0] < self.band[1]:
+            raise InputError("must be two distances from the frame's edge, the smaller first",
+                             key="band", given=str(self.band))
+
+    @property
+    def width(self) -> float:
+        """Angle of its sector [rad], a whole turn without one."""
+        if self.sector is None:
+            return 2 * pi
+        start, end = np.real(self.sector)
+        return float((end - start) % (2 * pi)) or 2 * pi
+
+    @property
+    def _sector_words(self) -> str:
+        return " to ".join(f"{angle:.6g} deg" for angle in np.degrees(np.real(self._sector)))
+
+    def apex(self, gap: float) -> Array:
+        """Find where the straight edges of its sector meet, half a ``gap`` inside it [m]."""
+        start, _ = np.real(self._sector)
+        middle = start + self.width / 2
+        away: Array = gap / 2 / np.sin(self.width / 2) * np.array([np.cos(middle), np.sin(middle)])
+        return away
+
+    @property
+    def _sector(self) -> Pair:
+        return (0.0, 0.0) if self.sector is None else self.sector
+
+    def level(self, x: AnyArray, y: AnyArray, frame: Outline, gap: float = 0.0) -> AnyArray:
+        """Compute a level at places of the film [m]: negative in the segment.
+
+        Sector and band end half a ``gap`` before their edges.
+        """
+        levels = [np.full(np.shape(x), -inf)]
+        if self.sector is not None:
+            levels.append(self._beside_sector(x, y, gap))
+        if self.band is not None:
+            depth, (near, far) = -frame.level(x, y), self.within(gap)
+            levels.append(np.maximum(near - depth, depth - far))
+        if self.outline is not None:
+            levels.append(self.outline.level(x, y))
+        highest: AnyArray = np.max(levels, axis=0)
+        return highest
+
+    def within(self, gap: float) -> Pair:
+        """Find the distances from the frame between which its band lies, less half gaps [m]."""
+        near, far = (0.0, inf) if self.band is None else self.band
+        return near + gap / 2 * (near > 0), far - gap / 2
+
+    def _beside_sector(self, x: AnyArray, y: AnyArray, gap: float) -> AnyArray:
+        a, b = self.apex(gap)
+        sides = []
+        for angle, turn in zip(np.real(self._sector), (1, -1), strict=True):
+            along = np.cos(angle), np.sin(angle)
+            sides.append(-turn * (along[0] * (y - b) - along[1] * (x - a)))
+        # Within half a turn a place is on both edges' inner sides, else on one of them.
+        both = np.maximum if self.width <= pi + _SAME_ANGLE else np.minimum
+        beyond: AnyArray = both(*sides)
+        return beyond
+
+    def edges(self, frame: Outline, gap: float) -> tuple[Piece, ...]:
+        """List the curves that bound it within the frame, as far as they are no edge of it [m]."""
+        pieces: list[Piece] = []
+        if self.sector is not None:
+            far, (a, b) = 4 * max(frame.semi_axes), self.apex(gap)
+            pieces += [Line((float(a), float(b)), (float(a + far * np.cos(angle)),
+                                                   float(b + far * np.sin(angle))))
+                       for angle in np.real(self._sector)]
+        for distance in self.within(gap) if self.band is not None else ():
+            if 0 < distance < inf:
+                pieces += frame.curve.beside(-distance).pieces
+        if self.outline is not None:
+            pieces += self.outline.outline.curve.placed(shift=self.outline.offset).pieces
+        return tuple(pieces)
+
+    def reflected(self, plane: str) -> object:
+        """Make a key of its region mirrored in a plane ("x", "y" or "" for none), and of its share.
+
+        Equal regions have equal keys. An outline that the plane does not mirror has no equal.
+        """
+        angles: Any = None
+        if self.sector is not None:
+            start, end = np.real(self._sector)
+            ends = {"": (start, end), "x": (pi - end, pi - start), "y": (-end, -start)}[plane]
+            angles = tuple(round(part, _DIGITS) + 0.0 for angle in ends
+                           for part in (np.cos(angle), np.sin(angle)))
+        outline = self.outline
+        if outline is not None and plane and plane not in outline.mirror_planes:
+            return object()
+        return angles, self.band, outline, self.share
+
+
+@takes_units
+@dataclass(frozen=True)
+class Electrode:
+    """Electrode on the film: between two uncovered bands, and within an outline if there is one.
+
+    The outline may cross frame and plate, or lie beside the plate. Segments divide what these
+    leave; each has the film's voltage times its share.
+    """
+
+    margin_frame: Annotated[float, Key(
+        "width of the uncovered band along the frame", "length", NON_NEGATIVE)] = 0.0
+    margin_plate: Annotated[float, Key(
+        "width of the uncovered band along the plate", "length", NON_NEGATIVE)] = 0.0
+    stiffness: Annotated[float, Key(
+        "neo-Hookean modulus per virgin volume, without stress when mounted", "stress",
+        NON_NEGATIVE)] = 0.0
+    outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
+    mass: Annotated[float, Key(
+        "of the electrodes on both sides, per mounted area", "mass per area", _ELECTRODE)] = 0.0
+    patches: Annotated[tuple[Patch, ...], Key(
+        "spots that it misses, of a smooth edge that no mesh follows", name="patch")] = ()
+    segments: Annotated[tuple[Segment, ...], Key(
+        "parts with their own voltages; the film between them is bare; left out, the electrode is "
+        "in one piece", name="segment")] = ()
+    gap: Annotated[float, Key(
+        "bare film between neighbouring sectors and bands: each ends half of it before its edge",
+        "length", NON_NEGATIVE, discrete=True)] = 0.0
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether it covers the whole film between plate and frame, apart from patches."""
+        return (self.outline is None and self.margin_frame == self.margin_plate == 0
+                and not self.segments)
+
+    def coverage(self, x: Any, y: Any) -> Any:
+        """Share of the film covered at places within margins and outline [m]; 1 without patches."""
+        return prod((1 - patch.bare(x, y) for patch in self.patches), start=1.0)
+
+    def share(self, numbers: Any) -> Any:
+        """Voltage over the film's at places in segments of these numbers; 1 without segments.
+
+        Shares may be numbers, or arrays that broadcast against the places.
+        """
+        if not self.segments:
+            return 1.0
+        return sum(np.equal(numbers, number) * segment.share
+                   for number, segment in enumerate(self.segments))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the segments."""
+        return tuple(segment.name for segment in self.segments)
+
+    def segment_at(self, x: AnyArray, y: AnyArray, frame: Outline) -> AnyArray:
+        """Find the number of the segment at places of the film [m]: -1 where there is none.
+
+        Without segments all places have the number 0.
+        """
+        found = np.full(np.shape(x), -1 if self.segments else 0)
+        for number, segment in enumerate(self.segments):
+            found[segment.level(x, y, frame, self.gap) < 0] = number
+        return found
+
+    def driven(self, voltages: Mapping[str, float]) -> tuple[Electrode, float]:
+        """Set the voltages of segments [V] by their names; others have none.
+
+        Returns the electrode with their shares, and the highest voltage, that of the film.
+
+        Raises
+        ------
+        InputError
+            When a name is that of no segment; it lists the names.
+        """
+        unknown = [name for name in voltages if name not in self.names]
+        if unknown:
+            names = ", ".join(self.names)
+            raise InputError(f"must be the name of a segment: {names}" if names else
+                             "must be one number: the electrode has no segments",
+                             key="voltage", given=unknown[0])
+        given = [float(voltages.get(segment.name, 0.0)) for segment in self.segments]
+        if min(given) < 0:
+            raise InputError("must be 0 or positive: a film does not feel the sign of a voltage",
+                             key="voltage", given=f"{min(given):g} V")
+        top = max(given)
+        if top == 0:
+            return self, 0.0
+        parts = zip(self.segments, given, strict=True)
+        return replace(self, segments=tuple(replace(segment, share=voltage / top)
+                                            for segment, voltage in parts)), top
+
+    def mirrored_in(self, plane: str) -> bool:
+        """Check whether its segments and their shares are the same in a mirror."""
+        before, after = ([segment.reflected(way) for segment in self.segments]
+                         for way in ("", plane))
+        return all(key in before for key in after)
