@@ -136,6 +136,23 @@ def held(specimen: SpecimenOrFile, rig: Holder = None, pressure: float | str | N
     return bare, on.pressed(pressure)
 
 
+def driven_together(subjects: tuple[Any, ...], named: dict[str, Any], name: str
+                    ) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Set the shares of segments that the voltage of an argument names, in all specimens given.
+
+    The voltage becomes that of the film.
+    """
+    from tympan.studies.driven import by_segment, driven
+
+    if not by_segment(named[name]):
+        return subjects, named
+    films = subjects or (named["specimen"],)
+    pairs = [driven(loaded(film), named[name], name) for film in films]
+    wired, (voltage, *_) = zip(*pairs, strict=True)
+    others = named | {name: voltage}
+    return (wired, others) if subjects else ((), others | {"specimen": wired[0]})
+
+
 def held_together(specimens: SpecimenOrFile | Sequence[SpecimenOrFile], rig: Holder = None
                   ) -> tuple[tuple[Specimen, ...], Rig]:
     """Load one specimen or several, and the one rig that all are on."""

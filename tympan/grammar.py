@@ -8,8 +8,9 @@ arguments in the docstring of each function.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import wraps
 from inspect import Parameter, cleandoc, get_annotations, signature, unwrap
 from typing import Any, TypeVar, cast
 
@@ -192,7 +193,7 @@ def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
     Arguments are those of :func:`~tympan.base.fields.names_arguments`.
     """
     def listed(function: F) -> F:
-        made: Any = names_arguments(more, **formerly)(function)
+        made: Any = names_arguments(more, **formerly)(_with_segments(function))
         text = cleandoc(made.__doc__ or "")
         told = dict(_arguments(function, get_annotations(more) if more else {}))
         shown = [name for name in signature(made).parameters if name in told]
@@ -203,6 +204,24 @@ def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
         return cast(F, made)
 
     return listed
+
+
+#: Arguments whose voltages may be given by the names of an electrode's segments.
+_BY_SEGMENT = ("voltage", "high", "supply")
+
+
+def _with_segments(function: F) -> F:
+    """Let a function on specimens take voltages by the names of an electrode's segments."""
+    @wraps(function)
+    def called(*subjects: Any, **named: Any) -> Any:
+        for name in _BY_SEGMENT:
+            if isinstance(named.get(name), str | Mapping | list | tuple):
+                from tympan.door import driven_together
+
+                subjects, named = driven_together(subjects, named, name)
+        return function(*subjects, **named)
+
+    return cast(F, called)
 
 
 def _arguments(function: Callable[..., Any], passed: Any) -> Iterator[tuple[str, str]]:

@@ -240,7 +240,7 @@ def read_mounted_all(options: argparse.Namespace, specimens: Sequence[Specimen] 
     if specimens is None:
         specimens = [load_named(file) for file in options.specimens]
     require_different_names(specimens)
-    return mounted_together(specimens, _rig(options))
+    return mounted_together(_driven(specimens, options), _rig(options))
 
 
 def read_mounted(options: argparse.Namespace) -> tuple[Specimen, Rig]:
@@ -252,10 +252,30 @@ def read_mounted(options: argparse.Namespace) -> tuple[Specimen, Rig]:
     from tympan.studies.shipped import load_named
 
     specimen, rig = mounted(load_named(options.specimen), _rig(options))
+    (specimen,) = _driven((specimen,), options)
     given = getattr(options, "pressure", None)
     pressure = None if given is None else parse_quantity(given, "stress", "--pressure")
     with naming_options(options):
         return specimen, rig.pressed(pressure)
+
+
+#: Options whose voltages may be given by the names of an electrode's segments.
+_BY_SEGMENT = ("voltage", "high", "supply")
+
+
+def _driven(specimens: Sequence[Specimen], options: argparse.Namespace) -> Sequence[Specimen]:
+    """Set the shares of the segments that a voltage names, which becomes that of the film."""
+    for name in _BY_SEGMENT:
+        given = getattr(options, name, None)
+        if not (isinstance(given, str) and "=" in given):
+            continue
+        from tympan.studies.driven import driven
+
+        pairs = [driven(specimen, given, option_name(name)) for specimen in specimens]
+        specimens, (voltage, *_) = zip(*pairs, strict=True)
+        setattr(options, name, voltage if isinstance(voltage, str)
+                else ", ".join(f"{each:.17g} V" for each in voltage))
+    return specimens
 
 
 def _rig(options: argparse.Namespace) -> Rig | None:

@@ -1,0 +1,130 @@
+"""Voltages of an electrode's segments by their names, as commands, functions and files take them.
+
+``"A = 3 kV, B = 0 kV"`` or ``{"A": "3 kV", "B": 0}``. A name may have several values or a range;
+segments without a value have no voltage. A film has one voltage, the highest; each segment has its
+share of it. So one number raises all of them in their proportion, and every question that a film
+with one electrode has is one of a film with segments, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from tympan.base.errors import InputError
+from tympan.base.fields import numbers
+from tympan.geometry.specimen import Specimen
+
+S = TypeVar("S", bound=Specimen)
+
+#: The name of a segment, and what gives it a value.
+_NAMED = re.compile(r"(?:^|,)\s*([^\W\d]\w*)\s*=")
+
+#: Keys of a range, which is a mapping too.
+_RANGE = {"from", "to", "count"}
+
+#: Relative difference of two shares below which they are the same proportion: rounding.
+_SAME = 1e-9
+
+
+def by_segment(given: Any) -> bool:
+    """Check whether voltages are given by the names of segments.
+
+    Examples
+    --------
+    >>> by_segment("A = 3 kV, B = 0 kV"), by_segment({"A": 3e3}), by_segment(["A = 3 kV"])
+    (True, True, True)
+    >>> by_segment("3 kV"), by_segment({"from": 0, "to": "3 kV"}), by_segment([0.0, "3 kV"])
+    (False, False, False)
+    """
+    if isinstance(given, str):
+        return _NAMED.search(given) is not None
+    if isinstance(given, Mapping):
+        return not _RANGE & set(given)
+    return isinstance(given, list | tuple) and any(map(by_segment, given))
+
+
+def driven(specimen: S, given: Any, key: str = "voltage") -> tuple[S, Any]:
+    """Set the shares of a specimen's segments; also the film's voltage or voltages.
+
+    ``given`` is returned as it is unless it is by the names of segments. The voltage is a text, of
+    a share of the first limit or of a voltage, or a list of numbers [V].
+
+    Raises
+    ------
+    InputError
+        When a name is that of no segment, or several voltages are in different proportions.
+    """
+    if not by_segment(given):
+        return specimen, given
+    found = drives(specimen, given, key)
+    wired, _ = max(found, key=lambda pair: pair[1])
+    for other, _ in (pair for pair in found if pair[1] > 0):
+        shares = zip(wired.electrode.segments, other.electrode.segments, strict=True)
+        if any(abs(one.share - another.share) > _SAME for one, another in shares):
+            raise InputError("must keep the proportion of the segments' voltages where it takes "
+                             "several: ask for one proportion after the other, or use tympan "
+                             "sweep", key=key, given=str(given))
+    if isinstance(given, str) and "%" in given:
+        return wired, f"{found[0][1]:.17g} %"
+    values = [voltage for _, voltage in found]
+    return wired, f"{values[0]:.17g} V" if len(values) == 1 else values
+
+
+def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float]]:
+    """List specimens with the shares of their segments, each with the film's voltage [V].
+
+    There is one for each voltage that is given. A share of the first limit is in percent.
+    """
+    if isinstance(given, list | tuple):
+        return [pair for one in given for pair in drives(specimen, one, key)]
+    if not by_segment(given):
+        raise InputError("must name the segments in all voltages, or in none: \"A = 3 kV, "
+                         "B = 0 kV\"", key=key, given=given)
+    parts = _parts(given, key)
+    count = max(map(len, parts.values()))
+    if any(len(values) not in (1, count) for values in parts.values()):
+        raise InputError("must have one voltage for each segment, or equally many", key=key,
+                         given=given)
+    found = list[tuple[S, float]]()
+    for row in range(count):
+        voltages = {name: values[min(row, len(values) - 1)] for name, values in parts.items()}
+        try:
+            electrode, top = specimen.electrode.driven(voltages)
+        except InputError as error:
+            raise error.located(key=key) from None
+        found.append((replace(specimen, electrode=electrode), top))
+    return found
+
+
+def _parts(given: str | Mapping[str, Any], key: str) -> dict[str, tuple[float, ...]]:
+    """Read the values of each name: voltages [V], or shares of the first limit [%]."""
+    if isinstance(given, Mapping):
+        texts = {str(name): value for name, value in given.items()}
+    else:
+        _, *pieces = _NAMED.split(given)
+        texts = dict(zip(pieces[::2], map(str.strip, pieces[1::2]), strict=True))
+        if len(texts) < len(pieces) // 2 or _NAMED.split(given)[0].strip():
+            raise InputError("must name each segment once: \"A = 3 kV, B = 0 kV\"", key=key,
+                             given=given)
+    shares = [isinstance(value, str) and value.strip().endswith("%") for value in texts.values()]
+    if any(shares):
+        if not all(shares):
+            raise InputError("must be voltages, or all of them shares of the first limit such as "
+                             "\"A = 80 %, B = 40 %\"", key=key, given=str(given))
+        return {name: (_percent(value, key),) for name, value in texts.items()}
+    return {name: numbers(value, "voltage", key) for name, value in texts.items()}
+
+
+def _percent(text: str, key: str) -> float:
+    try:
+        share = float(text.strip().removesuffix("%"))
+    except ValueError:
+        share = np.nan
+    if not 0 <= share <= 100:
+        raise InputError("must be from 0 to 100 %", key=key, given=text)
+    return share
