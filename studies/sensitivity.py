@@ -96,9 +96,11 @@ def sensitivity(case: Case, settings: Settings,
     InputError for names that are no quantities, and for quantities without derivatives, such as the
     tilt of a level plate.
     """
-    if {"tilt", "reaction"} & {*names}:
-        case.specimen.needed_plate()
     wanted = {name: named_functional(name) for name in names}
+    odd = any(functional.odd for functional in wanted.values())
+    if odd or {"tilt", "reaction"} & {*names}:
+        case.specimen.needed_plate()
+    settings = replace(settings, symmetry=settings.symmetry and not odd)
     model, outcome = equilibrate(case, settings)
     result = SensitivityResult(specimen=case.specimen.name, mass_kg=case.mass,
                                voltage_V=case.voltage, status=outcome.status)

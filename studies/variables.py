@@ -35,7 +35,8 @@ class States(Protocol):
     film carries; ``capacitance`` and ``energy`` of the film; largest ``stretch`` and true
     ``stress``; least ``tension``, the stress of a film that bears compression; largest ``electric``
     field; largest share of the electric strength, ``breakdown``, and its place in the mounted film,
-    ``weakest`` (…, 2); ``tilt`` of the plate; mounted area without tension in all directions,
+    ``weakest`` (…, 2); ``tilt`` of the plate, its ``slope`` and its ``shift`` along x and y (…, 2);
+    mounted area without tension in all directions,
     ``slack_area``, and its share of the film.
     """
 
@@ -61,6 +62,10 @@ class States(Protocol):
     def weakest(self) -> AnyArray: ...
     @property
     def tilt(self) -> AnyArray: ...
+    @property
+    def slope(self) -> AnyArray: ...
+    @property
+    def shift(self) -> AnyArray: ...
     @property
     def slack_area(self) -> AnyArray: ...
     @property
@@ -115,6 +120,14 @@ def _margin(states: States) -> AnyArray:
     return np.asarray(1 / np.where(share > 0, share, np.nan))
 
 
+def _slope(axis: int) -> Callable[[States], AnyArray]:
+    return lambda states: states.slope[..., axis] + 0.0
+
+
+def _shift(axis: int) -> Callable[[States], AnyArray]:
+    return lambda states: states.shift[..., axis] + 0.0
+
+
 def _weakest(axis: int) -> Callable[[States], AnyArray]:
     return lambda states: np.where(states.breakdown > 0, states.weakest[..., axis], np.nan)
 
@@ -152,6 +165,12 @@ for _variable in (
              lambda states: states.slack_share, gain=False),
     Variable("tilt_rad", "tilt of the plate", "angle", lambda states: states.tilt, of_plate=True,
              gain=False),
+    Variable("tilt_x_rad", "slope of the plate along x: positive where its side towards positive x "
+             "is deflected further", "angle", _slope(0), of_plate=True),
+    Variable("tilt_y_rad", "slope of the plate along y", "angle", _slope(1), of_plate=True),
+    Variable("shift_x_m", "motion of the plate's centre along x", "length", _shift(0),
+             of_plate=True),
+    Variable("shift_y_m", "the same along y", "length", _shift(1), of_plate=True),
     Variable("energy_J", "elastic energy of the film from the virgin state on, less half the "
              "capacitance times the voltage squared; without the energy of the weight", "energy",
              lambda states: states.energy),

@@ -26,16 +26,18 @@ from tympan.fem.results.firmness import EdgeSpot, Spot, StrainSource
 
 @dataclass(frozen=True)
 class Functional:
-    """A scalar result of the whole film, the same for a state and its mirror image.
+    """A scalar result of the whole film, the same for a state and its mirror image but for a sign.
 
     ``value`` computes it [SI], complex for a complex model or state; ``slope`` its derivative by
     the free nodal components and the plate's allowed freedoms; ``unit`` is its SI unit, "1" of
-    plain numbers.
+    plain numbers. ``odd``: its sign changes in a mirror, so that half a film does not show how it
+    grows with what is no mirror image.
     """
 
     value: Callable[[Model, State], Any]
     slope: Callable[[Model, State], Parts]
     unit: str
+    odd: bool = False
 
 
 def _tilt_slope(model: Model, state: State) -> Parts:
@@ -46,6 +48,23 @@ def _tilt_slope(model: Model, state: State) -> Parts:
         raise InputError("has no derivative where the plate does not tilt", key="quantity",
                          given="tilt")
     return _of_plate(model, {3: -y / sine, 4: x / sine})
+
+
+def _slope_along(axis: int) -> Functional:
+    """Make the plate's slope along x or y: the arcsine of R_z,axis, with δR = ω × R."""
+    def slope(model: Model, state: State) -> Parts:
+        turned = state.plate.rotation[:, axis]
+        cosine = np.sqrt(1 - turned[2] ** 2)
+        return _of_plate(model, {3: turned[1] / cosine, 4: -turned[0] / cosine})
+
+    return Functional(lambda model, state: state.plate.slope[axis], slope, "rad",
+                      odd=True)
+
+
+def _shift_along(axis: int) -> Functional:
+    """Make the motion of the plate's centre along x or y."""
+    return Functional(lambda model, state: state.plate.translation[axis],
+                      lambda model, state: _of_plate(model, {axis: 1.0}), "m", odd=True)
 
 
 def _reaction_slope(model: Model, state: State) -> Parts:
@@ -177,12 +196,16 @@ def firmness_at(spot: Spot | EdgeSpot) -> Functional:
 
 
 #: Functionals by name: the plate's deflection along the load; the angle between its normal and the
-#: load, which has no derivatives where it is zero; the force with which the film pulls the whole
-#: plate back; charge over voltage; energy stored at constant voltage, counted from the virgin film;
-#: and largest values.
+#: load, which has no derivatives where it is zero; its slopes and its motion along x and y; the
+#: force with which the film pulls the whole plate back; charge over voltage; energy stored at
+#: constant voltage, counted from the virgin film; and largest values.
 FUNCTIONALS: dict[str, Functional] = {
     "heave": Functional(Model.deflection, lambda model, state: model.lift, "m"),
     "tilt": Functional(lambda model, state: state.plate.tilt, _tilt_slope, "rad"),
+    "tilt_x": _slope_along(0),
+    "tilt_y": _slope_along(1),
+    "shift_x": _shift_along(0),
+    "shift_y": _shift_along(1),
     "reaction": Functional(lambda model, state: model.reaction(state), _reaction_slope, "N"),
     "capacitance": Functional(lambda model, state: model.capacitance(state), _capacitance_slope,
                               "F"),

@@ -138,7 +138,9 @@ def film_names(specimen: Specimen) -> tuple[str, ...]:
     """List the numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
     # Strength affects only breakdown.
     return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness",
-            "electrode.mass", *numbers(specimen.electrode.patches, "electrode.patches"))
+            "electrode.mass", *numbers(specimen.electrode.patches, "electrode.patches"),
+            *(f"electrode.segments.{number}.share"
+              for number in range(len(specimen.electrode.segments))))
 
 
 @lru_cache(maxsize=64)

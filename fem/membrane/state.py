@@ -51,6 +51,15 @@ class PlateMotion:
         """Angle between the plate's normal and the load [rad]."""
         return float(np.arccos(np.clip(self.rotation[2, 2], -1, 1)))
 
+    @property
+    def slope(self) -> Any:
+        """Slopes of the plate along x and y [rad], shape (2,).
+
+        A slope is positive where the plate's side towards positive x, or y, is deflected further.
+        The squares of their sines add up to that of the tilt.
+        """
+        return np.arcsin(self.rotation[2, :2])
+
     def moved(self, step: Array) -> PlateMotion:
         """Add a small motion in the six freedoms; rotations compose, so none is singular."""
         rotation = _turn(step[3:]) @ self.rotation if step[3:].any() else self.rotation

@@ -129,6 +129,16 @@ class SolvedStates:
         return np.array([state.plate.tilt for state in self.states])
 
     @property
+    def slope(self) -> AnyArray:
+        """Slopes of the plate along x and y [rad], (states, 2)."""
+        return np.array([state.plate.slope for state in self.states])
+
+    @property
+    def shift(self) -> AnyArray:
+        """Motion of the plate's centre along x and y [m], (states, 2)."""
+        return np.array([state.plate.translation[:2] for state in self.states])
+
+    @property
     def slack_area(self) -> AnyArray:
         """Mounted area with tension in one direction or none [m²]."""
         return self._of_mesh([lost.wrinkled + lost.slack for lost in self.lost])

@@ -535,14 +535,17 @@ class FilmFamily(FieldsAlone):
                   "tension": extremes.tension, "electric": extremes.electric,
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
                   "weakest_strength": extremes.weakest_strength,
-                  "tilt": self._tilt(films, number, q),
                   "frequency": _frequency(films, number, q, squared, mass),
                   "stress_error": self.restressed * extremes.stress}
         masked: dict[str, Any] = {name: np.where(holds, value, np.nan).reshape(shape)
                                   for name, value in values.items()}
-        return FilmStates(**masked, weakest=place.reshape(*shape, 2), holds=holds.reshape(shape),
-                            slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
-                            q=q.reshape(*shape, -1))
+        in_plane = {"slope": self._slope(films, number, q), "shift": self._shift(films, q),
+                    "weakest": place}
+        pairs: dict[str, Any] = {name: np.where(holds[:, None], value, np.nan).reshape(*shape, 2)
+                                 for name, value in in_plane.items()}
+        return FilmStates(**masked, **pairs, holds=holds.reshape(shape),
+                          slack=slack.reshape(shape), sound=extremes.sound.reshape(shape),
+                          q=q.reshape(*shape, -1))
 
     def frequencies(self, parameters: Any, q: AnyArray, voltages: AnyArray, masses: AnyArray
                     ) -> AnyArray:
@@ -649,9 +652,13 @@ class FilmFamily(FieldsAlone):
         """Solve for equilibria of films, by their numbers, under loads of each."""
         return films.first_rests(number, force, squared)
 
-    def _tilt(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
-        """Compute the tilts of the plates [rad]."""
-        return np.zeros(len(q))
+    def _slope(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
+        """Compute the slopes of the plates along x and y [rad], (states, 2)."""
+        return np.zeros((len(q), 2))
+
+    def _shift(self, films: Films, q: AnyArray) -> AnyArray:
+        """Compute the motions of the plates' centres along x and y [m], (states, 2)."""
+        return np.zeros((len(q), 2))
 
     def _loads_within(self, force: AnyArray, voltage: AnyArray) -> Mask:
         return np.asarray((force >= self.force[0] - 1e-9) & (force <= self.force[1] + 1e-9)
@@ -742,11 +749,19 @@ class ReducedFamily(FilmFamily):
                                             squared)
         return near
 
-    def _tilt(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
-        """Compute the tilts of the plates [rad]."""
-        if self.ground.model.discretisation.planes == {"x", "y"}:
-            return np.zeros(len(q))
-        return np.asarray(np.arcsin(np.minimum(np.hypot(*films.tilts(number, q).T), 1.0)))
+    def _slope(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
+        """Compute the slopes of the plates along x and y [rad], (states, 2)."""
+        about_x, about_y = np.clip(films.tilts(number, q).T, -1.0, 1.0)
+        return self._free_of_planes(np.arcsin(np.stack([-about_y, about_x], axis=1)))
+
+    def _shift(self, films: Films, q: AnyArray) -> AnyArray:
+        """Compute the motions of the plates' centres along x and y [m], (states, 2)."""
+        return self._free_of_planes(q @ films.shifts.T)
+
+    def _free_of_planes(self, values: AnyArray) -> AnyArray:
+        """Set values along x and y to 0 across the planes that mirror all films, (states, 2)."""
+        free = [axis not in self.ground.model.discretisation.planes for axis in "xy"]
+        return np.where(np.isfinite(values), values * free, values)
 
     def error(self, films: Films, number: AnyArray, q: AnyArray, force: AnyArray, squared: AnyArray,
               stiffness: AnyArray) -> AnyArray:
@@ -810,16 +825,16 @@ def _frequency(films: Films, number: AnyArray, q: AnyArray, squared: AnyArray, m
 def films_of(ground: Ground, reduction: Reduction, rows: AnyArray) -> Films:
     """Build the films with given parameters."""
     whole, shapes = Sites.quadrature(ground.model.discretisation), reduction.every
-    turns = [plate_freedoms(ground.model, shape, reduction.arms)[TURNS]
-             for shape in reduction.shapes]
+    freedoms = np.array([plate_freedoms(ground.model, shape, reduction.arms)
+                         for shape in reduction.shapes]).T
     few = whole.some(reduction.points, reduction.shares)
     box, nodes = ground.box, ground.nodes(rows)
     return Films(specimen=box.specimen, rows=rows, columns=box.columns(rows),
                  nodes=nodes, points=ShapesAt(few, shapes),
                  whole=ShapesAt(whole, shapes), loading=ground.model.loading,
                  spring=box.springs(rows), pressure=box.pressures(rows, ground.pressure),
-                 gap=np.array([box.specimen.gap]), turns=np.array(turns).T,
-                 tilting=ground.tilting(reduction, rows, nodes))
+                 gap=np.array([box.specimen.gap]), turns=freedoms[TURNS],
+                 tilting=ground.tilting(reduction, rows, nodes), shifts=freedoms[:2])
 
 
 @dataclass(frozen=True, eq=False)

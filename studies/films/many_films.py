@@ -171,7 +171,8 @@ class Films:
     ``pressure``: gas pressure below each film [Pa], (films,). ``turns``: tilts about x and y of the
     plate that the shapes belong to, by the shapes [rad/m], (2, shapes). The films move along the
     last shapes of ``points`` and ``whole``, their bends, by squares of these tilts. ``tilting``:
-    how plates of other sizes tilt and bend by them.
+    how plates of other sizes tilt and bend by them. ``shifts``: motions of the plate's centre along
+    x and y by the shapes, (2, shapes).
     """
 
     specimen: Specimen
@@ -186,6 +187,7 @@ class Films:
     gap: AnyArray
     turns: AnyArray
     tilting: Tilting
+    shifts: AnyArray
 
     def __len__(self) -> int:
         return len(self.nodes)

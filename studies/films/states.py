@@ -63,8 +63,10 @@ class FilmStates:
     weakest_field: AnyArray
     #: Electric strength at the weakest place [V/m].
     weakest_strength: AnyArray
-    #: Tilt of the plate [rad].
-    tilt: AnyArray
+    #: Slopes of the plate along x and y [rad], (films, states, 2).
+    slope: AnyArray
+    #: Motion of the plate's centre along x and y [m], (films, states, 2).
+    shift: AnyArray
     #: Lowest frequency along the load [Hz]; nan if no mass was given.
     frequency: AnyArray
     #: Amplitudes of the shapes, (films, states, shapes).
@@ -85,6 +87,12 @@ class FilmStates:
         arrays = {item.name: np.concatenate([getattr(each, item.name) for each in several])
                   for item in fields(cls) if item.name not in ("family", "parameters")}
         return cls(**arrays, family=family, parameters=parameters)
+
+    @property
+    def tilt(self) -> AnyArray:
+        """Tilt of the plate [rad]."""
+        sines = np.sin(self.slope)
+        return np.asarray(np.arcsin(np.minimum(np.hypot(sines[..., 0], sines[..., 1]), 1.0)))
 
     @property
     def slack_area(self) -> AnyArray:
