@@ -1,4 +1,4 @@
-"""Compare tympan with an independent membrane code on a film whose electrode covers one quarter.
+"""Compare tympan with an independent membrane code on films with electrodes in sectors.
 
     python -m benchmarks.sectors --peer-python PYTHON [--only TEXT] [-o FILE]
 
@@ -18,19 +18,20 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
-from math import cos, radians, sin
+from math import radians
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.peers.driven_sectors import EPSILON_0, FILMS, Sector, SectorFilm, SectorRow
+from benchmarks.peers.driven_sectors import EPSILON_0, FILMS, SectorFilm, SectorRow
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading
-from tympan.fem.membrane.state import PlateMotion, turned
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import PlateMotion, State, turned
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.outlines import Circle, Polygon
-from tympan.geometry.specimen import Electrode, Film, Plate, Region, Specimen
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Electrode, Film, Plate, Segment, Specimen
 from tympan.studies.case import Settings, build_model
 
 PEER = Path(__file__).parent / "peers/ngsolve_quarter.py"
@@ -51,7 +52,14 @@ class Vector:
 
     def array(self, row: SectorRow) -> np.ndarray:
         """Values in the unit."""
-        return np.array(self.of(row)) * self.per_unit
+        values: np.ndarray = np.asarray(self.of(row), dtype=float)
+        return values * self.per_unit
+
+    def labels(self, row: SectorRow) -> list[str]:
+        """Name of each value; several capacitances are numbered."""
+        count = len(self.of(row))
+        return [*self.names] if len(self.names) == count else [
+            f"{self.names[0]} {number}" for number in range(1, count + 1)]
 
     def differences(self, row: SectorRow, reference: SectorRow) -> np.ndarray:
         """Differences of all values, relative to the length of the reference."""
@@ -69,30 +77,28 @@ VECTORS = (
     Vector(("moment x, held", "moment y, held"), "mN m", 1e3, 1e-3, lambda row: row.moments_Nm))
 
 
-def outline(sector: Sector, frame: float) -> Region:
-    """A polygon with the sector's two straight edges, whose other edges lie beyond the frame."""
-    middle, reach = (sector.start + sector.end) / 2, 2 * frame
-    rays = ((sector.start, reach), (middle, 2 * reach), (sector.end, reach))
-    vertices = ((0.0, 0.0), *((length * cos(radians(angle)), length * sin(radians(angle)))
-                              for angle, length in rays))
-    # A polygon is moved to the middle of its box, and its region's offset moves it back.
-    x, y = ((min(each) + max(each)) / 2 for each in zip(*vertices, strict=True))
-    return Region(Polygon(vertices), (x, y))
-
-
 def specimen(film: SectorFilm) -> Specimen:
-    """The film with one sector as tympan's specimen."""
-    (sector,) = film.sectors
+    """The film with its sectors as tympan's specimen; the shares are of the highest voltage."""
     moduli, exponents = zip(*film.terms, strict=True)
     membrane = Film(film.thickness, (film.prestretch,) * 2, Ogden(moduli, exponents),
                     film.permittivity / EPSILON_0)
-    return Specimen("sector", Circle(film.outer), Plate(Circle(film.inner)), membrane,
-                    Electrode(outline=outline(sector, film.outer)))
+    top = highest(film)
+    segments = tuple(
+        Segment(name=f"S{number}", sector=(radians(sector.start), radians(sector.end)),
+                share=sector.voltage / top)
+        for number, sector in enumerate(film.sectors))
+    return Specimen("sectors", Circle(film.outer), Plate(Circle(film.inner)), membrane,
+                    Electrode(segments=segments))
+
+
+def highest(film: SectorFilm) -> float:
+    """The highest voltage of a film's sectors [V], that of the film."""
+    return max(sector.voltage for sector in film.sectors)
 
 
 def own_row(film: SectorFilm, factor: float) -> SectorRow:
     """Solve the film by tympan, its default mesh refined."""
-    began, voltage = time.perf_counter(), film.sectors[0].voltage
+    began, voltage = time.perf_counter(), highest(film)
     loaded = build_model(specimen(film), Settings(MeshSettings().refined(factor)))
     outcome = equilibrium(loaded, film.weight, voltage)
     upright = replace(loaded, loading=Loading(guide="vertical"))
@@ -111,10 +117,20 @@ def own_row(film: SectorFilm, factor: float) -> SectorRow:
         package=f"tympan {version('tympan')}", film=film.name,
         mesh=f"P{mesh.mesh.order}, {len(mesh.connectivity)} triangles", unknowns=loaded.unknowns,
         deflection_m=z, rx=rx, ry=ry, rz=rz, x_m=x, y_m=y,
-        capacitances_F=(float(loaded.capacitance(outcome.state)),),
+        capacitances_F=tuple(capacitances(loaded, outcome.state)),
         tension_Pa=loaded.least_stress(outcome.state) or 0.0,
         forces_N=(force_x, force_y, force_z), moments_Nm=(moment_x, moment_y),
         seconds=time.perf_counter() - began)
+
+
+def capacitances(model: Model, state: State) -> Iterator[float]:
+    """Yield the capacitance of each segment [F], with only that one charged."""
+    electrode = model.specimen.electrode
+    for number in range(len(electrode.segments)):
+        alone = tuple(replace(segment, share=float(place == number))
+                      for place, segment in enumerate(electrode.segments))
+        charged = replace(model.specimen, electrode=replace(electrode, segments=alone))
+        yield float(replace(model, specimen=charged).capacitance(state))
 
 
 def peer_rows(python: str, film: SectorFilm) -> list[SectorRow]:
@@ -134,7 +150,7 @@ def table(peer: list[SectorRow], own: list[SectorRow]) -> Iterator[str]:
     yield (f"  {'':22}{'peer':>14}{'tympan':>14}{'difference':>12}{'allowed':>9}"
            f"{'peer, mesh':>12}{'tympan, mesh':>14}")
     for vector in VECTORS:
-        columns = zip(vector.names, vector.array(peer[-1]), vector.array(own[-1]),
+        columns = zip(vector.labels(own[-1]), vector.array(peer[-1]), vector.array(own[-1]),
                       vector.differences(own[-1], peer[-1]),
                       vector.differences(peer[0], peer[-1]), vector.differences(own[0], own[-1]),
                       strict=True)
@@ -164,10 +180,6 @@ def main() -> None:
             continue
         print(film.name, flush=True)
         peer = peer_rows(options.peer_python, film)
-        if len(film.sectors) > 1:
-            print("  solved by the peer alone: tympan has one voltage", flush=True)
-            rows += peer
-            continue
         own = [own_row(film, factor) for factor in FACTORS]
         print("\n".join(table(peer, own)), flush=True)
         rows += [*peer, *own]
