@@ -259,6 +259,19 @@ class Electrode:
             found[segment.level(x, y, frame, self.gap) < 0] = number
         return found
 
+    def edges(self, frame: Outline) -> list[Piece]:
+        """List the curves that bound its segments within a frame [m], each once."""
+        return list(dict.fromkeys(piece for segment in self.segments
+                                  for piece in segment.edges(frame, self.gap)))
+
+    @property
+    def even(self) -> Electrode:
+        """The electrode with the film's voltage on all segments."""
+        if not self.segments:
+            return self
+        return replace(self, segments=tuple(replace(segment, share=1.0)
+                                            for segment in self.segments))
+
     def driven(self, voltages: Mapping[str, float]) -> tuple[Electrode, float]:
         """Set the voltages of segments [V] by their names; others have none.
 

@@ -12,6 +12,7 @@ import skfem
 from skfem.assembly import Dofs
 
 from tympan.base.arrays import Array, Mask, Numbers
+from tympan.geometry.specimen import Specimen
 
 ELEMENTS: dict[int, type[skfem.Element]] = {
     1: skfem.ElementTriP1, 2: skfem.ElementTriP2, 3: skfem.ElementTriP3, 4: skfem.ElementTriP4}
@@ -128,6 +129,23 @@ def unfold(mesh: CurvedTriangles,
         origin, signs = origin[source], signs[:, source]
         signs[axis, mirrored] *= -1
     return mesh, origin, signs
+
+
+def segmented(mesh: CurvedTriangles, specimen: Specimen) -> CurvedTriangles:
+    """Tag the elements of each of an electrode's segments; those in none of them are bare."""
+    if not specimen.electrode.segments:
+        return mesh
+    tags = mesh.subdomains or {}
+    covered = tags.get("covered", np.zeros(0, dtype=np.int64))
+    x, y = mesh.doflocs[:, mesh.dofs.element_dofs[:, covered]].mean(axis=1)
+    number = specimen.electrode.segment_at(x, y, specimen.frame)
+    parts = {"covered": covered[number >= 0],
+             "bare": np.concatenate([tags.get("bare", covered[:0]), covered[number < 0]]),
+             **{f"{SEGMENT}{found}": covered[number == found]
+                for found in range(len(specimen.electrode.segments))}}
+    tagged: CurvedTriangles = mesh.with_subdomains(
+        {name: cells for name, cells in parts.items() if len(cells)})
+    return tagged
 
 
 def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Numbers, Mask]:

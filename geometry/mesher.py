@@ -6,9 +6,9 @@ own ``initialize``/``finalize``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,9 +123,9 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     loops = sectors(specimen, planes)
     faces = _cut_faces(specimen, planes) if loops is None else {}
     with _session() as gmsh:
-        surfaces = _imported(gmsh, faces) if loops is None else _built(gmsh, loops)
-        if specimen.electrode.segments:
-            surfaces = _divided(gmsh, specimen, surfaces)
+        edges = specimen.electrode.edges(specimen.frame)
+        surfaces = (_imported(gmsh, faces, edges) if loops is None
+                    else _built(gmsh, loops, edges))
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups, 2 ** len(planes))
         try:
@@ -136,8 +136,7 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
                 raise short from None
             raise InputError(f"cannot be meshed: {error}", key="frame, plate, electrode",
                              given=specimen.name) from None
-        flat = _flat_mesh(gmsh, groups, settings.order)
-        return _segmented(flat, specimen) if specimen.electrode.segments else flat
+        return _flat_mesh(gmsh, groups, settings.order)
 
 
 def _cut_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[Any]]:
@@ -203,8 +202,8 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.linspace(start[0], end[0], count)
 
 
-def _built(gmsh: Any, loops: dict[str, list[Loop]]) -> Groups:
-    """Build surfaces within loops in gmsh's own OpenCASCADE."""
+def _built(gmsh: Any, loops: dict[str, list[Loop]], edges: Sequence[Piece]) -> Groups:
+    """Build surfaces within loops in gmsh's own OpenCASCADE, cut along ``edges``."""
     occ = gmsh.model.occ
     plane = occ.addDisk(0, 0, 0, 1, 1)
     surfaces = {name: [(2, occ.addTrimmedSurface(plane, [_curve_loop(occ, loop)], True))
@@ -214,7 +213,7 @@ def _built(gmsh: Any, loops: dict[str, list[Loop]]) -> Groups:
     # be meshed too.
     for dimension in (1, 0):
         occ.remove(occ.getEntities(dimension))
-    groups = _glued(gmsh, surfaces)
+    groups = _glued(gmsh, surfaces, edges)
     if sum(map(len, groups.values())) == 1:
         _number_from_both_ends(gmsh)
     return groups
@@ -269,60 +268,33 @@ def _spline(occ: Any, spline: Spline) -> int:
                               multiplicities=multiplicities))
 
 
-def _imported(gmsh: Any, faces: dict[str, list[Any]]) -> Groups:
-    """Bring cadquery's faces into gmsh as surfaces."""
+def _imported(gmsh: Any, faces: dict[str, list[Any]], edges: Sequence[Piece]) -> Groups:
+    """Bring cadquery's faces into gmsh as surfaces, cut along ``edges``."""
     with temporary_folder() as folder:
         surfaces = {name: gmsh.model.occ.importShapes(_brep_file(folder, name, members))
                     if members else [] for name, members in faces.items()}
-    return _glued(gmsh, surfaces)
+    return _glued(gmsh, surfaces, edges)
 
 
-def _glued(gmsh: Any, surfaces: Groups) -> Groups:
-    """Fuse surfaces, so that neighbours share the curves where they meet."""
-    whole = [surface for members in surfaces.values() for surface in members]
-    parts = [[surface] for surface in whole]
-    if len(whole) > 1:
-        _, parts = gmsh.model.occ.fragment(whole[:1], whole[1:])
-    gmsh.model.occ.synchronize()
-    of = dict(zip(whole, parts, strict=True))
-    return {name: [part for surface in members for part in of[surface]]
-            for name, members in surfaces.items()}
-
-
-def _divided(gmsh: Any, specimen: Specimen, surfaces: Groups) -> Groups:
-    """Cut surfaces along the edges of the electrode's segments."""
+def _glued(gmsh: Any, surfaces: Groups, edges: Sequence[Piece]) -> Groups:
+    """Fuse surfaces, so that neighbours share the curves where they meet, and cut them."""
     occ = gmsh.model.occ
-    electrode, frame = specimen.electrode, specimen.frame
-    edges = {piece for segment in electrode.segments
-             for piece in segment.edges(frame, electrode.gap)}
-    lines = [(1, _curve(occ, piece)) for piece in sorted(edges, key=repr)]
     whole = [surface for members in surfaces.values() for surface in members]
-    _, parts = occ.fragment(whole, lines)
+    lines = [(1, _curve(occ, piece)) for piece in edges]
+    parts = [[surface] for surface in whole]
+    if len(whole) + len(lines) > 1:
+        _, parts = occ.fragment(whole[:1], whole[1:] + lines)
     occ.synchronize()
-    of = dict(zip(whole, parts[:len(whole)], strict=True))
-    divided = {name: [part for surface in members for part in of[surface]]
-               for name, members in surfaces.items()}
-    kept = {abs(tag) for _, tag in gmsh.model.getBoundary(
-        [part for members in divided.values() for part in members], combined=False)}
-    # The pieces of edges beyond the film would be meshed too.
-    outside = [curve for curve in gmsh.model.getEntities(1) if curve[1] not in kept]
-    occ.remove(outside, recursive=True)
-    occ.synchronize()
-    return divided
-
-
-def _segmented(flat: FlatMesh, specimen: Specimen) -> FlatMesh:
-    """Tag the triangles of each segment; those of none are bare."""
-    from tympan.geometry.mesh import SEGMENT  # settings are read without finite elements
-
-    covered = flat.subdomains.get("covered", np.zeros(0, dtype=np.int64))
-    places = flat.points[flat.triangles[covered]].mean(axis=1)
-    x, y = places.T
-    number = specimen.electrode.segment_at(x, y, specimen.frame)
-    parts = {f"{SEGMENT}{found}": covered[number == found]
-             for found in range(len(specimen.electrode.segments))}
-    bare = np.concatenate([flat.subdomains.get("bare", covered[:0]), covered[number < 0]])
-    return replace(flat, subdomains={"covered": covered[number >= 0], "bare": bare, **parts})
+    of = dict(zip(whole, parts, strict=False))
+    glued = {name: [part for surface in members for part in of[surface]]
+             for name, members in surfaces.items()}
+    if lines:
+        # What of the edges lies beyond the film would be meshed too.
+        kept = gmsh.model.getBoundary([part for members in glued.values() for part in members],
+                                      combined=False, oriented=False)
+        occ.remove(sorted({*gmsh.model.getEntities(1)} - {*kept}), recursive=True)
+        occ.synchronize()
+    return glued
 
 
 def _brep_file(folder: Path, name: str, faces: list[Any]) -> str:

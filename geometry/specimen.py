@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Protocol
 
@@ -336,8 +336,7 @@ class Specimen:
         if len(set(electrode.names)) < len(electrode.segments):
             raise InputError("must have different names", key="electrode.segment",
                              given=", ".join(electrode.names))
-        even = tuple(replace(segment, share=1.0) for segment in electrode.segments)
-        _check_regions(self.frame, self.plate, even, electrode.gap)
+        _check_regions(self.frame, self.plate, electrode.even.segments, electrode.gap)
 
     def _check_prestretch(self) -> None:
         if self.membrane.law_range is not None:

@@ -46,7 +46,7 @@ from tympan.fem.results.limit_states import (
 )
 from tympan.fem.results.solved_states import SolvedStates
 from tympan.fem.rig import DIRECTIONS, OWN, Rig, checked_load, mounted
-from tympan.geometry.mesh import unfold
+from tympan.geometry.mesh import segmented, unfold
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
@@ -474,7 +474,7 @@ def _solved_film(bias: JoinedFilm, settings: Settings, loading: Loading,
 
 def needs_mesh(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> object:
     """Collect all values that the mesh of :func:`build_model` depends on, as a key to share it."""
-    return (settings.formula, specimen.frame, specimen.plate, specimen.electrode,
+    return (settings.formula, specimen.frame, specimen.plate, specimen.electrode.even,
             settings.mesh.suited(specimen.membrane.prestretch), settings.symmetry,
             mirror_planes(specimen, loading))
 
@@ -497,7 +497,14 @@ def bare_film(specimen: Specimen, settings: Settings, planes: frozenset[str]) ->
 
 @lru_cache(maxsize=32)
 def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
-    """Mesh a specimen with these mirror planes, without any actions on it.
+    """Mesh a specimen with these mirror planes, without any actions on it."""
+    even = replace(specimen, electrode=specimen.electrode.even)
+    return Model(_discretised(even, settings, planes), specimen)
+
+
+@lru_cache(maxsize=32)
+def _discretised(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Discretisation:
+    """Mesh a specimen, whose segments have equal voltages, with the mirror planes of any others.
 
     The whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
     """
@@ -506,7 +513,7 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
         if not folded(part):
             if not settings.symmetry:
                 part, planes = unfold(part, planes)[0], frozenset()
-            return Model(Discretisation.of(part, planes), specimen)
+            return Discretisation.of(segmented(part, specimen), planes)
     raise InputError("cannot be meshed: between the edges of frame, plate and electrode there is "
                      "too little room", key="frame, plate, electrode", given=specimen.name)
 

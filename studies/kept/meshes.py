@@ -44,7 +44,7 @@ def film_part(specimen: Specimen, settings: MeshSettings,
 
 def _key(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> bytes | None:
     """Make a key from all that a mesh depends on; None if values do not determine outlines."""
-    shape = specimen.frame, specimen.plate, specimen.electrode
+    shape = specimen.frame, specimen.plate, specimen.electrode.even
     with suppress(TypeError):
         return digest("mesh", *shape, *(outline.curve.pieces for outline in _outlines(specimen)),
                       settings, planes, sources=MESHING)
@@ -58,3 +58,6 @@ def _outlines(specimen: Specimen) -> Iterator[Outline]:
         yield specimen.plate.outline
     if specimen.electrode.outline is not None:
         yield specimen.electrode.outline.outline
+    for segment in specimen.electrode.segments:
+        if segment.outline is not None:
+            yield segment.outline.outline

@@ -101,8 +101,8 @@ def test_a_quarter_built_in_gmsh_is_the_one_of_cadquerys_kernel(
                        atol=1e-9)
     if plate is None:  # elements of one size have ties, which the last digit decides
         return
-    monkeypatch.setattr(mesher, "_built", lambda gmsh, _: mesher._imported(
-        gmsh, {"covered": [face.wrapped], "bare": []}))
+    monkeypatch.setattr(mesher, "_built", lambda gmsh, *_: mesher._imported(
+        gmsh, {"covered": [face.wrapped], "bare": []}, []))
     other = mesh_film(film, MeshSettings(), frozenset("xy"))
     assert len(other.points) == len(mesh.points)
     assert cKDTree(other.points).query(mesh.points)[0].max() < 1e-12

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 
 from tests.oracles import axisymmetric
 from tympan.fem.film.laws import Ogden
 from tympan.geometry.outlines import Circle, Ellipse
-from tympan.geometry.specimen import Electrode, Film, Material, Plate, Specimen
+from tympan.geometry.specimen import Electrode, Film, Material, Plate, Segment, Specimen
 
 ROOT5 = 5**0.5
 NEO_HOOKE = Ogden((25e3,), (2.0,))
@@ -54,6 +55,15 @@ def circular(material: Material = NEO_HOOKE, **film: object) -> Specimen:
                                  "relative_permittivity": 4.7}
     return Specimen("circle", Circle(45e-3), Plate(Circle(10e-3)),
                     Film(material=material, **(values | film)))
+
+
+def quarters(gap: float = 0.0, shares: tuple[float, ...] = (1.0,) * 4, start: float = 0.0,
+             specimen: Specimen | None = None) -> Specimen:
+    """A film whose electrode is in four sectors A, B, C, D, counterclockwise from ``start``."""
+    segments = tuple(Segment(name=name, share=share,
+                             sector=(start + number * pi / 2, start + (number + 1) * pi / 2))
+                     for number, (name, share) in enumerate(zip("ABCD", shares, strict=True)))
+    return replace(specimen or circular(), electrode=Electrode(segments=segments, gap=gap))
 
 
 def elliptical(long: float, material: Material = NEO_HOOKE) -> Specimen:
