@@ -101,16 +101,36 @@ def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float
     return found
 
 
+def proportions(given: str | Mapping[str, float | str], key: str) -> dict[str, float]:
+    """Read numbers of segments by their names: ``"A = 1, B = -1"``, or a mapping.
+
+    Examples
+    --------
+    >>> proportions("A = 1, B = -0.5", "sine"), proportions({"A": 1}, "sine")
+    ({'A': 1.0, 'B': -0.5}, {'A': 1.0})
+    """
+    try:
+        return {name: float(value) for name, value in _texts(given, key).items()}
+    except (TypeError, ValueError):
+        raise InputError('must have a number for each segment, such as "A = 1, B = -1"', key=key,
+                         given=str(given)) from None
+
+
+def _texts(given: str | Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Split what is given by names."""
+    if isinstance(given, Mapping):
+        return {str(name): value for name, value in given.items()}
+    first, *pieces = _NAMED.split(given)
+    texts = dict(zip(pieces[::2], map(str.strip, pieces[1::2]), strict=True))
+    if len(texts) < len(pieces) // 2 or first.strip() or not texts:
+        raise InputError("must name each segment once: \"A = 3 kV, B = 0 kV\"", key=key,
+                         given=given)
+    return texts
+
+
 def _parts(given: str | Mapping[str, Any], key: str) -> dict[str, tuple[float, ...]]:
     """Read the values of each name: voltages [V], or shares of the first limit [%]."""
-    if isinstance(given, Mapping):
-        texts = {str(name): value for name, value in given.items()}
-    else:
-        _, *pieces = _NAMED.split(given)
-        texts = dict(zip(pieces[::2], map(str.strip, pieces[1::2]), strict=True))
-        if len(texts) < len(pieces) // 2 or _NAMED.split(given)[0].strip():
-            raise InputError("must name each segment once: \"A = 3 kV, B = 0 kV\"", key=key,
-                             given=given)
+    texts = _texts(given, key)
     shares = [isinstance(value, str) and value.strip().endswith("%") for value in texts.values()]
     if any(shares):
         if not all(shares):

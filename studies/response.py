@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import pi
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -50,6 +51,10 @@ _UNBOUNDED = ("nothing damps the plate: towards its natural frequency the amplit
 #: tr C_v at which a viscosity is tested for growth with stretch.
 _STRETCHED = 6.0
 
+#: Amplitude over the largest of deflection and slopes times the frame's extent, below which there
+#: is no motion but for rounding.
+_NO_MOTION = 1e-9
+
 #: Difference of voltages for a derivative [V].
 _SLOPE = 1e-2
 
@@ -74,6 +79,12 @@ class ResponseResult(CaseRecord):
     amplitude_m_per_V: Annotated[tuple[float, ...], Key("amplitude of what the sensor reads, over "
                                                         "the source's nominal voltage")] = ()
     phase_deg: Annotated[tuple[float, ...], Key("phase of what the sensor reads")] = ()
+    tilt_x_rad_per_V: Annotated[tuple[float, ...], Key(
+        "amplitude of the plate's slope along x, over the source's nominal voltage; none where "
+        "film and voltages are mirrored so that it does not tilt")] = ()
+    tilt_x_phase_deg: Annotated[tuple[float, ...], Key("phase of that slope")] = ()
+    tilt_y_rad_per_V: Annotated[tuple[float, ...], Key("the same along y")] = ()
+    tilt_y_phase_deg: Annotated[tuple[float, ...], Key("phase of the slope along y")] = ()
     film_voltage_V_per_V: Annotated[tuple[float, ...], Key("amplitude of the film's own voltage "
                                                            "over the source's")] = ()
     dofs: UnknownCount
@@ -87,11 +98,14 @@ class ResponseResult(CaseRecord):
 
 
 def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = (),
-             progress: Progress = lambda words: None) -> ResponseResult:
+             progress: Progress = lambda words: None, sine: Mapping[str, float] | None = None
+             ) -> ResponseResult:
     """Solve the response of a film about its equilibrium to a small oscillation of the voltage.
 
     Without a plate it is that of the film's centre. The default frequencies [Hz] reach from the
-    slowest branch to far above the plate's own. ``progress`` is called before each.
+    slowest branch to far above the plate's own. ``progress`` is called before each. ``sine``: how
+    much of the oscillation each segment has, by its name, from -1 to 1; by default all swing in the
+    proportion of their voltages.
 
     Raises
     ------
@@ -105,7 +119,9 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
                          "swing about 0 moves nothing", key="--voltage",
                          given=f"{case.voltage:g} V")
     _check_flows(case)
-    model, outcome = equilibrate(case, settings)
+    swing = None if sine is None else _swing(case, sine)
+    mirrored = settings.symmetry and swing is None
+    model, outcome = equilibrate(case, replace(settings, symmetry=mirrored))
     result = ResponseResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
         status=outcome.status, dofs=model.unknowns, wall_s=0.0,
@@ -114,17 +130,25 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
         return replace(result, warnings=(failure_reason(outcome), *case.remarks))
     rig = case.rig
     plate = carried(case)
-    harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping,
-                        rig.circuit)
+    harmonic = Harmonic(model, outcome.state, plate, rig.plate_damping, rig.circuit, swing)
     film = case.specimen.membrane.density or case.specimen.electrode.mass
     undamped = (float(vibrations(model, outcome.state, plate, 1).frequencies_Hz[0])
                 if case.specimen.plate is not None or film else 0.0)
     s = _natural(harmonic, undamped)
     asked = np.array(frequencies or _frequencies(case, undamped))
-    deflection, voltage = harmonic.response(asked, progress)
+    motion = harmonic.response(asked, progress)
     supplied = (rig.source.film_voltage(case.voltage + _SLOPE)
                 - rig.source.film_voltage(case.voltage - _SLOPE)) / (2 * _SLOPE)
-    reading = deflection * supplied / (1 + 2j * pi * asked * rig.sensor_lag)
+    lagging = supplied / (1 + 2j * pi * asked * rig.sensor_lag)
+    moved = np.column_stack([motion.deflection, model.size * motion.slopes]) * lagging[:, None]
+    sizes = np.abs(moved).max(axis=0, initial=0.0)
+    moved[:, sizes < _NO_MOTION * sizes.max()] = 0.0
+    reading, slopes = moved[:, 0], moved[:, 1:] / model.size
+    tilts: dict[str, Any] = {}
+    for axis, slope in zip("xy", slopes.T, strict=True):
+        if slope.any():
+            tilts |= {f"tilt_{axis}_rad_per_V": _listed(np.abs(slope)),
+                      f"tilt_{axis}_phase_deg": _listed(np.degrees(np.unwrap(np.angle(slope))))}
     unbounded = s is not None and -s.real < _UNDAMPED * abs(s)
     return replace(
         result, warnings=(*[_UNBOUNDED] * unbounded, *result.warnings),
@@ -133,7 +157,33 @@ def response(case: Case, settings: Settings, frequencies: tuple[float, ...] = ()
         damping=None if s is None else -s.real / abs(s),
         frequency_Hz=tuple(asked.tolist()), amplitude_m_per_V=_listed(np.abs(reading)),
         phase_deg=_listed(np.degrees(np.unwrap(np.angle(reading)))),
-        film_voltage_V_per_V=_listed(np.abs(voltage)), wall_s=time.perf_counter() - began)
+        **tilts, film_voltage_V_per_V=_listed(np.abs(motion.voltage)),
+        wall_s=time.perf_counter() - began)
+
+
+def _swing(case: Case, sine: Mapping[str, float]) -> tuple[float, ...]:
+    """List the oscillation of each segment over the source's.
+
+    Raises
+    ------
+    InputError
+        When a name is that of no segment, or no segment with a voltage oscillates.
+    """
+    segments = case.specimen.electrode.segments
+    names = [segment.name for segment in segments]
+    unknown = [name for name in sine if name not in names]
+    if unknown or not segments:
+        raise InputError(f"must be names of segments: {', '.join(names)}" if names else
+                         "must be left out: the electrode has no segments", key="sine",
+                         given=", ".join(sine))
+    if not all(-1 <= share <= 1 for share in sine.values()):
+        raise InputError("must be from -1 to 1: how much of the oscillation a segment has",
+                         key="sine", given=", ".join(map(str, sine.values())))
+    if not any(sine.get(segment.name, 0.0) * segment.share for segment in segments):
+        raise InputError("must name a segment that has a voltage: forces go with the square of the "
+                         "voltage, so a small swing about 0 moves nothing", key="sine",
+                         given=", ".join(sine))
+    return tuple(float(sine.get(segment.name, 0.0)) for segment in segments)
 
 
 def _check_flows(case: Case) -> None:

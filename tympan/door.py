@@ -518,18 +518,23 @@ def modes(specimen: SpecimenOrFile, *, count: int = 6, point_mass: float | str =
 
 @public(Loads, rest="frequency")
 @one_thread()
-def response(specimen: SpecimenOrFile, *, frequency: Load = (), settings: Settings | None = None,
+def response(specimen: SpecimenOrFile, *, frequency: Load = (),
+             sine: str | Mapping[str, float] | None = None, settings: Settings | None = None,
              **loads: Unpack[Loads]) -> Result[ResponseResult]:
     """Compute amplitude and phase of the deflection under a small sine of the voltage.
 
-    Each ``frequency`` is a number [Hz] or a text; by default they suit the film.
+    Each ``frequency`` is a number [Hz] or a text; by default they suit the film. ``sine``: how much
+    of the oscillation each segment of the electrode has, such as "A = 1, B = -1"; by default all
+    swing in the proportion of their voltages. A plate that tilts has ``tilt_x_rad_per_V``, too.
     """
+    from tympan.studies.driven import proportions
     from tympan.studies.response import response
 
     settings = settings or Settings()
     case = _case(specimen, loads, settings)
     asked = numbers(frequency, "frequency", "frequency")
-    return Result(response(case, settings, asked), case.specimen)
+    swing = None if sine is None else proportions(sine, "sine")
+    return Result(response(case, settings, asked, sine=swing), case.specimen)
 
 
 @public(Loads, rest="of")

@@ -87,6 +87,8 @@ WORDS = SUBJECTS | {
     "after": Word("time since the voltage was switched on", "s", None),
     "rest": Word("time at rest before a signal", "s", None),
     "frequency": Word("of a small sine", "Hz", None),
+    "sine": Word("how much of a small oscillation each segment of the electrode has, such as "
+                 '"A = 1, B = -1"', default=None),
     "of": Word("quantities whose derivatives are wanted", default="heave"),
     "point_mass": Word("part of the mass in the plate's centre", "kg", "0 g"),
     "swing": Word("the plate has inertia", default=False),

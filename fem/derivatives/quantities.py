@@ -51,14 +51,9 @@ def _tilt_slope(model: Model, state: State) -> Parts:
 
 
 def _slope_along(axis: int) -> Functional:
-    """Make the plate's slope along x or y: the arcsine of R_z,axis, with δR = ω × R."""
-    def slope(model: Model, state: State) -> Parts:
-        turned = state.plate.rotation[:, axis]
-        cosine = np.sqrt(1 - turned[2] ** 2)
-        return _of_plate(model, {3: turned[1] / cosine, 4: -turned[0] / cosine})
-
-    return Functional(lambda model, state: state.plate.slope[axis], slope, "rad",
-                      odd=True)
+    """Make the plate's slope along x or y."""
+    return Functional(lambda model, state: state.plate.slope[axis],
+                      lambda model, state: model.sloped(state, axis), "rad", odd=True)
 
 
 def _shift_along(axis: int) -> Functional:

@@ -145,6 +145,17 @@ class Model:
         plate = np.array([float(freedom == HEAVE) for freedom in self.plate_freedoms])
         return film[self.discretisation.free], plate
 
+    def sloped(self, state: State, axis: int) -> Parts:
+        """Differentiate the plate's slope along x or y, arcsin R_z,axis, by the unknowns.
+
+        A rotation ω changes R by ω × R.
+        """
+        x, y, z = state.plate.rotation[:, axis]
+        cosine = np.sqrt(1 - z * z)
+        by_turns = {"rx": y / cosine, "ry": -x / cosine}
+        plate = np.array([by_turns.get(FREEDOMS[number], 0.0) for number in self.plate_freedoms])
+        return np.zeros(self.discretisation.free_count), plate
+
     @property
     def pushed_by(self) -> Load:
         """Load that pushes the film out: the force on the plate, or gas where there is no plate."""

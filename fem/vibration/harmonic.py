@@ -8,8 +8,10 @@ R/R_l) δU + s R δQ, and δQ includes a part from the film's motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import newton
@@ -18,6 +20,7 @@ from scipy.sparse import csc_matrix
 from tympan.base.arrays import AnyArray
 from tympan.base.progress import Progress
 from tympan.fem.circuit import Circuit
+from tympan.fem.complex_step import STEP
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
@@ -39,12 +42,26 @@ _NATURAL = 1e-6
 _ASIDE = 1e-3
 
 
+@dataclass(frozen=True)
+class HarmonicMotion:
+    """Complex amplitudes over the source's voltage, at each of n frequencies.
+
+    ``deflection`` [m/V], (n,); ``slopes`` of the plate along x and y [rad/V], (n, 2); ``voltage``
+    of the film [V/V], (n,).
+    """
+
+    deflection: AnyArray
+    slopes: AnyArray
+    voltage: AnyArray
+
+
 @dataclass(frozen=True, eq=False)
 class Harmonic:
     """A film at rest in a ``state``, with plate, ``damper`` on the deflection [N s/m] and circuit.
 
     Plate and damper are those of the whole film. Motions are even about the model's mirror planes.
-    Without a plate the deflection is that of the film's centre.
+    Without a plate the deflection is that of the film's centre. ``swing``: amplitude of each
+    segment's voltage over that of the source, (segments,); by default the segments' shares.
     """
 
     model: Model
@@ -52,13 +69,14 @@ class Harmonic:
     plate: RigidPlate
     damper: float = 0.0
     circuit: Circuit = field(default_factory=Circuit)
+    swing: tuple[float, ...] | None = None
 
     def response(self, frequencies: AnyArray,
-                 progress: Progress = lambda words: None) -> tuple[AnyArray, AnyArray]:
-        """Compute complex deflection [m/V] and film voltage [V/V] over the source's voltage.
+                 progress: Progress = lambda words: None) -> HarmonicMotion:
+        """Compute the motion under a small sine of the source's voltage, at frequencies [Hz].
 
-        They are evaluated at frequencies [Hz]. ``progress`` is called with each frequency at which
-        the film is solved; the others follow from these.
+        ``progress`` is called with each frequency at which the film is solved; the others follow
+        from these.
         """
         points = 2j * np.pi * frequencies
         outputs = self._sweep.outputs(
@@ -67,7 +85,10 @@ class Harmonic:
         charge = self._capacitance + shared * outputs[:, 1, 1]
         circuit = self.circuit
         voltage = 1 / (1 + circuit.resistance * (1 / circuit.leakage + points * charge))
-        return -2 * self._voltage * outputs[:, 0, 1] * voltage, voltage
+        moved = -2 * self._voltage * outputs[:, :, 1] * voltage[:, None]
+        slopes = np.zeros((len(frequencies), 2), complex)
+        slopes[:, list(self._sloping)] = moved[:, 2:]
+        return HarmonicMotion(moved[:, 0], slopes, voltage)
 
     def natural(self, guess: complex) -> complex:
         """Find the s [1/s] near a guess at which the deflection oscillates freely as e^(s t).
@@ -103,7 +124,7 @@ class Harmonic:
 
     @cached_property
     def _sweep(self) -> FrequencySweep:
-        """Motions due to a unit force on the deflection, and due to U²."""
+        """Motions due to a unit force on the deflection, due to U², and due to unit moments."""
         stiffness, viscous, mass = self._matrices
         damper = csc_matrix(stiffness.shape)
         if self.damper:
@@ -117,7 +138,7 @@ class Harmonic:
                          for branch in branches), 0j)
             return 1.0 + 0j, share, s * s, s
 
-        right = np.column_stack([self._lift, self._electric])
+        right = np.column_stack([self._lift, self._electric, *self._sloping.values()])
         return FrequencySweep((stiffness, viscous, mass, damper), factors, right)
 
     @cached_property
@@ -126,13 +147,40 @@ class Harmonic:
         return np.concatenate(self.model.lift)
 
     @cached_property
+    def _sloping(self) -> dict[int, AnyArray]:
+        """Derivatives of the plate's slopes that are not 0 by symmetry, by the axis along which."""
+        whole = {axis: np.concatenate(self.model.sloped(self.state, axis)) for axis in range(2)}
+        return {axis: slope for axis, slope in whole.items() if slope.any()}
+
+    @cached_property
     def _electric(self) -> AnyArray:
-        """Derivative of the forces with respect to U² [N/V²]."""
-        return np.concatenate(self.model.by_load(self.state, "voltage"))
+        """Derivative of the forces by half of the source's voltage squared [N/V²].
+
+        Forces go with the square of each segment's voltage: what a segment adds goes with its share
+        times its swing. A complex step of the shares along the swing gives the sum.
+        """
+        if self.swing is None:
+            return np.concatenate(self.model.by_load(self.state, "voltage"))
+        shares = [segment.share for segment in self.model.specimen.electrode.segments]
+        stepped = [share + 1j * STEP * swing
+                   for share, swing in zip(shares, self.swing, strict=True)]
+        forces = self._with_shares(stepped).forces(self.state.positions,
+                                                   self.state.voltage_squared)
+        by_shares = np.imag(forces) / (2 * STEP * self.state.voltage_squared)
+        return np.concatenate(self.model.on_freedoms(by_shares, self.state.plate))
 
     @cached_property
     def _capacitance(self) -> float:
-        return float(self.model.capacitance(self.state))
+        """Charge over voltage of the source, at a film that does not move [F]."""
+        model = self.model if self.swing is None else self._with_shares(self.swing)
+        return float(model.capacitance(self.state))
+
+    def _with_shares(self, shares: Sequence[Any]) -> Model:
+        specimen = self.model.specimen
+        segments = tuple(replace(segment, share=share) for segment, share in zip(
+            specimen.electrode.segments, shares, strict=True))
+        electrode = replace(specimen.electrode, segments=segments)
+        return replace(self.model, specimen=replace(specimen, electrode=electrode))
 
     @cached_property
     def _matrices(self) -> tuple[csc_matrix, csc_matrix, csc_matrix]:

@@ -54,7 +54,8 @@ def rest(voltage: float) -> tuple[float, float]:
 def weightless(frequency: float) -> complex:
     """Heave over voltage of a plate without inertia."""
     model, outcome = equilibrate(Case(CREEPS, mass=MASS, voltage=VOLTAGE), COARSE)
-    heave, _ = Harmonic(model, outcome.state, RigidPlate(0.0)).response(np.array([frequency]))
+    heave = Harmonic(model, outcome.state, RigidPlate(0.0)).response(
+        np.array([frequency])).deflection
     return complex(heave[0])
 
 

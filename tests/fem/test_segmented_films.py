@@ -18,7 +18,9 @@ from tympan.fem.derivatives.quantities import FUNCTIONALS
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
+from tympan.fem.vibration.harmonic import Harmonic
 from tympan.geometry.specimen import Electrode, Segment, Specimen
 
 WEIGHT, VOLTAGE = 17.9e-3 * 9.80665, 3.5e3
@@ -110,6 +112,24 @@ def test_a_grounded_band_is_a_margin() -> None:
     assert deflection == pytest.approx(other, rel=1e-6)
     assert bands[0].capacitance(bands[1]) == pytest.approx(margins[0].capacitance(margins[1]),
                                                            rel=1e-6)
+
+
+@pytest.mark.parametrize("swing", [None, (1.0, -0.5, 0.0, 0.25)])
+def test_a_slow_sine_moves_the_plate_as_small_steps_do(swing: tuple[float, ...] | None) -> None:
+    """All segments in their proportion, and each by its own share of the sine."""
+    made, step = model(quarters(1e-3, SHARES), symmetry=False), 5.0
+    outcome = equilibrium(made, WEIGHT, VOLTAGE)
+    motion = Harmonic(made, outcome.state, RigidPlate(17.9e-3), swing=swing).response(
+        np.array([1e-4]))
+    plates = []
+    for sign in (1, -1):
+        voltages = VOLTAGE * np.array(SHARES) + sign * step * np.array(swing or SHARES)
+        film = replace(made, specimen=quarters(1e-3, tuple(voltages / voltages.max())))
+        plates.append(equilibrium(film, WEIGHT, float(voltages.max())).state.plate)
+    high, low = plates
+    assert motion.deflection[0] == pytest.approx((high.deflection - low.deflection) / (2 * step),
+                                                 rel=1e-4)
+    assert motion.slopes[0] == pytest.approx((high.slope - low.slope) / (2 * step), rel=1e-4)
 
 
 def test_derivatives_by_shares_are_those_of_differences() -> None:

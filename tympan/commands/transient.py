@@ -18,6 +18,7 @@ from tympan.options import (
     case_arguments,
     command,
     finish,
+    naming_options,
     output,
     parse_quantities,
     parse_quantity,
@@ -83,18 +84,24 @@ def transient(options: argparse.Namespace) -> None:
          argument("--frequency", metavar="FREQUENCIES",
                   help='such as "0.1 Hz, 1 Hz, 10 Hz" (default: from the slowest branch to far '
                        "above the plate's own frequency)"),
+         argument("--sine", metavar="SEGMENTS",
+                  help='how much of the oscillation each segment has, such as "A = 1, B = -1" '
+                       "(default: all in the proportion of their voltages)"),
          output("also store the numbers and a picture (PNG, SVG)"), JSON,
          example='oval.toml --mass "17.9 g" --voltage "3.5 kV" -o response',
          also=("bode", "frequency-response"))
 def response(options: argparse.Namespace) -> None:
     """Compute amplitude and phase of a loaded film under a small sine of the voltage."""
     from tympan.progress import bar
+    from tympan.studies.driven import proportions
     from tympan.studies.response import USUAL_COUNT, response
 
     frequencies = parse_quantities(options.frequency or "", "frequency", "--frequency")
     if any(not 0 < frequency < 1e9 for frequency in frequencies):
         raise InputError("must be positive, below 1e9 Hz", key="--frequency",
                          given=options.frequency)
-    with bar(len(frequencies) or USUAL_COUNT) as progress:
-        result = response(read_case(options), read_settings(options), tuple(frequencies), progress)
+    sine = None if options.sine is None else proportions(options.sine, "--sine")
+    case = read_case(options)
+    with bar(len(frequencies) or USUAL_COUNT) as progress, naming_options(options):
+        result = response(case, read_settings(options), tuple(frequencies), progress, sine)
     finish(options, result)
