@@ -60,10 +60,11 @@ def cells_of(record: Any) -> dict[str, Any]:
 
 def columns_of(record: Any) -> dict[str, dict[str, Any]]:
     """Collect columns of the records of each list that names them, by the list's field."""
+    cls: Any = type(record)
     return {name: {column_of_part(key, getattr(part, by)): value
                    for part in getattr(record, name)
                    for key, value in cells_of(part).items() if key != by}
-            for name, by in _listed(type(record))}
+            for name, by in _listed(cls)}
 
 
 @cache

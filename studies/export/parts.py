@@ -46,10 +46,11 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
             yield file
     if segments:
         every, names = [*segments.values()], [*segments]
-        together = {suffix: partial(draw, names=names) for suffix, draw in flat.items()}
-        for suffix, write in {"step": cad.write_step, **together}.items():
+        together = {"step": partial(cad.write_step, every)} | {
+            suffix: partial(draw, every, names=names) for suffix, draw in flat.items()}
+        for suffix, write_all in together.items():
             file = folder / f"{specimen.name}-electrode.{suffix}"
-            write_atomically(file, partial(write, every))
+            write_atomically(file, write_all)
             yield file
     mesh = mesh_film(specimen, replace(settings, order=2), frozenset())
     membrane = meshio.Mesh(np.column_stack([mesh.points, np.zeros(len(mesh.points))]),

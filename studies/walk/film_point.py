@@ -194,7 +194,7 @@ class FilmPoint:
         node = int(np.argmin(state.field(self)))
         element = node // mesh.connectivity.shape[1]
         if mesh.covered[element, 0]:
-            return names[mesh.segments[element]]
+            return str(names[mesh.segments[element]])
         x, y = self.fields.position[node, :2].tolist()
         return specimen.segment_near(x, y)
 
