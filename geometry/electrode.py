@@ -102,8 +102,8 @@ class Segment:
     def __post_init__(self) -> None:
         """Refuse a segment without a region, and regions that are none."""
         if self.sector is None and self.band is None and self.outline is None:
-            raise InputError(f"must say where segment {self.name} lies: give a sector, a band or "
-                             "an outline", key="sector", given="none of them")
+            raise InputError(f"segment {self.name} needs a region: give a sector, a band or an "
+                             "outline", key="sector", given="none of them")
         if self.sector is not None:
             low, high = _SECTORS
             if not low - _SAME_ANGLE <= self.width <= high + _SAME_ANGLE:

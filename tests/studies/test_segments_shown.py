@@ -154,7 +154,7 @@ def test_solve_prints_a_line_for_each_segment(file: Path, capsys) -> None:
 @pytest.mark.parametrize(("segments", "words", "key"), [
     (SECTOR % ("A", 0, 100) + "[[electrode.segment]]\n" + SECTOR % ("B", 90, 180),
      "must not overlap A", "electrode.segment.1"),
-    ('name = "A"\n', "must say where segment A lies", "electrode.segment.0.sector"),
+    ('name = "A"\n', "segment A needs a region", "electrode.segment.0.sector"),
     ('name = "A"\nband = ["2 cm", "1 cm"]\n', "the smaller first", "electrode.segment.0.band"),
     ('name = "A"\noutline = { shape = "circle", radius = "5 mm" }\n', "must cover some of the film",
      "electrode.segment.0"),
