@@ -124,7 +124,8 @@ class Printed:
     ``key``: name in JSON. ``in_unit``: the key ends with the unit of the whole result, for example
     ``noise_um``. ``may_miss``: the key is omitted if the value is None; a nan is written as null.
     ``choices``: allowed values of a text, each with a ``meaning``. ``inline``: the keys of a
-    mapping, which are its ``choices``, are written into the record itself.
+    mapping, which are its ``choices``, are written into the record itself. ``columns``: field of
+    the records of a list by which tables have columns of each, such as ``capacitance_A_F``.
     """
 
     key: str = ""
@@ -132,6 +133,7 @@ class Printed:
     may_miss: bool = False
     choices: Mapping[str, Any] | None = None
     inline: bool = False
+    columns: str = ""
 
     def spelled(self, name: str, unit: str = "") -> str:
         """Build the key of a field with this name in a result with this unit."""

@@ -261,7 +261,9 @@ def quantity(text: object, dimension: str) -> float:
     >>> quantity("4.5 cm", "length"), quantity("20 g/mm/s^2", "stress")
     (0.045, 20.0)
     """
-    allowed = f'must be a {dimension} with its unit, such as "{DIMENSIONS[dimension].example}"'
+    article = "an" if dimension[0] in "aeiou" else "a"
+    allowed = (f"must be {article} {dimension} with its unit, such as "
+               f'"{DIMENSIONS[dimension].example}"')
     if not isinstance(text, str):
         raise InputError(f"has no unit: {allowed}", given=text)
     match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
@@ -428,6 +430,33 @@ def quantities_text(values: Iterable[float], dimension: str) -> str:
     '40 mm, 0 mm'
     """
     return ", ".join(quantity_text(value, dimension) for value in values)
+
+
+def segment_words(segment: str | None) -> str:
+    """Write the segments at a place, as in "x 17.1 mm, y 0.0 mm, segment B".
+
+    Examples
+    --------
+    >>> segment_words("B"), segment_words("A, B"), segment_words(None)
+    (', segment B', ', segments A and B', '')
+    """
+    if segment is None:
+        return ""
+    *others, last = segment.split(", ")
+    return f", segments {', '.join(others)} and {last}" if others else f", segment {last}"
+
+
+def drive_words(voltages: Mapping[str, float]) -> str:
+    """Write the voltages [V] of an electrode's segments, where they differ.
+
+    Examples
+    --------
+    >>> drive_words({"A": 6200.0, "B": 0.0}), drive_words({"A": 3e3, "B": 3e3}), drive_words({})
+    ('A 6.2 kV, B 0 kV', '', '')
+    """
+    if len(set(voltages.values())) < 2:
+        return ""
+    return ", ".join(f"{name} {voltage / 1e3:.4g} kV" for name, voltage in voltages.items())
 
 
 def place_text(x: float, y: float) -> str:

@@ -14,6 +14,7 @@ from tympan.base.arrays import AnyArray, Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, takes_units
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
+from tympan.base.units import quantities_text
 from tympan.geometry.outlines import OUTLINES, Outline
 from tympan.geometry.outlines.pieces import TURN, Line, Piece
 
@@ -27,6 +28,9 @@ _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 (grounded) to 1")
 
 #: Angle within which two directions are the same [rad]: rounding of degrees to radians is smaller.
 _SAME_ANGLE = 1e-9
+#: Distance from a border of segments, over the frame's half extent, below which a place is on it:
+#: rounding of a mesh's nodes.
+_ON_BORDER = 1e-6
 #: Digits after the point to which the sines and cosines of equal directions agree.
 _DIGITS = 9
 
@@ -98,8 +102,8 @@ class Segment:
     def __post_init__(self) -> None:
         """Refuse a segment without a region, and regions that are none."""
         if self.sector is None and self.band is None and self.outline is None:
-            raise InputError("needs a region: sector, band or outline", key="sector",
-                             given=f"none in segment {self.name}")
+            raise InputError(f"segment {self.name} needs a region: give a sector, a band or an "
+                             "outline", key="sector", given="none of them")
         if self.sector is not None:
             low, high = _SECTORS
             if not low - _SAME_ANGLE <= self.width <= high + _SAME_ANGLE:
@@ -107,7 +111,23 @@ class Segment:
                                  key="sector", given=self._sector_words)
         if self.band is not None and not self.band[0] < self.band[1]:
             raise InputError("must be two distances from the frame's edge, the smaller first",
-                             key="band", given=str(self.band))
+                             key="band", given=quantities_text(self.band, "length"))
+
+    def __str__(self) -> str:
+        words = []
+        if self.sector is not None:
+            words.append(f"sector {self._sector_words}")
+        if self.band is not None:
+            words.append("band {:.4g} to {:.4g} mm from the frame".format(
+                *(1e3 * distance for distance in self.band)))
+        if self.outline is not None:
+            words.append(str(self.outline))
+        return f"{self.name}, {' in '.join(words)}"
+
+    @property
+    def from_drawing(self) -> bool:
+        """Whether its outline was read from a drawing."""
+        return self.outline is not None and bool(getattr(self.outline.outline, "file", ""))
 
     @property
     def width(self) -> float:
@@ -272,6 +292,17 @@ class Electrode:
         return replace(self, segments=tuple(replace(segment, share=1.0)
                                             for segment in self.segments))
 
+    def nearest(self, x: float, y: float, frame: Outline) -> tuple[str, ...]:
+        """Name the segments nearest to a place of the film [m].
+
+        Within a segment it is that one. On a border, and in bare film midway, there are several.
+        """
+        places = np.array([x]), np.array([y])
+        away = [max(float(segment.level(*places, frame, self.gap)[0]), 0.0)
+                for segment in self.segments]
+        most = min(away, default=0.0) + _ON_BORDER * max(frame.semi_axes)
+        return tuple(name for name, far in zip(self.names, away, strict=True) if far <= most)
+
     def driven(self, voltages: Mapping[str, float]) -> tuple[Electrode, float]:
         """Set the voltages of segments [V] by their names; others have none.
 
@@ -298,6 +329,10 @@ class Electrode:
         parts = zip(self.segments, given, strict=True)
         return replace(self, segments=tuple(replace(segment, share=voltage / top)
                                             for segment, voltage in parts)), top
+
+    def voltages(self, top: float) -> dict[str, float]:
+        """Compute the voltages of the segments [V] by their names, from that of the film [V]."""
+        return {segment.name: segment.share * top for segment in self.segments}
 
     def mirrored_in(self, plane: str) -> bool:
         """Check whether its segments and their shares are the same in a mirror."""

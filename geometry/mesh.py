@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 import skfem
@@ -18,8 +18,43 @@ ELEMENTS: dict[int, type[skfem.Element]] = {
     1: skfem.ElementTriP1, 2: skfem.ElementTriP2, 3: skfem.ElementTriP3, 4: skfem.ElementTriP4}
 
 
-#: Beginning of the names of subdomains that are an electrode's segments; their number follows.
+#: Beginning of the names of subdomains that are an electrode's segments; see :func:`segment_name`.
 SEGMENT = "segment "
+
+
+def segment_name(number: int, planes: Iterable[str] = ()) -> str:
+    """Name the subdomain of an electrode's segment.
+
+    A part that is mirrored in ``planes`` names a segment for each of its images, too: there a
+    triangle may lie in another segment than in the part.
+
+    Examples
+    --------
+    >>> segment_name(0), segment_name(3, "yx")
+    ('segment 0', 'segment 3 xy')
+    """
+    return f"{SEGMENT}{number} {''.join(sorted(planes))}".rstrip()
+
+
+def named_segment(name: str) -> tuple[int, frozenset[str]] | None:
+    """Read the number and the planes of :func:`segment_name`; None for other subdomains."""
+    if not name.startswith(SEGMENT):
+        return None
+    number, _, planes = name.removeprefix(SEGMENT).partition(" ")
+    return int(number), frozenset(planes)
+
+
+def image_planes(planes: Iterable[str]) -> list[frozenset[str]]:
+    """List the planes in which each image of a part is mirrored, the part itself first.
+
+    Examples
+    --------
+    >>> ["".join(sorted(image)) for image in image_planes("yx")]
+    ['', 'x', 'y', 'xy']
+    """
+    every = sorted(planes)
+    return [frozenset(image) for count in range(len(every) + 1)
+            for image in combinations(every, count)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,18 +166,27 @@ def unfold(mesh: CurvedTriangles,
     return mesh, origin, signs
 
 
-def segmented(mesh: CurvedTriangles, specimen: Specimen) -> CurvedTriangles:
-    """Tag the elements of each of an electrode's segments; those in none of them are bare."""
+def segmented(mesh: CurvedTriangles, specimen: Specimen, planes: Iterable[str] = ()
+              ) -> CurvedTriangles:
+    """Tag the elements of each of an electrode's segments; those in none of them are bare.
+
+    A part that is mirrored in ``planes`` is tagged for each of its images, too.
+    """
     if not specimen.electrode.segments:
         return mesh
     tags = mesh.subdomains or {}
     covered = tags.get("covered", np.zeros(0, dtype=np.int64))
-    x, y = mesh.doflocs[:, mesh.dofs.element_dofs[:, covered]].mean(axis=1)
-    number = specimen.electrode.segment_at(x, y, specimen.frame)
-    parts = {"covered": covered[number >= 0],
-             "bare": np.concatenate([tags.get("bare", covered[:0]), covered[number < 0]]),
-             **{f"{SEGMENT}{found}": covered[number == found]
-                for found in range(len(specimen.electrode.segments))}}
+    places = mesh.doflocs[:, mesh.dofs.element_dofs[:, covered]].mean(axis=1)
+    parts: dict[str, Numbers] = {}
+    for image in image_planes(planes):
+        x, y = (-along if plane in image else along
+                for plane, along in zip("xy", places, strict=True))
+        number = specimen.electrode.segment_at(x, y, specimen.frame)
+        if not image:
+            parts |= {"covered": covered[number >= 0], "bare": np.concatenate(
+                [tags.get("bare", covered[:0]), covered[number < 0]])}
+        parts |= {segment_name(found, image): covered[number == found]
+                  for found in range(len(specimen.electrode.segments))}
     tagged: CurvedTriangles = mesh.with_subdomains(
         {name: cells for name, cells in parts.items() if len(cells)})
     return tagged
@@ -173,13 +217,26 @@ def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Numbers,
     source[dofs] = np.hstack([old, image_old])
     mirrored = np.ones(len(source), dtype=bool)
     mirrored[dofs[:, :half]] = False
-    subdomains = {name: np.concatenate([cells, cells + half])
-                  for name, cells in (mesh.subdomains or {}).items()}
+    subdomains: dict[str, Numbers] = {}
+    for name, cells in (mesh.subdomains or {}).items():
+        for copy, moved in _both(name, "xy"[axis], cells, half):
+            known = subdomains.get(copy, moved[:0])
+            subdomains[copy] = np.concatenate([known, moved])
     boundaries = {}
     for name, facets in (mesh.boundaries or {}).items():
         ends = mesh.facets[:, facets]
         boundaries[name] = np.unique(facets_of(whole, np.hstack([ends, image[ends]]).T))
     return whole.with_boundaries(boundaries).with_subdomains(subdomains), source, mirrored
+
+
+def _both(name: str, plane: str, cells: Numbers, count: int) -> Iterator[tuple[str, Numbers]]:
+    """Name a subdomain in a part of ``count`` elements and in its mirror image in a plane."""
+    segment = named_segment(name)
+    if segment is None:
+        yield name, np.concatenate([cells, cells + count])
+        return
+    number, planes = segment
+    yield segment_name(number, planes - {plane}), cells + count * (plane in planes)
 
 
 def _barycentric(order: int) -> Numbers:

@@ -61,7 +61,7 @@ def covered_share(specimen: Specimen) -> float:
              for kind, parts in rings(specimen).items()}
     electrode, plate = specimen.electrode, specimen.plate
     share = areas["covered"] / (areas["covered"] + areas["bare"])
-    if electrode.outline is None and not electrode.patches:
+    if electrode.outline is None and not electrode.patches and not electrode.segments:
         return share
     middles = (np.arange(_PLACES) + 0.5) / _PLACES * 2 - 1
     x, y = (axis.ravel() for axis in np.meshgrid(
@@ -73,6 +73,7 @@ def covered_share(specimen: Specimen) -> float:
     covered = np.broadcast_to(electrode.coverage(x, y), x.shape)
     if electrode.outline is not None:
         covered = covered * (electrode.outline.level(x, y) < 0)
+    covered = covered * (electrode.segment_at(x, y, specimen.frame) >= 0)
     return share * float(covered.mean())
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Protocol
 
@@ -53,6 +54,10 @@ _UNEVENNESS = 0.9
 #: Places across the frame, and around it, at which overlaps of segments are looked for: a hundredth
 #: of the frame apart.
 _ACROSS, _AROUND = 100, 360
+
+#: Words on segments of a drawing that overlap.
+_OF_DRAWING = ("; segments keep their places in a drawing if the frame is read from it too, else "
+               "give their offsets")
 
 #: Electrode of a specimen that states none.
 _IN_ONE_PIECE = Electrode()
@@ -256,6 +261,7 @@ class Specimen:
         """Refuse what cannot be built; specimens with complex numbers are not checked."""
         if any_complex((self.frame, self.plate, self.electrode, self.membrane)):
             return
+        object.__setattr__(self, "electrode", self._placed)
         try:
             self._check()
         except InputError as error:
@@ -360,28 +366,55 @@ class Specimen:
     def _inside(self) -> list[tuple[str, Region]]:
         """Plate and outlines of the electrode, where there are any, with their keys."""
         inside = [("plate", self.plate), ("electrode.outline", self.electrode.outline)]
-        inside += [(f"electrode.segment[{number}].outline", segment.outline)
+        inside += [(f"electrode.segment.{number}.outline", segment.outline)
                    for number, segment in enumerate(self.electrode.segments)]
         return [(key, part) for key, part in inside if part is not None]
 
     @property
+    def _placed(self) -> Electrode:
+        """The electrode with its segments where the frame's own drawing has them."""
+        segments = list[Segment]()
+        for segment in self.electrode.segments:
+            place = None if segment.outline is None else self._drawn_place(segment.outline)
+            segments.append(segment if segment.outline is None or place is None else replace(
+                segment, outline=replace(segment.outline, offset=place)))
+        if all(map(operator.is_, segments, self.electrode.segments)):
+            return self.electrode
+        return replace(self.electrode, segments=tuple(segments))
+
+    def _drawn_place(self, part: Region) -> Pair | None:
+        """Find where the frame's own drawing has a part that no offset places [m].
+
+        None where it is in the frame's centre, beside the frame, or not in that drawing.
+        """
+        frame, drawn = self.frame, part.outline
+        if not (isinstance(frame, Drawn) and isinstance(drawn, Drawn) and part.offset == (0, 0)
+                and frame.file and frame.file == drawn.file):
+            return None
+        x, y = np.subtract(drawn.drawn_at, frame.drawn_at).tolist()
+        # A part drawn outside the frame was drawn beside it, not in its place.
+        away = max(abs(x), abs(y)) > SMALLEST * max(frame.semi_axes)
+        return (x, y) if away and frame.level(*np.array([[x], [y]]))[0] < 0 else None
+
+    @property
     def drawn_elsewhere(self) -> tuple[str, ...]:
         """Remarks on parts that the frame's own drawing has off its centre."""
-        frame, remarks = self.frame, list[str]()
+        remarks = list[str]()
         for key, part in self._inside:
-            drawn = part.outline
-            if not (isinstance(frame, Drawn) and isinstance(drawn, Drawn) and part.offset == (0, 0)
-                    and frame.file and frame.file == drawn.file):
-                continue
-            place = np.subtract(drawn.drawn_at, frame.drawn_at)
-            # A part drawn outside the frame was drawn beside it, not in its place.
-            if (np.abs(place).max() > SMALLEST * max(frame.semi_axes)
-                    and frame.level(*place[:, None])[0] < 0):
+            place = self._drawn_place(part)
+            if place is not None:
                 x, y = (f"{round(1e3 * length, 4) + 0.0:g}" for length in place)
                 remarks.append(
                     f"{key}: is centred in the frame, but was drawn at {x}, {y} mm from its centre:"
                     f' if it belongs there, write offset = ["{x} mm", "{y} mm"] below [{key}]')
         return tuple(remarks)
+
+    def segment_near(self, x: float, y: float) -> str | None:
+        """Name the segment nearest to a place [m], or those at whose border it is: "A, B".
+
+        None for an electrode in one piece.
+        """
+        return ", ".join(self.electrode.nearest(x, y, self.frame)) or None
 
     @property
     def centre(self) -> Pair:
@@ -498,17 +531,37 @@ def _check_regions(frame: Outline, plate: Plate | None, segments: tuple[Segment,
     x, y = np.column_stack([_sampled(frame, plate), frame.points(_AROUND) * (1 - SMALLEST)])
     # Edges have no width: a rounding error is no overlap.
     slack = SMALLEST * max(frame.semi_axes)
-    within = [segment.level(x, y, frame, gap) < -slack for segment in segments]
-    for number, covers in enumerate(within):
-        key, name = f"electrode.segment[{number}]", segments[number].name
+    within = list[Any]()
+    for number, segment in enumerate(segments):
+        key = f"electrode.segment.{number}"
+        _check_band(segment, frame, gap, key)
+        covers = segment.level(x, y, frame, gap) < -slack
+        if not covers.any() and (segment.level(x, y, frame) < -slack).any():
+            raise InputError(f"must leave some of segment {segment.name}: make the gap smaller, or "
+                             "the segment larger", key="electrode.gap",
+                             given=f"{gap * 1e3:.4g} mm")
         if not covers.any():
-            raise InputError("must cover some of the film, wider than a thousandth of the frame",
-                             key=key, given=name)
-        for other in range(number):
-            both = covers & within[other]
+            raise InputError("must cover some of the film between frame and plate, wider than a "
+                             "thousandth of the frame" if plate is not None else
+                             "must cover some of the film, wider than a thousandth of the frame",
+                             key=key, given=str(segment))
+        for other, before in enumerate(within):
+            both = covers & before
             if both.any():
                 raise InputError(f"must not overlap {segments[other].name}: both cover "
-                                 f"{place_text(x[both][0], y[both][0])}", key=key, given=name)
+                                 f"{place_text(x[both][0], y[both][0])}"
+                                 + _OF_DRAWING * segment.from_drawing, key=key,
+                                 given=str(segment))
+        within.append(covers)
+
+
+def _check_band(segment: Segment, frame: Outline, gap: float, key: str) -> None:
+    """Refuse a band that cannot follow the frame's edge."""
+    try:
+        segment.edges(frame, gap)
+    except InputError as error:
+        raise InputError(f"a band along the frame {error.allowed}", key=f"{key}.band",
+                         given=error.given) from None
 
 
 def _sampled(frame: Outline, plate: Plate | None) -> Array:

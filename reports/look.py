@@ -59,6 +59,8 @@ FAINT = "#e4e6ea"
 COLOURS = "viridis"  #: of the stress, perceptually uniform
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
 _MARKERS = "os^Dv*"  #: as many as colours
+#: Colours of an electrode's segments, in turns, told apart by all eyes, that white words show on.
+SEGMENTS = ("#0072b2", "#d55e00", "#009e73", "#b0578d", "#3a97c9", "#b8860b", "#5b4ba0", "#555555")
 
 #: Opacity of the band of films that scatter: curves are visible through several bands.
 _BAND = 0.15
@@ -187,6 +189,11 @@ def colour_of(number: int, count: int = 1) -> str:
     if count <= len(PALETTE):
         return PALETTE[number % len(PALETTE)]
     return to_hex(colormaps[COLOURS](0.92 * number / (count - 1)))  # its yellow is pale on white
+
+
+def segment_colours(count: int) -> list[str]:
+    """List the colours of an electrode's segments, in turns."""
+    return [SEGMENTS[number % len(SEGMENTS)] for number in range(count)]
 
 
 def edges(places: Array, bands: Sequence[Band | None], factor: float

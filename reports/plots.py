@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.tri import Triangulation
 
 from tympan.base.errors import InputError
@@ -29,7 +30,7 @@ from tympan.reports.figures.design import draw_bounds
 from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.figures.path import draw_stations
 from tympan.reports.figures.sense import draw_capacitance
-from tympan.reports.figures.specimen import draw_to_scale
+from tympan.reports.figures.specimen import draw_to_scale, segment_handles, segment_words
 from tympan.reports.figures.tolerance import draw_histogram
 from tympan.reports.sweep.figure import draw_over
 from tympan.reports.sweep.view import SweepView
@@ -67,6 +68,9 @@ _WIDTH = 100.0
 _SMALL = 100
 
 _SHOWN = 12  #: bars of a chart of sensitivities
+
+#: Distance of the line around a segment from its edge, over the frame: neighbours do not coincide.
+_INSET = 0.006
 
 
 def plot(result: object, target: Axes | str | os.PathLike[str] | None = None, **choices: Any
@@ -158,9 +162,12 @@ def draw(result: object, axes: Axes) -> None:
 
 
 @draw.register
-def _(specimen: Specimen, axes: Axes) -> None:
+def _(specimen: Specimen, axes: Axes, voltage: float | None = None) -> None:
     draw_to_scale(specimen, axes)
     axes.set_title(specimen.name, weight="bold")
+    if specimen.electrode.segments:
+        axes.legend(handles=segment_handles(segment_words(specimen, voltage)), ncols=2,
+                    loc="upper center", bbox_to_anchor=(0.5, -0.1))
 
 
 @draw.register
@@ -168,6 +175,10 @@ def _(result: CaseResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
     _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress (kPa)")
     hatched = "\nhatched: wrinkled or slack" if _hatch_slack(axes, film) else ""
+    if result.segments:
+        voltages = {each.name: f"{each.voltage_V / 1e3:.4g} kV" for each in result.segments}
+        axes.legend(handles=segment_handles(voltages), ncols=min(4, len(voltages)),
+                    loc="upper center", bbox_to_anchor=(0.5, -0.16), handlelength=1.2)
     axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
                    f"{1e-3 * result.voltage_V:.4g} kV, deflection "
                    f"{1e3 * (result.deflection_m or 0.0):.4g} mm{hatched}")
@@ -375,4 +386,8 @@ def _map(axes: Axes, film: FilmSurface, values: np.ndarray, words: str) -> None:
     figure = axes.get_figure()
     assert figure is not None
     figure.colorbar(drawn, ax=axes, label=words)
+    for number, colour in enumerate(look.segment_colours(film.segments)):
+        lines = film.flat.segment_edges(number, _INSET * np.abs(film.mounted).max())
+        axes.add_collection(LineCollection(list(1e3 * lines[:, :, :2]), colors=colour,
+                                           linewidths=1.5))
     axes.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")

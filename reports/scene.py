@@ -29,6 +29,10 @@ _LOOSE = ("wrinkled", "slack")
 _ROOM = 0.01
 
 
+#: Width of the line around a segment, over that of other lines.
+_SEGMENT_LINE = 2.4
+
+
 @dataclass(frozen=True)
 class View:
     """View of all films of a figure.
@@ -79,7 +83,8 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
 
     ``values`` are on the view's scale, shape (points,); ``turned`` puts y across the picture. A
     :class:`~tympan.base.system.MissingLibrary` says that there is no OpenGL to draw with. The
-    frame's centre is 0 in the picture's plane.
+    frame's centre is 0 in the picture's plane. Segments of the electrode are
+    framed in their colours.
     """
     surface = placed_surface(film, values, view, turned)
     extent, size = picture_frame(view.project(np.asarray(surface.points)), view.resolution)
@@ -91,6 +96,14 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
                          lighting=False, show_scalar_bar=False, n_colors=1024)
         _add_hatches(plotter, surface, view)
         _add_lines(plotter, surface, view)
+        for number, colour in enumerate(look.segment_colours(film.segments)):
+            inset = 0.5e-3 * _SEGMENT_LINE * view.line / view.resolution
+            lines = 1e3 * film.segment_edges(number, inset)
+            if len(lines):
+                around = pv.line_segments_from_points(view.place(lines.reshape(-1, 3), turned))
+                _add_line(plotter, around, "white", (_SEGMENT_LINE + 0.8) * view.line,
+                          2 * view.towards)
+                _add_line(plotter, around, colour, _SEGMENT_LINE * view.line, 3 * view.towards)
         for rim in film_rims(surface)[1:]:
             corners = rim[:-1] if np.allclose(rim[0], rim[-1]) else rim
             face = pv.PolyData(corners, np.array([len(corners), *range(len(corners))]))

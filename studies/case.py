@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice, product
 from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -17,7 +17,8 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Printed, asks, checks_types
 from tympan.base.toml_reader import NON_NEGATIVE
-from tympan.base.units import place_text
+from tympan.base.units import drive_words, place_text, segment_words
+from tympan.fem.derivatives.charges import charges_by_voltages
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.newton import Solution
@@ -53,6 +54,8 @@ from tympan.studies.files import from_json, read_json, remove, stored_file, to_j
 from tympan.studies.film_surface import NO_SURFACE, FilmSurface, film_surface
 from tympan.studies.joined_film import SolvedFilm, with_films
 from tympan.studies.kept.meshes import film_part
+from tympan.studies.rows import columns_of
+from tympan.studies.segments import OfSegments, segments_of
 from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
 
 #: Margin to breakdown below which a result warns; strengths scatter by more.
@@ -218,6 +221,9 @@ class SpecimenRecord:
         Names of columns end in SI units.
         """
         record = self.json()
+        for name, parts in columns_of(self).items():
+            del record[name]
+            record |= parts
         return [record | {key: " | ".join(record[key]) for key in ("warnings",) if key in record}]
 
     @property
@@ -279,6 +285,12 @@ class Limit:
                                    "and field grow with every refinement of the mesh")] = False
     ring: Annotated[bool, Key("whether it begins all around at the place's distance from the "
                               "centre, as film, plate and load are round")] = False
+    segment: Annotated[str | None, Key(
+        "segment of the electrode in which it begins, or the nearest ones, after commas; none of "
+        "an electrode in one piece")] = None
+    segment_voltages_V: Annotated[Mapping[str, float], Key(
+        "voltages of the segments there, by their names; empty without segments")] = field(
+            default_factory=dict)
 
     @property
     def state(self) -> LimitState:
@@ -297,8 +309,19 @@ class Limit:
         away = hypot(self.x_m, self.y_m)
         where = (f"r {place_text(away, 0.0).partition(',')[0][2:]}, all around"
                  if self.ring and away > _CENTRE else place_text(self.x_m, self.y_m))
-        return (where + ", the electrode's edge" * self.at_edge
+        return (where + segment_words(self.segment) + ", the electrode's edge" * self.at_edge
                 + ", a sharp corner" * self.at_corner)
+
+    @property
+    def drive(self) -> str:
+        """Voltages of the segments, where they differ: "A 6.2 kV, B 2.1 kV"; else ""."""
+        return drive_words(self.segment_voltages_V)
+
+    def of(self, specimen: Specimen) -> Limit:
+        """Add the voltages of a specimen's segments, and the segment nearest to the place."""
+        segment = self.segment or specimen.segment_near(self.x_m, self.y_m)
+        return replace(self, segment=segment,
+                       segment_voltages_V=specimen.electrode.voltages(self.voltage_V))
 
     @property
     def advice(self) -> str | None:
@@ -429,6 +452,11 @@ class CaseResult(ShowsState, CaseRecord):
 
     status: Existence
     values: StateValues = field(default_factory=dict)
+    segments: OfSegments = ()
+    charge_by_voltage_F: Annotated[tuple[tuple[float, ...], ...], Key(
+        "capacitance matrix of the segments: how the charge of each, a row, grows with the voltage "
+        "of each, a column, while film and plate follow; with both held it is diagonal, the "
+        "segments' capacitances; empty without segments, and where it was not asked for")] = ()
     equilibria: Annotated[tuple[StableEquilibrium, ...], Key(
         "all stable equilibria under these loads, by deflection, where a mechanism of the rig "
         "makes several; all other results are of the one that is reached")] = ()
@@ -443,6 +471,16 @@ class CaseResult(ShowsState, CaseRecord):
     dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings
+
+    @property
+    def rows(self) -> Any:
+        """Row of the table: the entries of the capacitance matrix have columns of their own."""
+        row, = super().rows
+        del row["charge_by_voltage_F"]
+        entries = zip(product([each.name for each in self.segments], repeat=2),
+                      chain.from_iterable(self.charge_by_voltage_F), strict=False)
+        return [row | {f"charge_{one}_by_voltage_{other}_F": value
+                       for (one, other), value in entries}]
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
@@ -513,7 +551,7 @@ def _discretised(specimen: Specimen, settings: Settings, planes: frozenset[str])
         if not folded(part):
             if not settings.symmetry:
                 part, planes = unfold(part, planes)[0], frozenset()
-            return Discretisation.of(segmented(part, specimen), planes)
+            return Discretisation.of(segmented(part, specimen, planes), planes)
     raise InputError("cannot be meshed: between the edges of frame, plate and electrode there is "
                      "too little room", key="frame, plate, electrode", given=specimen.name)
 
@@ -585,10 +623,18 @@ def solve(case: Case, settings: Settings, film: bool = False, start: Solution | 
     ``start`` is as in :func:`equilibrate`.
     """
     model, outcome, result = solved(case, settings, start)
-    result = replace(result, equilibria=_several(model, outcome, settings))
+    result = replace(result, equilibria=_several(model, outcome, settings),
+                     charge_by_voltage_F=_charges(model, outcome))
     if not film or outcome.status != "equilibrium":
         return result
     return with_surface(result, film_surface(model, outcome.state))
+
+
+def _charges(model: Model, outcome: Outcome) -> tuple[tuple[float, ...], ...]:
+    """Compute the capacitance matrix of a film's segments in equilibrium [F]; else ()."""
+    if outcome.status != "equilibrium" or not model.specimen.electrode.segments or not model.meshed:
+        return ()
+    return tuple(map(tuple, charges_by_voltages(model, outcome.solution).tolist()))
 
 
 def with_surface(result: CaseResult, surface: FilmSurface | None) -> CaseResult:
@@ -632,7 +678,8 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
         found = SolvedStates(model, [outcome.state for _, outcome in batch
                                      if outcome.status == "equilibrium"])
         shown = zip(rows_of_variables(found, plate=model.specimen.plate is not None),
-                    states_warnings(found), strict=True) if found.states else iter(())
+                    segments_of(found), states_warnings(found), strict=True
+                    ) if found.states else iter(())
         for case, outcome in batch:
             remarks = (case if highest is None else replace(case, voltage=highest)).remarks
             result = CaseResult(
@@ -640,9 +687,9 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]], highest: floa
                 pressure_Pa=case.rig.gas_pressure or None, status=outcome.status,
                 dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
-                values, warnings = next(shown)
+                values, segments, warnings = next(shown)
                 reading = float(case.rig.reading(values["deflection_m"], case.elapsed))
-                yield replace(result, values={**values, "reading_m": reading},
+                yield replace(result, values={**values, "reading_m": reading}, segments=segments,
                               warnings=(*warnings, *remarks)), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome

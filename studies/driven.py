@@ -96,7 +96,7 @@ def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float
         try:
             electrode, top = specimen.electrode.driven(voltages)
         except InputError as error:
-            raise error.located(key=key) from None
+            raise InputError(error.allowed, key=key, given=error.given) from None
         found.append((replace(specimen, electrode=electrode), top))
     return found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 
@@ -31,6 +31,13 @@ STORED = (
 FIELD_UNITS = {
     "displacement": "m", "thickness": "m", "electric_field": "V/m", **dict.fromkeys(
         (name for name in STORED if "stress" in name), "Pa")}
+
+#: Field of a film whose electrode is in segments: the number of the segment, from 0 in the order of
+#: its file, -1 in bare film.
+SEGMENT = "segment"
+#: Distance of points of neighbouring elements that are one place, over the frame's half extent. No
+#: multiple of a round length.
+_SAME_PLACE = 0.9137e-6
 
 #: Factors of x, y and z between program and VTU. A VTU has z upwards, so that a picture of it is
 #: the right way up; in the program z is along the load.
@@ -88,6 +95,54 @@ class FilmSurface:
         shares[~known | (shares.min(axis=1) < -_AT_EDGE)] = np.nan
         return {name: np.einsum("nc,nc...->n...", shares, values[points])
                 for name, values in self.values.items()}
+
+    @property
+    def flat(self) -> FilmSurface:
+        """The mounted film before it moves, with the same values."""
+        still = {"displacement": np.zeros_like(self.points)}
+        return FilmSurface(self.mounted, self.triangles, {**self.values, **still})
+
+    @property
+    def segments(self) -> int:
+        """Number of the electrode's segments, 0 of an electrode in one piece."""
+        return int(self.values[SEGMENT].max()) + 1 if SEGMENT in self.values else 0
+
+    def segment_sides(self, number: int) -> Numbers:
+        """Find the sides of triangles around a segment: points at both ends and opposite, (n, 3).
+
+        A film without segments has none.
+        """
+        if SEGMENT not in self.values:
+            return np.zeros((0, 3), dtype=np.int64)
+        within = self.triangles[self.values[SEGMENT][self.triangles[:, 0]] == number]
+        sides = within[:, [[0, 1, 2], [1, 2, 0], [2, 0, 1]]].reshape(-1, 3)
+        ends = np.sort(self._joined[sides[:, :2]], axis=1)
+        # A pair as one number: comparing rows is far slower.
+        _, first, count = np.unique(ends @ [len(self.points), 1], return_index=True,
+                                    return_counts=True)
+        return np.asarray(sides[first[count == 1]])
+
+    def segment_edges(self, number: int, inset: float = 0.0) -> Array:
+        """Find the lines around a segment of the electrode on the deformed film, (lines, 2, 3) [m].
+
+        They are moved ``inset`` into the segment, so that those of neighbours do not coincide.
+        """
+        sides = self.segment_sides(number)
+        ends, lines = self._joined[sides[:, :2]], self.points[sides[:, :2]]
+        inwards = self.points[sides[:, 2]] - lines.mean(axis=1)
+        towards = np.zeros((len(self.points), 3))
+        for end in range(2):
+            np.add.at(towards, ends[:, end], inwards)
+        length = np.linalg.norm(towards, axis=1, keepdims=True)
+        unit = towards / np.where(length > 0, length, 1.0)
+        return np.asarray(lines + inset * unit[ends])
+
+    @cached_property
+    def _joined(self) -> Numbers:
+        """Number of the place of each point: elements that meet there have the same, (n,)."""
+        mounted = self.mounted[:, :2]
+        places = np.round(mounted / (_SAME_PLACE * np.abs(mounted).max()))
+        return np.asarray(np.unique(places @ [1, 1j], return_inverse=True)[1].reshape(-1))
 
     @property
     def turned_over(self) -> FilmSurface:
@@ -173,6 +228,10 @@ def film_surface(model: Model, state: State, parts: int = 6, unfolding: Unfoldin
     [fields] = cell_fields(model, [state], points)
     values = {name: np.ascontiguousarray(getattr(fields, name)) for name in STORED}
     values |= {name: interpolated(model, vector, points) for name, vector in nodal.items()}
+    if model.specimen.electrode.segments:
+        mesh = model.discretisation
+        number = np.where(mesh.covered[:, 0] > 0, mesh.segments, -1)
+        values[SEGMENT] = np.repeat(number, points.shape[1]).astype(float)
     return FilmSurface(fields.position + fields.displacement, triangles, values)
 
 

@@ -58,6 +58,7 @@ from tympan.studies.film_surface import (
     series_files,
 )
 from tympan.studies.rows import cells_of, rows_of
+from tympan.studies.segments import OfSegments, segments_of
 from tympan.studies.variables import ShowsState, StateValues, rows_of_variables
 from tympan.studies.walk.film_point import ChargedPoint, FilmPoint
 from tympan.studies.walk.flat_film import above_words, at_point, flat_limits
@@ -110,6 +111,7 @@ class Station(ShowsState):
     """
 
     values: StateValues = field(default_factory=dict)
+    segments: OfSegments = ()
     force_N: Annotated[float, Key("force of the nominal load on the plate")]
     voltage_V: Annotated[float, Key("voltage across the film")]
     pressure_Pa: Annotated[float, Key("pressure of the gas below the film; positive lifts it")]
@@ -131,6 +133,9 @@ class Happening:
     x_m: Annotated[float, Key("where in the mounted film: at a limit, where the film thins "
                               "fastest")]
     y_m: Annotated[float, Key("y of the same place")]
+    segment: Annotated[str | None, Key(
+        "segment of the electrode in which it begins, or the nearest ones, after commas; none of "
+        "an electrode in one piece")] = None
     spread: Annotated[float, Key("how far the value may be off for the mesh, relative, by the "
                                  "jumps of what is watched between elements")]
 
@@ -288,7 +293,7 @@ def _charged(case: Case, flat: FilmPoint, limits: Sequence[Limit], ended: str) -
         yield last
         last = Stop(replace(flat, point=replace(flat.point, solution=solution)), Happening(
             what=limit.kind, value=across, unit=_GROWING["voltage"][1], x_m=limit.x_m,
-            y_m=limit.y_m, spread=limit.spread))
+            y_m=limit.y_m, spread=limit.spread, segment=limit.segment))
     yield replace(last, ended=ended)
 
 
@@ -394,8 +399,9 @@ class Stop:
         state = film.point.state
         assert tangent is not None
         values, = rows_of_variables(film.shown, plate=film.model.specimen.plate is not None)
+        segments, = segments_of(film.shown)
         return Station(
-            values=values, force_N=state.force, voltage_V=film.voltage,
+            values=values, segments=segments, force_N=state.force, voltage_V=film.voltage,
             pressure_Pa=state.pressure, charge_C=film.capacitance * film.voltage,
             stable=tangent.negative == 0 and film.firm,
             tense=bool((film.fields.tension == Tension.TAUT).all()),
@@ -504,7 +510,7 @@ def _happening(case: Case, along: Along, passage: Passage) -> Stop:
     off = spread(passage, lambda film: _measured(case, film, along))
     return replace(stop, event=Happening(
         what=state.kind, value=_measured(case, passage.here, along),
-        unit=_GROWING[along][1], x_m=x, y_m=y, spread=off))
+        unit=_GROWING[along][1], x_m=x, y_m=y, spread=off, segment=passage.here.segment(state)))
 
 
 def _critical_film(film: FilmPoint) -> FilmSurface | None:

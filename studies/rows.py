@@ -11,6 +11,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import fields_of
+from tympan.base.units import suffix_of, unit_of
 
 #: Types of numbers.
 _NUMBERS = frozenset((float, int, bool))
@@ -42,7 +43,8 @@ def _kinds_of(cls: Any) -> tuple[tuple[str, bool], ...]:
 def cells_of(record: Any) -> dict[str, Any]:
     """Collect the fields of a record that hold one number or text, by name.
 
-    Numbers of a mapping that is stored inline stand in its place, by their keys.
+    Numbers of a mapping that is stored inline stand in its place, by their keys. Records of a list
+    that are named have columns of their own, after all others.
     """
     cells: dict[str, Any] = {}
     for name, several in _kinds(record):
@@ -51,7 +53,38 @@ def cells_of(record: Any) -> dict[str, Any]:
             cells |= value
         elif not several:
             cells[name] = value
+    for parts in columns_of(record).values():
+        cells |= parts
     return cells
+
+
+def columns_of(record: Any) -> dict[str, dict[str, Any]]:
+    """Collect columns of the records of each list that names them, by the list's field."""
+    cls: Any = type(record)
+    return {name: {column_of_part(key, getattr(part, by)): value
+                   for part in getattr(record, name)
+                   for key, value in cells_of(part).items() if key != by}
+            for name, by in _listed(cls)}
+
+
+@cache
+def _listed(cls: Any) -> tuple[tuple[str, str], ...]:
+    """List fields whose records have columns of their own, and the field that names these."""
+    return tuple((item.name, item.printed.columns) for item in fields_of(cls)
+                 if item.printed.columns)
+
+
+def column_of_part(name: str, part: str) -> str:
+    """Name the column of one of several parts; it ends in the unit.
+
+    Examples
+    --------
+    >>> column_of_part("capacitance_F", "A"), column_of_part("share", "A")
+    ('capacitance_A_F', 'share_A')
+    """
+    unit = unit_of(name)
+    suffix = "" if unit is None else suffix_of(unit)
+    return f"{name.removesuffix(suffix)}_{part}{suffix}"
 
 
 def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
@@ -103,9 +136,7 @@ def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mappin
     """Make columns of rows; those that are the ``same`` are there even without rows."""
     names = list[str]()
     for record in records[:1]:
-        for name, several in _kinds(record):
-            inline = getattr(record, name)
-            names += inline if isinstance(inline, Mapping) else [name] * (lists or not several)
+        names += [name for name, _ in _kinds(record)] if lists else [*cells_of(record)]
     columns: dict[str, Array] = {}
     for name, value in same.items():
         kind = object if isinstance(value, str) else float

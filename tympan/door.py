@@ -202,11 +202,16 @@ def load(file: File) -> Specimen:
 
 
 @public()
-def draw(specimen: SpecimenOrFile, target: Axes | File | None = None) -> Axes:
-    """Draw a specimen with its sizes on axes, into a file, or on new axes; return the axes."""
+def draw(specimen: SpecimenOrFile, target: Axes | File | None = None, *,
+         voltage: Load | None = None) -> Axes:
+    """Draw a specimen with its sizes on axes, into a file, or on new axes; return the axes.
+
+    The voltage is written beside the segments of an electrode.
+    """
     from tympan.reports.plots import plot
 
-    return plot(loaded(specimen), target)
+    across = None if voltage is None else number(voltage, "voltage", "voltage")
+    return plot(loaded(specimen), target, voltage=across)
 
 
 @public()

@@ -214,13 +214,18 @@ _BY_SEGMENT = ("voltage", "high", "supply")
 
 def _with_segments(function: F) -> F:
     """Let a function on specimens take voltages by the names of an electrode's segments."""
+    kinds = [item.kind for item in signature(function).parameters.values()]
+    # Behind one specimen other arguments may follow.
+    most = None if Parameter.VAR_POSITIONAL in kinds else 1
+
     @wraps(function)
     def called(*subjects: Any, **named: Any) -> Any:
         for name in _BY_SEGMENT:
             if isinstance(named.get(name), str | Mapping | list | tuple):
                 from tympan.door import driven_together
 
-                subjects, named = driven_together(subjects, named, name)
+                films, named = driven_together(subjects[:most], named, name)
+                subjects = (*films, *subjects[len(films):])
         return function(*subjects, **named)
 
     return cast(F, called)

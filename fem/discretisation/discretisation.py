@@ -24,7 +24,13 @@ from tympan.fem.discretisation.isoparametric import (
 from tympan.fem.discretisation.recovery import Recovery
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
-from tympan.geometry.mesh import ELEMENTS, SEGMENT, CurvedTriangles, curved_mesh
+from tympan.geometry.mesh import (
+    ELEMENTS,
+    CurvedTriangles,
+    curved_mesh,
+    image_planes,
+    named_segment,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,10 +202,21 @@ class Discretisation(FieldsAlone):
 
         An electrode in one piece is segment 0.
         """
-        number = np.zeros(self.mesh.nelements, dtype=np.int64)
+        own: AnyArray = self.images[0]
+        return own
+
+    @cached_property
+    def images(self) -> AnyArray:
+        """Number of the segment of every element in each mirror image, (mirrored, elements).
+
+        The mesh itself comes first. Elements without a segment have 0.
+        """
+        order = image_planes(self.planes)
+        number = np.zeros((len(order), self.mesh.nelements), dtype=np.int64)
         for name, members in (self.mesh.subdomains or {}).items():
-            if name.startswith(SEGMENT):
-                number[members] = int(name.removeprefix(SEGMENT))
+            segment = named_segment(name)
+            if segment is not None:
+                number[order.index(segment[1]), members] = segment[0]
         return number
 
     @cached_property

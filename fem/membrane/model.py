@@ -94,8 +94,13 @@ class Model:
 
     @cached_property
     def shares(self) -> Any:
-        """Voltage of the electrode over the film's, 1 or of shape (elements, 1)."""
-        return self.specimen.electrode.share(self.discretisation.segments[:, None])
+        """Voltage of the electrode over the film's, 1 or of shape (elements, 1).
+
+        It is the same in all mirror images. The mean of these has the derivative by the voltage of
+        one segment that a result of the whole film has.
+        """
+        share = self.specimen.electrode.share(self.discretisation.images[..., None])
+        return share if np.ndim(share) == 0 else share.mean(axis=0)
 
     @property
     def even(self) -> bool:
@@ -322,7 +327,8 @@ class Model:
     def slack_when_mounted(self) -> bool:
         """Whether the flat film has, somewhere, less tension than the residual one it keeps."""
         state = self.mounted()
-        material, stretches = self.density(state.voltage_squared).material, self._stretches(state)
+        material = self.density(state.voltage_squared).material
+        stretches = self.stretches(state.positions)
         tension = total(material.materials, *stretches)[2] / stretches[1]
         return bool((tension < material.residual).any())
 
@@ -342,8 +348,9 @@ class Model:
         part = material.residual * complex_step(work, material.residual)
         return float(part / whole) if whole else 0.0
 
-    def _stretches(self, state: State) -> tuple[AnyArray, AnyArray]:
-        return principal_stretches(self.cauchy_green(state.positions),
+    def stretches(self, positions: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Compute the principal stretches from the virgin film, if it does not wrinkle."""
+        return principal_stretches(self.cauchy_green(positions),
                                    self.specimen.membrane.prestretch)
 
     def energy(self, positions: AnyArray, voltage_squared: Any) -> Any:
@@ -374,7 +381,7 @@ class Model:
         the film does not wrinkle; model and state may then be complex.
         """
         material = self.density(state.voltage_squared).material
-        first, second, _ = material.stretches(*self._stretches(state))
+        first, second, _ = material.stretches(*self.stretches(state.positions))
         slope = (self.density(1.0).maxwell.derivatives(first, second)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from OCP.TopoDS import TopoDS_Wire
 
 from tympan.base.errors import InputError
 from tympan.base.system import missing_library
 from tympan.base.units import METRE, millimetres
-from tympan.geometry.cad.wires import outline_wire, pieces_wire, planar
+from tympan.geometry.cad.wires import outline_wire, piece_edge, pieces_wire, planar
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.sectors import rings
 from tympan.geometry.specimen import Region, Specimen
@@ -21,6 +22,10 @@ except ImportError as error:
     if ".so" not in str(error):
         raise
     raise missing_library(error) from None
+
+
+#: Distance of triangles from a face, over its size: its largest triangle is then inside it.
+_COARSE = 1e-3
 
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
@@ -60,6 +65,35 @@ def membrane_part(specimen: Specimen) -> cq.Face:
 def electrode_part(specimen: Specimen) -> cq.Compound:
     """Film under the electrode as faces, for masks."""
     return cq.Compound.makeCompound(_coverage(specimen)["covered"])
+
+
+def segment_parts(specimen: Specimen) -> dict[str, cq.Compound]:
+    """Film under each segment of the electrode as faces, by the segments' names, for masks."""
+    electrode, frame = specimen.electrode, specimen.frame
+    edges = [cq.Edge(piece_edge(piece)) for piece in electrode.edges(frame)]
+    cut = [face for whole in _coverage(specimen)["covered"]
+           for face in (whole.split(*edges).Faces() if edges else [whole])]
+    x, y = (np.array([_within(face)[axis] for face in cut]) / METRE for axis in range(2))
+    number = electrode.segment_at(x, y, frame)
+    return {name: _joined([face for face, found in zip(cut, number.tolist(), strict=True)
+                           if found == segment])
+            for segment, name in enumerate(electrode.names)}
+
+
+def _within(face: cq.Face) -> tuple[float, float]:
+    """Find a place within a face [mm]: the middle of a triangle of it."""
+    corners, triangles = face.tessellate(_COARSE * face.BoundingBox().DiagonalLength)
+    places = np.array([[corner.x, corner.y] for corner in corners])[np.array(triangles)]
+    (ax, ay), (bx, by) = (places[:, 1] - places[:, 0]).T, (places[:, 2] - places[:, 0]).T
+    x, y = places[int(np.argmax(np.abs(ax * by - ay * bx)))].mean(axis=0).tolist()
+    return x, y
+
+
+def _joined(faces: list[cq.Face]) -> cq.Compound:
+    """Join faces that share edges to one."""
+    first, *others = faces
+    joined = first.fuse(*others).clean() if others else first
+    return cq.Compound.makeCompound(joined.Faces())
 
 
 def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:

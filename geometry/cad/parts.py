@@ -46,8 +46,15 @@ def _hole(centre: AnyArray, radius: float) -> cq.Wire:
     return cq.Wire.assembleEdges([cq.Edge.makeCircle(METRE * radius, cq.Vector(x, y, 0))])
 
 
-def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
-    """Name the wires in z = 0: ``outline`` of a face, ``opening`` the longest inside, ``holes``."""
+def flat_wires(shapes: Sequence[cq.Shape], names: Sequence[str] = ()
+               ) -> list[tuple[str, cq.Wire]]:
+    """Name the wires in z = 0: ``outline`` of a face, ``opening`` the longest inside, ``holes``.
+
+    With ``names``, all wires of a shape have its name.
+    """
+    if names:
+        return [(name, wire) for name, shape in zip(names, shapes, strict=True)
+                for _, wire in flat_wires([shape])]
     wires = []
     for face in (face for shape in shapes for face in shape.Faces()):
         in_plane = abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
@@ -60,10 +67,10 @@ def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
     return wires
 
 
-def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
-    """Write the flat wires to one DXF file [mm], each kind on a layer of its name."""
+def write_dxf(shapes: Sequence[cq.Shape], file: Path, names: Sequence[str] = ()) -> None:
+    """Write the flat wires to one DXF file [mm], each kind, or named shape, on its own layer."""
     document = cq.exporters.DxfDocument()
-    wires = flat_wires(shapes)
+    wires = flat_wires(shapes, names)
     for name in dict.fromkeys(name for name, _ in wires):
         document.add_layer(name)
     for name, wire in wires:
@@ -71,9 +78,9 @@ def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
     document.document.saveas(str(file))
 
 
-def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
+def write_svg(shapes: Sequence[cq.Shape], file: Path, names: Sequence[str] = ()) -> None:
     """Write the flat wires to an SVG file at their size: lines, arcs and Béziers."""
-    wires = flat_wires(shapes)
+    wires = flat_wires(shapes, names)
     box = cq.Compound.makeCompound([wire for _, wire in wires]).BoundingBox()
     margin = 1.0
     width, height = box.xlen + 2 * margin, box.ylen + 2 * margin

@@ -54,7 +54,7 @@ def pieces_wire(pieces: Sequence[Piece], centre: Pair = (0.0, 0.0)) -> TopoDS_Wi
     """Wire of pieces that meet at their ends, in the plane z = 0 [mm], moved by ``centre`` [m]."""
     shift = gp_Trsf()
     shift.SetTranslation(gp_Vec(*millimetres(*centre), 0))
-    return _wire(_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
+    return _wire(piece_edge(piece).Moved(TopLoc_Location(shift)) for piece in pieces)
 
 
 def planar(outer: TopoDS_Wire, *inner: TopoDS_Wire) -> TopoDS_Face:
@@ -86,7 +86,8 @@ def _wire(edges: Iterable[TopoDS_Shape]) -> TopoDS_Wire:
     return builder.Wire()
 
 
-def _edge(piece: Piece) -> TopoDS_Edge:
+def piece_edge(piece: Piece) -> TopoDS_Edge:
+    """Edge of one piece in the plane z = 0 [mm]."""
     if isinstance(piece, Line):
         start, end = (gp_Pnt(*millimetres(*place), 0) for place in (piece.start, piece.end))
         return BRepBuilderAPI_MakeEdge(start, end).Edge()

@@ -153,7 +153,8 @@ class Curve:
         """
         where = ""
         if np.abs(self.turns()).max() > _SHARP:
-            where = "needs an outline without sharp corners"
+            where = ("needs an outline without sharp corners: round them with `fillet` or "
+                     "`corner_radius`")
         elif any((1 + distance * piece_curvature(piece)).min() <= 0 for piece in self.pieces):
             where = "must stay below the outline's radius of curvature"
         if where:

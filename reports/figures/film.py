@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
+from tympan.reports.figures.specimen import add_segment_legend, legend_height
 from tympan.reports.scales import AxisScale, bar_length, round_scale
 from tympan.reports.scene import View, film_picture
 from tympan.reports.template import digits
@@ -43,7 +44,8 @@ def _compose(result: CaseResult, picture: style.Picture, scale: AxisScale) -> Fi
     west, east, bottom, top = picture[1]
     width = _WIDTH - 2 * _MARGIN
     height = width * (top - bottom) / (east - west)
-    figure = style.new_figure(_TITLE + height + _BAR, _WIDTH)
+    below = legend_height(len(result.segments))
+    figure = style.new_figure(_TITLE + height + _BAR + below, _WIDTH)
     axes = style.place_axes(figure, _MARGIN, _TITLE, width, height)
     loads = f"{1e3 * result.mass_kg:.4g} g, {result.voltage_V / 1e3:.4g} kV: deflection "
     style.show_picture(axes, picture, (result.specimen, 4.4, "bold", 8.5),
@@ -53,4 +55,6 @@ def _compose(result: CaseResult, picture: style.Picture, scale: AxisScale) -> Fi
     start = "" if scale.from_zero else f"; the scale starts at {scale.start}"
     style.colour_bar(figure, (_WIDTH - 70) / 2, _TITLE + height + 2.0, (70, 2.4), scale,
                      style.COLOURS, f"largest principal true stress (kPa{start})")
+    add_segment_legend(figure, {each.name: f"{each.voltage_V / 1e3:.4g} kV"
+                                for each in result.segments})
     return figure

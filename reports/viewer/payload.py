@@ -115,7 +115,10 @@ def _film(film: FilmSurface) -> dict[str, Any]:
             "tension": _encoded(film.values["tension"].astype(np.uint8)),
             "triangles": _encoded(film.triangles.astype(index)),
             "plate": _encoded(np.vstack([np.empty((0, 3)), *plate]).astype(index)),
-            "edges": _encoded(np.vstack(rims).astype(index))}
+            "edges": _encoded(np.vstack(rims).astype(index)),
+            "segments": [{"colour": colour, **_encoded(
+                film.segment_sides(number)[:, :2].astype(index))}
+                for number, colour in enumerate(look.segment_colours(film.segments))]}
 
 
 def _steps(values: AnyArray) -> dict[str, Any]:

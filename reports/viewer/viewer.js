@@ -84,6 +84,10 @@ function loadFilm() {
   attribute("tension", decoded(film.tension), 1, gl.UNSIGNED_BYTE);
   indices = Object.fromEntries(["triangles", "plate", "edges"].map((name) => [name, filled(
     name, decoded(film[name]), gl.ELEMENT_ARRAY_BUFFER)]));
+  film.segments.forEach((lines, number) => {
+    indices[`segment ${number}`] = filled(`segment ${number}`, decoded(lines),
+                                          gl.ELEMENT_ARRAY_BUFFER);
+  });
   loadQuantity();
 }
 
@@ -143,11 +147,19 @@ function draw() {
   gl.uniform1f(at("plain"), 0); drawElements("triangles", gl.TRIANGLES);
   gl.uniform1f(at("plain"), 1); gl.uniform3f(at("ink"), 0.835, 0.843, 0.855);
   drawElements("plate", gl.TRIANGLES);
-  gl.depthFunc(gl.LEQUAL); gl.uniform3f(at("ink"), 0.1, 0.1, 0.12);
-  for (const [across, high] of [[-1, 0], [1, 0], [0, -1], [0, 1]]) {  // lines are a pixel wide
-    gl.uniform2f(at("nudge"), across * pixel / width, high * pixel / height);
-    drawElements("edges", gl.LINES);
-  }
+  gl.depthFunc(gl.LEQUAL);
+  const AROUND = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+  const outline = (name, ink, thick) => {  // lines are a pixel wide
+    gl.uniform3f(at("ink"), ...ink);
+    for (const [across, high] of AROUND) {
+      gl.uniform2f(at("nudge"), thick * across * pixel / width, thick * high * pixel / height);
+      drawElements(name, gl.LINES);
+    }
+  };
+  outline("edges", [0.1, 0.1, 0.12], 1);
+  film.segments.forEach((lines, number) => {
+    for (const thick of [1, 2, 3]) outline(`segment ${number}`, rgb(lines.colour), thick);
+  });
 }
 
 const show = () => { if (!waiting) { waiting = true; requestAnimationFrame(draw); } };

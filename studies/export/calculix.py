@@ -14,12 +14,12 @@ import numpy as np
 
 from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import InputError
-from tympan.base.units import METRE, quantities_text
+from tympan.base.units import METRE, drive_words, quantities_text
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
-from tympan.geometry.mesh import CurvedTriangles, from_flat, unfold
+from tympan.geometry.mesh import CurvedTriangles, from_flat, segmented, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.case import failure_reason, voltage_ramp
@@ -186,7 +186,8 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
         checked_load(mass, voltage, pressure)
     planes = specimen.mirror_planes
     part = from_flat(mesh_film(specimen, replace(settings, order=2), planes))
-    mesh = unfold(part, planes)[0]  # as symmetric as the film, so that its plate does not tilt
+    # As symmetric as the film, so that its plate does not tilt.
+    mesh = segmented(unfold(part, planes)[0], specimen)
     layers = specimen.membrane.layers
     single = replace(specimen, membrane=replace(specimen.membrane, layers=1))
     rig = Rig(gas_pressure=pressure / layers)
@@ -227,7 +228,9 @@ def _actuated(specimen: Specimen, mesh: CurvedTriangles, mass: float, layers: in
         electric = (model.forces(state.positions, 0.0)
                     - model.forces(state.positions, state.voltage_squared))
         words = _load_words(mass, layers, pressure * layers)
-        yield Step(f"{words}, {case.voltage / 1e3:g} kV", rig.force(own), None, electric, pressure)
+        driven = drive_words(specimen.electrode.voltages(case.voltage))
+        yield Step(f"{words}, {driven or f'{case.voltage / 1e3:g} kV'}", rig.force(own), None,
+                   electric, pressure)
 
 
 def film_input(name: str, sheet: FlatFilm, film: Film, steps: Sequence[Step],

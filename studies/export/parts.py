@@ -22,28 +22,39 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
     """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m].
 
     It yields the files. A film without plate has no plate file. Where the electrode leaves film
-    bare, it is written too, for a mask.
+    bare, it is written too, for a mask; of an electrode in segments all together, each on a layer
+    of its name, and each in files of its own.
     """
     needs("cadquery", "writing parts")
     from tympan.geometry.cad import membrane as cad
     from tympan.geometry.cad import parts
 
+    segments = cad.segment_parts(specimen) if specimen.electrode.segments else {}
     made = {"frame": parts.ring_part(specimen.frame, options, options.frame_height),
             "clamp": parts.ring_part(specimen.frame, options, options.clamp_height),
             "film": cad.membrane_part(specimen)}
     if specimen.plate is not None:
         made["plate"] = parts.plate_part(specimen, options)
-    if not specimen.electrode.everywhere:
+    if not segments and not specimen.electrode.everywhere:
         made["electrode"] = cad.electrode_part(specimen)
+    made |= {f"electrode-{name}": part for name, part in segments.items()}
+    flat = {"dxf": parts.write_dxf, "svg": parts.write_svg}
     for name, part in made.items():
-        for suffix, write in (("step", cad.write_step), ("dxf", parts.write_dxf),
-                              ("svg", parts.write_svg)):
+        for suffix, write in {"step": cad.write_step, **flat}.items():
             file = folder / f"{specimen.name}-{name}.{suffix}"
             write_atomically(file, partial(write, [part]))
             yield file
+    if segments:
+        every, names = [*segments.values()], [*segments]
+        together = {"step": partial(cad.write_step, every)} | {
+            suffix: partial(draw, every, names=names) for suffix, draw in flat.items()}
+        for suffix, write_all in together.items():
+            file = folder / f"{specimen.name}-electrode.{suffix}"
+            write_atomically(file, write_all)
+            yield file
     mesh = mesh_film(specimen, replace(settings, order=2), frozenset())
-    flat = meshio.Mesh(np.column_stack([mesh.points, np.zeros(len(mesh.points))]),
+    membrane = meshio.Mesh(np.column_stack([mesh.points, np.zeros(len(mesh.points))]),
                        [("triangle6", mesh.triangles)])
     file = folder / f"{specimen.name}-film.vtu"
-    write_atomically(file, lambda path: flat.write(path, file_format="vtu"))
+    write_atomically(file, lambda path: membrane.write(path, file_format="vtu"))
     yield file

@@ -200,4 +200,4 @@ def _where(span: Span, before: HeldPoint, after: HeldPoint, sign: Sign) -> HeldP
 def _limit(film: HeldPoint, state: LimitState) -> ForceLimit:
     x, y = film.place(state)
     return ForceLimit(kind=state.kind, displacement_m=film.deflection,
-                      force_N=film.point.state.force, x_m=x, y_m=y)
+                      force_N=film.point.state.force, x_m=x, y_m=y, segment=film.segment(state))

@@ -12,7 +12,7 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key, Printed
-from tympan.base.units import place_text
+from tympan.base.units import place_text, segment_words
 from tympan.fem.results.limit_states import LIMIT_STATES, PULL_IN, LimitState
 from tympan.studies.case import Band, SpecimenRecord, UnknownCount, WallTime, Warnings
 from tympan.studies.columns import Column, write_rows, write_sheet
@@ -50,6 +50,9 @@ class ForceLimit:
     x_m: Annotated[float | None, Key("where in the mounted film; none where it is not known")] = (
         None)
     y_m: Annotated[float | None, Key("y of the same place")] = None
+    segment: Annotated[str | None, Key(
+        "segment of the electrode there, or the nearest ones, after commas; none of an electrode "
+        "in one piece")] = None
 
     @property
     def words(self) -> str:
@@ -65,7 +68,7 @@ class ForceLimit:
         """Place in the film where it begins, in millimetres; "" for an event of the plate."""
         if self.x_m is None or self.y_m is None or self.kind == PULL_IN.kind:
             return ""
-        return place_text(self.x_m, self.y_m)
+        return place_text(self.x_m, self.y_m) + segment_words(self.segment)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -283,9 +283,11 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
     reached: dict[str, Limit] = {}
     thins = False
     for state in begun(passed[0].film) if passed else ():  # under the load without voltage
-        x, y = passed[0].film.place(state)
-        reached[state.kind] = Limit(kind=state.kind, voltage_V=0.0, x_m=x, y_m=y,
-                                    ring=case.axisymmetric)
+        film = passed[0].film
+        x, y = film.place(state)
+        limit = Limit(kind=state.kind, voltage_V=0.0, x_m=x, y_m=y, ring=case.axisymmetric,
+                      segment=film.segment(state))
+        reached[state.kind] = limit.of(case.specimen)
     for stop in passed:
         if stop.event is None:
             continue
@@ -315,7 +317,8 @@ def _limit(case: Case, stop: Stop) -> Limit:
     return Limit(kind=kind, voltage_V=nominal(case, stop.film.voltage), x_m=stop.event.x_m,
                  y_m=stop.event.y_m, spread=stop.event.spread,
                  at_edge=stop.film.on_electrode_edge(state),
-                 at_corner=stop.film.at_sharp_corner(state), ring=case.axisymmetric)
+                 at_corner=stop.film.at_sharp_corner(state), ring=case.axisymmetric,
+                 segment=stop.event.segment).of(case.specimen)
 
 
 def _same(first: Limit, second: Limit) -> bool:

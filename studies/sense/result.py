@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
+
+import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.fields import Key
@@ -12,7 +15,7 @@ from tympan.studies.case import SpecimenRecord, UnknownCount, WallTime, Warnings
 from tympan.studies.columns import write_rows
 from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
-from tympan.studies.rows import rows_in
+from tympan.studies.rows import column_of_part, rows_in
 from tympan.studies.sense.inverse import Inverse
 
 
@@ -34,6 +37,9 @@ class SenseCurve:
         "the same by a film that is prestretched 1 % more along both axes")]
     per_percent_permittivity_m: Annotated[tuple[float | None, ...], Key(
         "the same by a permittivity that is 1 % higher")]
+    segment_capacitances_F: Annotated[Mapping[str, tuple[float, ...]], Key(
+        "capacitance of each segment of the electrode there, by its name: charge over its own "
+        "voltage; empty for an electrode in one piece")] = field(default_factory=dict)
     ended: Annotated[ForceLimit | None, Key(
         "where the film ends before the last deflection; none where it reaches that")]
 
@@ -83,6 +89,9 @@ class SenseResult(SpecimenRecord):
         found = rows_in(self.curves, specimen=self.specimen)
         sensed = self.sensed(found["capacitance_F"], found["voltage_V"])
         rows: dict[str, Array] = {}
+        found |= {column_of_part("capacitance_F", name): np.concatenate(
+            [curve.segment_capacitances_F[name] for curve in self.curves])
+            for name in self.curves[0].segment_capacitances_F}
         for name, values in found.items():
             rows[name] = values
             if name == "tense":

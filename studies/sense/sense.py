@@ -18,6 +18,7 @@ from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
+from tympan.fem.results.segments import segment_capacitances
 from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Supply
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solve_grid
@@ -206,6 +207,9 @@ def _curve(followed: FollowedForce, sampled: SampledCurve, first: int) -> SenseC
     curve = followed.curve
     rows = range(first, first + len(sampled.deflection), 2)
     moved = [_moved(followed, row) for row in rows]
+    model = followed.model
+    names = model.specimen.electrode.names if model.meshed else ()
+    alone = segment_capacitances(model, [followed.states[row] for row in rows])
     return SenseCurve(
         voltage_V=curve.voltage_V, displacement_m=tuple(curve.displacement_m[row] for row in rows),
         capacitance_F=tuple(curve.capacitance_F[row] for row in rows),
@@ -213,7 +217,9 @@ def _curve(followed: FollowedForce, sampled: SampledCurve, first: int) -> SenseC
         tense=tuple(curve.tense[row] for row in rows),
         per_capacitance_m_per_F=tuple(each[0] for each in moved),
         per_percent_prestretch_m=tuple(each[1] for each in moved),
-        per_percent_permittivity_m=tuple(each[2] for each in moved), ended=curve.ended)
+        per_percent_permittivity_m=tuple(each[2] for each in moved), ended=curve.ended,
+        segment_capacitances_F={name: tuple(values) for name, values in zip(
+            names, alone.T.tolist(), strict=bool(names))})
 
 
 def _moved(followed: FollowedForce, row: int) -> tuple[float | None, float | None, float | None]:

@@ -182,6 +182,22 @@ class FilmPoint:
         return mounted_place(self.fields.position[np.argmin(margin)] if margin.size
                              else self.model.centre)
 
+    def segment(self, state: LimitState) -> str | None:
+        """Name the segment in which a limit state begins, or those nearest to that bare place.
+
+        None for an electrode in one piece.
+        """
+        specimen, mesh = self.model.specimen, self.model.discretisation
+        names = specimen.electrode.names
+        if not names or not self.model.meshed:
+            return None
+        node = int(np.argmin(state.field(self)))
+        element = node // mesh.connectivity.shape[1]
+        if mesh.covered[element, 0]:
+            return str(names[mesh.segments[element]])
+        x, y = self.fields.position[node, :2].tolist()
+        return specimen.segment_near(x, y)
+
     def on_electrode_edge(self, state: LimitState) -> bool:
         """Check whether a limit state begins at an electrode's edge, within the film."""
         if not self.model.meshed:

@@ -127,7 +127,7 @@ def _flat_instability(case: Case, flat: FilmPoint, slack: float) -> Limit | None
 def _flat_limit(case: Case, flat: FilmPoint, kind: str, voltage: float, place: int) -> Limit:
     x, y = mounted_place(flat.fields.position[place])
     return Limit(kind=kind, voltage_V=nominal(case, voltage), x_m=x, y_m=y,
-                 ring=case.axisymmetric)
+                 ring=case.axisymmetric).of(case.specimen)
 
 
 def at_point(outcome: Outcome) -> PathPoint:

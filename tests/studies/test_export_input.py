@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.segmented import driven_quarters
 from tympan.base.errors import InputError
 from tympan.cli import main
 from tympan.fem.film.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
@@ -242,3 +243,27 @@ def test_command_needs_inp_for_loads(tmp_path: Path, capsys: pytest.CaptureFixtu
     file.write_text("")
     assert main(["export", str(file), "-o", str(tmp_path), "--mass", "10 g"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_only_driven_segments_have_electric_loads(tmp_path: Path) -> None:
+    """Nodes of segments without voltage carry none; a share s of the voltage has s² of the load."""
+    found = list[list[float]]()
+    for drive in ({"A": 2e3}, {"A": 2e3, "C": 1e3}):
+        text = export_input(driven_quarters(drive, gap=1e-3), MeshSettings().refined(0.5), tmp_path,
+                            voltages=(2e3,)).read_text()
+        points = {int(line.split(",")[0]): [float(word) for word in line.split(",")[1:]]
+                  for line in text.split("*NODE, NSET=FILM\n")[1].split("*")[0].split("\n")[:-1]}
+        *_, step = text.split("*STEP")
+        pairs = [line.split(",") for line in step.split("*CLOAD, OP=NEW\n")[1].split("*")[0]
+                 .split("\n")[:-1]]
+        pulls = np.array([[*points[int(node)][:2], float(force)] for node, axis, force in pairs
+                          if int(axis) < 3 and int(node) in points])
+        x, y, force = pulls.T
+        found.append([np.abs(force[(np.sign(x) == right) & (np.sign(y) == up)]).sum()
+                      for right, up in ((1, 1), (-1, 1), (-1, -1), (1, -1))])
+    whole = found[0][0]
+    assert whole > 0
+    # In the flat film the quarters differ by nothing but their shares.
+    assert found[0] == pytest.approx([whole, 0, 0, 0], abs=1e-9 * whole)
+    assert found[1] == pytest.approx([whole, 0, 0.25 * whole, 0], rel=0.1, abs=1e-9 * whole)
+    assert "A 2 kV, B 0 kV, C 1 kV, D 0 kV" in text

@@ -10,6 +10,8 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tympan.base.units import segment_words
+
 if TYPE_CHECKING:
     from tympan.geometry.outlines import Outline
     from tympan.geometry.specimen import Plate, Specimen
@@ -17,10 +19,12 @@ if TYPE_CHECKING:
 
 #: Fields of a solved case that its text does not list: the lines above and below have them.
 _ELSEWHERE = ("specimen", "bands", "limits", "first", "limit", "equilibria", "dofs", "wall_s",
-              "slack_share", "breakdown_share")
+              "slack_share", "breakdown_share", "segments", "charge_by_voltage_F")
 #: Bands of a solved case: key, words, unit, and their number in one SI unit.
 _BANDS = (("deflection_m", "deflection", "mm", 1e3), ("stroke_m", "stroke", "mm", 1e3),
           ("capacitance_F", "capacitance", "pF", 1e12))
+#: Capacitance below which no digit is printed [F].
+_NO_CAPACITANCE = 1e-15
 #: Half extents that differ by less [m] are shown as one.
 _ROUND = 1e-9
 
@@ -33,13 +37,35 @@ def solved_text(record: dict[str, Any], result: CaseResult, specimen: Specimen,
         hidden.append("reading_m")
     if not record["slack_area_m2"]:
         hidden.append("slack_area_m2")
-    lines = [specimen_line(specimen), entries(record, *hidden)]
+    lines = [specimen_line(specimen), entries(record, *hidden), *_segment_lines(result)]
     lines += [f"stable at {1e3 * each['deflection_m']:.4g} mm"
               + " (reached from the mounted plate)" * each["reached"]
               for each in record["equilibria"]]
     lines += [band_line(result.bands[key], words, unit, factor)
               for key, words, unit, factor in _BANDS if key in result.bands]
     return "\n".join(lines + ([limit_lines(result.limits)] if result.limits else []))
+
+
+def _segment_lines(result: CaseResult) -> Iterator[str]:
+    """Write a line for each segment, with its row of the capacitance matrix."""
+    segments, matrix = result.segments, result.charge_by_voltage_F
+    width = max((len(each.name) for each in segments), default=0)
+    for each in segments:
+        margin = ("" if each.breakdown_margin is None
+                  else f", margin to breakdown {each.breakdown_margin:.3g}")
+        yield (f"segment {each.name:<{width}}  {each.voltage_V / 1e3:.4g} kV  "
+               f"{1e12 * each.capacitance_F:.5g} pF  "
+               f"field {each.max_field_V_per_m / 1e6:.4g} MV/m{margin}")
+    if matrix:
+        yield ("charge by voltage where film and plate follow (pF), a row a segment, columns "
+               + ", ".join(each.name for each in segments))
+    for each, row in zip(segments, matrix, strict=False):
+        yield f"        {each.name:<{width}}  " + "  ".join(f"{_pF(value):>9s}" for value in row)
+
+
+def _pF(value: float) -> str:
+    """Write a capacitance; what is less than a thousandth of a picofarad is 0."""
+    return f"{1e12 * value:.5g}" if abs(value) >= _NO_CAPACITANCE else "0"
 
 
 def limits_text(record: dict[str, Any], options: argparse.Namespace, limits: Limits,
@@ -93,6 +119,8 @@ def _limit_lines(limits: Limits) -> Iterator[str]:
     for number, limit in enumerate(limits.told):
         first = "   (the limit)" if number == 0 else ""
         yield f"{limit.state.label:<15s} {limit.text}   first at {limit.place}{first}"
+        if limit.drive:
+            yield f"                with {limit.drive}"
         if limit.advice:
             yield f"                {limit.advice}"
     if limits.thins:
@@ -109,4 +137,5 @@ def band_line(band: Band, words: str, unit: str, factor: float) -> str:
 
 
 #: Functions of this module that templates use as filters.
-FILTERS: Sequence[Callable[..., str]] = (specimen_line, stroke_line, limit_lines, band_line)
+FILTERS: Sequence[Callable[..., str]] = (specimen_line, stroke_line, limit_lines, band_line,
+                                         segment_words)

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from math import floor, log10
 from typing import TypeAlias
 
-from tympan.base.units import BENCH, unit_of
+from tympan.base.units import BENCH, segment_words, unit_of
 from tympan.explore.session import Blocked, FollowedCurve, Scene
 from tympan.fem.results.limit_states import LIMIT_STATES
+from tympan.reports.look import segment_colours
 from tympan.reports.template import digits
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import Band, Limit
@@ -49,7 +50,18 @@ def result_rows(scene: Scene, bands: Mapping[str, Band] | None = None) -> list[R
             sure = _GUESSED.get(key, _GUESSED_MOST) if scene.guessed else _DIGITS
             text = f"{digits(factor * value, sure)} {unit}"
             rows.append(_row(key, words, text + _spread(bands.get(key), factor)))
-    return rows
+    return [*rows, *_segments(scene)]
+
+
+def _segments(scene: Scene) -> Iterator[Row]:
+    """List voltage and capacitance of each segment, with its colour in the picture."""
+    segments = scene.result.segments
+    (kilo, per_kilo), (unit, factor) = BENCH["V"], BENCH["F"]
+    for each, colour in zip(segments, segment_colours(len(segments)), strict=True):
+        sure = _GUESSED["capacitance_F"] if scene.guessed else _DIGITS
+        text = (f"{digits(per_kilo * each.voltage_V)} {kilo}, "
+                f"{digits(factor * each.capacitance_F, sure)} {unit}")
+        yield _row(f"segment-{each.name}", f"segment {each.name}", text) | {"colour": colour}
 
 
 def _spread(band: Band | None, factor: float) -> str:
@@ -101,7 +113,8 @@ def _limits(curve: FollowedCurve) -> Iterator[Row]:
     limits = curve.curve.curves[0].limits
     for limit in limits.told:
         first = " (the limit)" if limit == limits.limit else ""
-        yield _row(limit.kind, limit.state.label, f"{_voltage(limit, curve)}{first}")
+        yield _row(limit.kind, limit.state.label, f"{_voltage(limit, curve)}"
+                   f"{segment_words(limit.segment)}{first}")
     unknown = curve.off is not None and not curve.off.whole
     for kind, state in LIMIT_STATES.items():
         if limits.by_kind.get(kind) is None and state.signs:

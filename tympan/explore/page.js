@@ -62,6 +62,11 @@ function list(id, prefix, rows) {
     const name = document.createElement("dt"), text = document.createElement("dd");
     name.textContent = row.name; text.textContent = row.text; text.id = `${prefix}-${row.key}`;
     text.classList.toggle("stale", row.stale);
+    if (row.colour) {
+      const swatch = document.createElement("span");
+      swatch.className = "swatch"; swatch.style.background = row.colour;
+      name.prepend(swatch);
+    }
     item.append(name, text);
     return item;
   }));

@@ -215,7 +215,7 @@ def _curve(view: FilmView, risen: FamilyRise) -> CurveResult:
     limits = Limits({kind: Limit(
         kind=kind, voltage_V=rig.shown_voltage(limit.squared**0.5), x_m=limit.x, y_m=limit.y,
         spread=limit.off / (2 * limit.squared),
-        ring=view.case.axisymmetric)
+        ring=view.case.axisymmetric).of(view.specimen)
         for kind, limit in risen.limits.items()}, ended=PULL_IN.label if risen.whole else
         "finite elements follow it on from there")
     table = {column.name: np.full(len(nominal), np.nan) if column.choices is None

@@ -43,6 +43,9 @@ _LOADS = ("mass", "voltage", "stiffness")
 #: Parts whose shape can be chosen.
 SHAPED = ("frame", "plate.outline")
 
+#: Beginning of the paths of the numbers of segments.
+_SEGMENTS = ("electrode", "segments")
+
 #: Approximate number of positions of a slider.
 _POSITIONS = 400
 
@@ -212,6 +215,8 @@ def _paths(specimen: Specimen) -> Iterator[str]:
             yield from inner
     yield "plate.offset.0"
     yield "plate.offset.1"
+    for number in range(len(specimen.electrode.segments)):
+        yield f"electrode.segments.{number}.share"
 
 
 def _of_number(view: FilmView, path: str) -> Control:
@@ -226,6 +231,9 @@ def _of_number(view: FilmView, path: str) -> Control:
         low, high = 1.0, max(6.0, value)
     elif value == 0:
         low, high = (-180 / 57.3, 180 / 57.3) if dimension == "angle" else (0.0, 1.0)
+    if keys[:2] == _SEGMENTS:
+        name = view.specimen.electrode.names[int(keys[2])]
+        return _control(path, f"segment {name}: share of the voltage", dimension, 0.0, 1.0)
     return _control(path, _label(keys, field), dimension, min(low, high), max(low, high))
 
 

@@ -1,0 +1,52 @@
+"""Numbers of each segment of an electrode, in results of a state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from tympan.base.fields import Key, Printed
+from tympan.fem.results.segments import largest_in_segments, segment_capacitances
+from tympan.fem.results.solved_states import SolvedStates
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmentState:
+    """One segment of an electrode in a state of its film."""
+
+    name: Annotated[str, Key("its name")]
+    share: Annotated[float, Key("its voltage over that of the film")]
+    voltage_V: Annotated[float, Key("voltage across the film in it")]
+    capacitance_F: Annotated[float, Key("its charge over its own voltage, with the film as it is")]
+    max_field_V_per_m: Annotated[float, Key("largest electric field in it")]
+    breakdown_margin: Annotated[float | None, Key(
+        "smallest strength over field in it; none without voltage or a strength law")]
+
+
+#: Field of a result with the segments of the electrode, in the order of the specimen's file. Tables
+#: have columns of each, such as ``capacitance_A_F``.
+OfSegments = Annotated[tuple[SegmentState, ...], Key(
+    "segments of the electrode; empty where it is in one piece, and for a film in closed form"),
+    Printed(columns="name")]
+
+
+def segments_of(found: SolvedStates) -> Iterator[tuple[SegmentState, ...]]:
+    """Yield the numbers of all segments in each state."""
+    model = found.model
+    segments = model.specimen.electrode.segments
+    if not segments or not model.meshed:
+        yield from [()] * len(found.states)
+        return
+    capacitances = segment_capacitances(model, found.states).tolist()
+    for state, fields, each in zip(found.states, found.at_nodes, capacitances, strict=True):
+        voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
+        field, strained = (largest_in_segments(model, values).tolist()
+                           for values in (fields.electric_field, fields.breakdown_share))
+        yield tuple(SegmentState(
+            name=segment.name, share=float(segment.share), voltage_V=segment.share * voltage,
+            capacitance_F=each[number], max_field_V_per_m=field[number],
+            breakdown_margin=found.strength / strained[number] if strained[number] else None)
+            for number, segment in enumerate(segments))
