@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, pi, prod
+from math import ceil, inf, pi, prod
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from tympan.base.arrays import AnyArray, Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, takes_units
+from tympan.base.paths import at, numbers
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.base.units import quantities_text
 from tympan.geometry.outlines import OUTLINES, Outline
@@ -92,10 +93,10 @@ class Segment:
     name: Annotated[str, Key("how voltages name it", rule=_NAME)]
     sector: Annotated[Pair | None, Key(
         "directions between which it lies, counterclockwise from the first to the second, seen "
-        "from the frame's centre; 0 is the x axis", "angle", TURN, discrete=True)] = None
+        "from the frame's centre; 0 is the x axis", "angle", TURN)] = None
     band: Annotated[Pair | None, Key(
         "distances from the frame's edge between which it lies, the nearer one first", "length",
-        _DISTANCE, discrete=True)] = None
+        _DISTANCE)] = None
     outline: Annotated[Region | None, Key("it lies within this outline")] = None
     share: Annotated[float, Key("its voltage over that of the film", rule=_SHARE)] = 1.0
 
@@ -106,10 +107,10 @@ class Segment:
                              "outline", key="sector", given="none of them")
         if self.sector is not None:
             low, high = _SECTORS
-            if not low - _SAME_ANGLE <= self.width <= high + _SAME_ANGLE:
+            if not low - _SAME_ANGLE <= np.real(self.width) <= high + _SAME_ANGLE:
                 raise InputError("must be two directions, from 1 to 359 degrees apart",
                                  key="sector", given=self._sector_words)
-        if self.band is not None and not self.band[0] < self.band[1]:
+        if self.band is not None and not np.real(self.band[0]) < np.real(self.band[1]):
             raise InputError("must be two distances from the frame's edge, the smaller first",
                              key="band", given=quantities_text(self.band, "length"))
 
@@ -130,22 +131,22 @@ class Segment:
         return self.outline is not None and bool(getattr(self.outline.outline, "file", ""))
 
     @property
-    def width(self) -> float:
+    def width(self) -> Any:
         """Angle of its sector [rad], a whole turn without one."""
         if self.sector is None:
             return 2 * pi
-        start, end = np.real(self.sector)
-        return float((end - start) % (2 * pi)) or 2 * pi
+        angle = self.sector[1] - self.sector[0]
+        # Complex numbers have no remainder.
+        return angle - 2 * pi * (ceil(np.real(angle) / (2 * pi)) - 1)
 
     @property
     def _sector_words(self) -> str:
         return " to ".join(f"{angle:.6g} deg" for angle in np.degrees(np.real(self._sector)))
 
-    def apex(self, gap: float) -> Array:
+    def apex(self, gap: float) -> AnyArray:
         """Find where the straight edges of its sector meet, half a ``gap`` inside it [m]."""
-        start, _ = np.real(self._sector)
-        middle = start + self.width / 2
-        away: Array = gap / 2 / np.sin(self.width / 2) * np.array([np.cos(middle), np.sin(middle)])
+        middle = self._sector[0] + self.width / 2
+        away: AnyArray = gap / 2 / np.sin(self.width / 2) * np.array([np.cos(middle), np.sin(middle)])
         return away
 
     @property
@@ -171,7 +172,7 @@ class Segment:
     def within(self, gap: float) -> Pair:
         """Find the distances from the frame between which its band lies, less half gaps [m]."""
         near, far = (0.0, inf) if self.band is None else self.band
-        return near + gap / 2 * (near > 0), far - gap / 2
+        return near + gap / 2 * (np.real(near) > 0), far - gap / 2
 
     def _beside_sector(self, x: AnyArray, y: AnyArray, gap: float) -> AnyArray:
         a, b = self.apex(gap)
@@ -180,7 +181,7 @@ class Segment:
             along = np.cos(angle), np.sin(angle)
             sides.append(-turn * (along[0] * (y - b) - along[1] * (x - a)))
         # Within half a turn a place is on both edges' inner sides, else on one of them.
-        both = np.maximum if self.width <= pi + _SAME_ANGLE else np.minimum
+        both = np.maximum if np.real(self.width) <= pi + _SAME_ANGLE else np.minimum
         beyond: AnyArray = both(*sides)
         return beyond
 
@@ -242,7 +243,7 @@ class Electrode:
         "in one piece", name="segment")] = ()
     gap: Annotated[float, Key(
         "bare film between neighbouring sectors and bands: each ends half of it before its edge",
-        "length", NON_NEGATIVE, discrete=True)] = 0.0
+        "length", NON_NEGATIVE)] = 0.0
 
     @property
     def everywhere(self) -> bool:
@@ -268,6 +269,27 @@ class Electrode:
     def names(self) -> tuple[str, ...]:
         """Names of the segments."""
         return tuple(segment.name for segment in self.segments)
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Paths of the numbers of segments whose edges can move alone.
+
+        The edge of a band that reaches frame or middle is none. Without a gap, neighbours share an
+        edge.
+        """
+        def key(path: str) -> object:
+            kind, number = path.split(".")[2], at(self, path.split("."))
+            return kind, (round(np.cos(number), _DIGITS), round(np.sin(number), _DIGITS)
+                          ) if kind == "sector" else number
+
+        paths = [path for path in numbers(self.segments, "segments") if not path.endswith("share")]
+        cuts = [path for path in paths if path.split(".")[2] != "outline"
+                and (".band." not in path or 0 < at(self, path.split(".")) < inf)]
+        keys = [key(path) for path in cuts]
+        shared = {path for path, own in zip(cuts, keys, strict=True)
+                  if self.gap == 0 and keys.count(own) > 1}
+        return tuple(path for path in paths
+                     if path not in shared and (".outline." in path or path in cuts))
 
     def segment_at(self, x: AnyArray, y: AnyArray, frame: Outline) -> AnyArray:
         """Find the number of the segment at places of the film [m]: -1 where there is none.
@@ -333,6 +355,30 @@ class Electrode:
     def voltages(self, top: float) -> dict[str, float]:
         """Compute the voltages of the segments [V] by their names, from that of the film [V]."""
         return {segment.name: segment.share * top for segment in self.segments}
+
+    def image(self, path: Sequence[str], plane: str) -> tuple[tuple[str, ...], int]:
+        """Find the number of a segment that is another's in a mirror, and the sign of its change.
+
+        ``path``: keys of a number from the electrode on; one that is no segment's is its own image.
+        The electrode must be its own image.
+
+        Examples
+        --------
+        >>> halves = Electrode(segments=(Segment(name="right", sector=(-1.5, 1.5)),
+        ...                              Segment(name="left", sector=(pi - 1.5, pi + 1.5))))
+        >>> halves.image(("segments", "0", "sector", "1"), "x")
+        (('segments', '1', 'sector', '0'), -1)
+        """
+        kind, *rest = path
+        if kind != "segments":
+            return tuple(path), 1
+        regions = [segment.reflected(plane) for segment in self.segments]
+        number, *keys = rest
+        here = self.segments[int(number)].reflected("")
+        there = next((str(other) for other, region in enumerate(regions) if region == here), number)
+        if keys[0] == "sector":
+            return (kind, there, keys[0], str(1 - int(keys[1]))), -1
+        return (kind, there, *keys), 1
 
     def mirrored_in(self, plane: str) -> bool:
         """Check whether its segments and their shares are the same in a mirror."""

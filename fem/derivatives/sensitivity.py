@@ -119,10 +119,14 @@ def _length(name: str) -> ModelParameter:
     path = tuple(name.split("."))
 
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        parts, specimen = _images(model, path), model.specimen
+        for other, share in parts:
+            specimen = lengthened(specimen, other, share * change)
         if not model.meshed:
-            return replace(model, specimen=lengthened(model.specimen, path, change)), state
-        motion = velocity(model.discretisation, model.specimen, path)
-        return moved_by(model, state, lengthened(model.specimen, path, change), change * motion)
+            return replace(model, specimen=specimen), state
+        motion = sum(share * velocity(model.discretisation, model.specimen, other)
+                     for other, share in parts)
+        return moved_by(model, state, specimen, change * motion)
 
     odd = ""
     if path[-2] == "offset":
@@ -131,6 +135,25 @@ def _length(name: str) -> ModelParameter:
         odd = "xy"
     return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,
                           frozenset(odd))
+
+
+def _images(model: Model, path: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
+    """List the lengths that change with one of a mirrored film, each with its share in the change.
+
+    The edge of one segment, moved alone, breaks the mirror symmetry. What is equal for mirror
+    images then changes as if its images moved, too, and each by an equal share.
+    """
+    found = {tuple(path): 1.0}
+    if tuple(path[:2]) != ("electrode", "segments"):
+        return [*found.items()]
+    for plane in sorted(model.discretisation.planes):
+        mean: dict[tuple[str, ...], float] = {}
+        for here, share in found.items():
+            there, sign = model.specimen.electrode.image(here[1:], plane)
+            for other, part in ((here, share), (("electrode", *there), sign * share)):
+                mean[other] = mean.get(other, 0.0) + part / 2
+        found = mean
+    return [*found.items()]
 
 
 @lru_cache(maxsize=64)
@@ -153,7 +176,9 @@ def shape_names(specimen: Specimen) -> tuple[str, ...]:
     margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate")
                if getattr(electrode, name) > 0)
     names = (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
-             *numbers(electrode.outline, "electrode.outline"))
+             *numbers(electrode.outline, "electrode.outline"),
+             *(("electrode.gap",) if electrode.gap > 0 else ()),
+             *(f"electrode.{name}" for name in electrode.edge_names))
     # Moving one corner alone would break a mirror symmetry that the model may use.
     drawn = {"vertices", "through"} if specimen.mirror_planes else set()
     return tuple(name for name in names if drawn.isdisjoint(name.split(".")))

@@ -1,11 +1,12 @@
 """Meshes that move with a length of frame, plate or electrode, for derivatives by shape.
 
-Nodes on the edges of frame, plate and electrode move with those edges. The other nodes move by the
-mean of the edges' motions, weighted by inverse squared distance (Shepard's interpolation; for
-meshes Luke, Collins & Blades, *J. Comput. Phys.* 231, 2012). Between two edges that is almost
-linear. The derivative of a discrete result by a length then is exact. In the limit of fine meshes
-it depends only on how the edges move across themselves, not on how nodes slide along them or move
-between them.
+Nodes on the edges of frame, plate and electrode move with those edges. Where edges cross, a node
+moves to the new crossing: it slides along both. The nodes of an edge between its crossings slide
+along it by what its crossings do, weighted by inverse squared distance. The other nodes move by the
+mean of the edges' motions, weighted alike (Shepard's interpolation; for meshes Luke, Collins &
+Blades, *J. Comput. Phys.* 231, 2012). Between two edges that is almost linear. The derivative of a
+discrete result by a length then is exact. In the limit of fine meshes it depends only on how the
+edges move across themselves, not on how nodes slide along them or move between them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.base.arrays import AnyArray
+from tympan.base.arrays import AnyArray, Mask
 from tympan.base.errors import InputError
 from tympan.base.paths import with_change
 from tympan.fem.complex_step import STEP
@@ -27,10 +28,24 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.curve import Foot
+from tympan.geometry.outlines.pieces import normals
 from tympan.geometry.specimen import Specimen
 
 #: Number of pairs of a node and an edge node that are weighed at once.
 _AT_ONCE = 1 << 17
+
+#: Distance from an edge, over the frame's half extent, within which a node lies on it.
+_NEAR = 1e-6
+
+#: Sine of the angle between edges below which they count as parallel.
+_PARALLEL = 1e-3
+#: Motion of a crossing that its edges do not agree on, over their largest motion: beyond rounding.
+_AT_ODDS = 1e-6
+
+#: Distance from the other edges, over the frame's half extent, at which moved nodes are on them.
+_LANDED = 1e-13
+#: Steps of Newton's method for nodes where edges cross; three or four are usual.
+_PROJECTIONS = 20
 
 #: Distance from a mirror plane, over the mesh's extent, within which a node lies on it.
 _ON_PLANE = 1e-9
@@ -52,14 +67,12 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: AnyArray) -
 def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str, ...]) -> AnyArray:
     """Compute the motion of the nodes in the plane per unit of a length, shape (nodes, 2).
 
-    InputError where an edge of the electrode runs into another edge, so that nodes would have to
-    slide along it, or where the film's stress is infinite at a sharp corner.
+    InputError where two edges lie on each other and only one of them moves, or where the film's
+    stress is infinite at a sharp corner.
     """
-    edges, stepped = _edges(specimen), _edges(lengthened(specimen, path, 1j * STEP))
-    moving = {name: stepped[name] for name in edges if edges[name] != stepped[name]}
-    return _extended(discretisation, {
-        name: edge.at(_foot(discretisation, specimen, name)).imag / STEP
-        for name, edge in moving.items()}, edge_nodes(discretisation, specimen))
+    stepped = lengthened(specimen, path, 1j * STEP)
+    moved = _on_edges(discretisation, specimen, edges_of(stepped)).imag / STEP
+    return _extended(discretisation, moved, _any_edge(discretisation, specimen))
 
 
 @lru_cache(maxsize=32)
@@ -74,36 +87,42 @@ def motion_between(discretisation: Discretisation, specimen: Specimen, other: Sp
 
     Nodes on an edge end on the other specimen's edge, even where that bends with its lengths.
     """
-    edges, others = _edges(specimen), _edges(other)
-    feet = {name: _foot(discretisation, specimen, name) for name in edges}
-    return _extended(discretisation, {
-        name: others[name].at(foot) - edges[name].at(foot) for name, foot in feet.items()},
-        edge_nodes(discretisation, specimen))
+    others, on_edge = edges_of(other), _any_edge(discretisation, specimen)
+    motion = _on_edges(discretisation, specimen, others)
+    if _crossings(discretisation, specimen).any():
+        motion[on_edge] = _settled(discretisation, specimen, others, motion)[on_edge]
+    return _extended(discretisation, motion, on_edge)
 
 
 def with_plate(discretisation: Discretisation, motion: AnyArray) -> AnyArray:
     """Extend the motion of the plate's edge, (·, 2) [m], to all nodes; the frame's edge rests."""
-    nodes = {"plate": discretisation.plate_nodes, "frame": discretisation.boundary_nodes("frame")}
-    return _extended(discretisation, {"plate": motion}, nodes)
+    plate, frame = discretisation.plate_nodes, discretisation.boundary_nodes("frame")
+    whole = np.zeros((len(discretisation.reference), 2))
+    whole[plate] = motion
+    on_edge = np.zeros(len(whole), dtype=bool)
+    on_edge[np.concatenate([plate, frame])] = True
+    return _extended(discretisation, whole, on_edge)
 
 
-def _extended(discretisation: Discretisation, motions: Mapping[str, AnyArray],
-              nodes: Mapping[str, AnyArray]) -> AnyArray:
-    """Extend the motion of nodes on some edges to all nodes; the other edges rest."""
-    result = np.zeros((len(discretisation.reference), 2))
-    for name, motion in motions.items():
-        result[nodes[name]] = motion
+def _extended(discretisation: Discretisation, motion: AnyArray, on_edge: Mask) -> AnyArray:
+    """Extend the motion of the nodes on edges to all nodes, (nodes, 2) each."""
+    result: AnyArray = np.where(on_edge[:, None], motion, 0.0)
     if result.any():
         places = discretisation.reference[:, :2]
-        edges = np.zeros(len(places), dtype=bool)
-        edges[np.concatenate([*nodes.values()])] = True
-        images = _images(discretisation.planes)
-        sources, moved = ((of[edges] * images).reshape(-1, 2) for of in (places, result))
-        # A node on a mirror plane is its own image and counts once.
-        apart = np.abs(places[edges]) > _ON_PLANE * np.ptp(places)
-        counted = (apart | (images > 0)).all(axis=-1).ravel()
-        result[~edges] = _interpolated(places[~edges], sources[counted], moved[counted])
+        sources, moved = _with_images(discretisation, on_edge, result)
+        result[~on_edge] = _interpolated(places[~on_edge], sources, moved)
     return result
+
+
+def _with_images(discretisation: Discretisation, chosen: AnyArray, vectors: AnyArray
+                 ) -> tuple[AnyArray, AnyArray]:
+    """Collect places and vectors of chosen nodes and of their mirror images, (·, 2) each."""
+    places, images = discretisation.reference[:, :2], _images(discretisation.planes)
+    sources, imaged = ((of[chosen] * images).reshape(-1, 2) for of in (places, vectors))
+    # A node on a mirror plane is its own image and counts once.
+    apart = np.abs(places[chosen]) > _ON_PLANE * np.ptp(places)
+    counted = (apart | (images > 0)).all(axis=-1).ravel()
+    return sources[counted], imaged[counted]
 
 
 def _images(planes: frozenset[str]) -> AnyArray:
@@ -142,41 +161,165 @@ def _lifted(places: AnyArray) -> AnyArray:
 
 @lru_cache(maxsize=8)
 def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, AnyArray]:
-    """Find the nodes on each edge; raises what :func:`velocity` does."""
+    """Find the nodes on each edge; a node where edges cross is on all of them.
+
+    InputError where the film's stress is infinite at a sharp corner.
+    """
     _refuse_notches(specimen)
-    edges, places = _edges(specimen), discretisation.reference[:, :2]
+    edges, places = edges_of(specimen), discretisation.reference[:, :2]
     nodes: dict[str, AnyArray] = {name: discretisation.boundary_nodes(name)
                                for name in ("frame", "plate") if name in edges}
-    inner = discretisation.electrode_edge.every
-    if len(inner):
-        here = places[inner]
-        miss = np.stack([np.linalg.norm(edge.at(edge.foot(here)) - here, axis=1)
-                         for edge in edges.values()])
-        close = miss < 1e-6 * max(specimen.frame.semi_axes)
-        if (np.count_nonzero(close, axis=0) > 1).any():
-            raise InputError("must have an edge of its own, away from plate, frame and margins, "
-                             "whose nodes could not follow both", key="electrode",
-                             given=str(specimen.electrode.outline))
-        owner = miss.argmin(axis=0)
-        nodes |= {name: inner[owner == number] for number, name in enumerate(edges)
-                  if name not in nodes}
-    return nodes
+    inner = discretisation.interface
+    here = places[inner]
+    near = _NEAR * max(specimen.frame.semi_axes)
+    miss = {name: edge.miss(here, specimen) for name, edge in edges.items() if name not in nodes}
+    # Each node is on one edge at least: an outline's polygon may pass a drawn curve by more.
+    alone = np.ones(len(inner), dtype=bool)
+    for name in nodes:
+        alone &= ~np.isin(inner, nodes[name])
+    closest = np.where(alone, np.min([*miss.values()], axis=0, initial=np.inf), 0.0)
+    return nodes | {name: inner[away <= np.maximum(near, closest)] for name, away in miss.items()}
+
+
+@lru_cache(maxsize=8)
+def _any_edge(discretisation: Discretisation, specimen: Specimen) -> Mask:
+    """Select the nodes on edges, (nodes,)."""
+    on_edge: Mask = _incidence(discretisation, specimen).any(axis=1)
+    return on_edge
+
+
+@lru_cache(maxsize=8)
+def _incidence(discretisation: Discretisation, specimen: Specimen) -> Mask:
+    """Mask of the edges that each node is on, (nodes, edges)."""
+    nodes = edge_nodes(discretisation, specimen)
+    incidence = np.zeros((len(discretisation.reference), len(nodes)), dtype=bool)
+    for number, members in enumerate(nodes.values()):
+        incidence[members, number] = True
+    return incidence
+
+
+@lru_cache(maxsize=8)
+def _crossings(discretisation: Discretisation, specimen: Specimen) -> Mask:
+    """Select the nodes on several edges, (nodes,)."""
+    crossing: Mask = _incidence(discretisation, specimen).sum(axis=1) > 1
+    return crossing
+
+
+@lru_cache(maxsize=8)
+def _normals(discretisation: Discretisation, specimen: Specimen) -> AnyArray:
+    """Compute the unit normals of the edges at their nodes, (nodes, edges, 2), 0 elsewhere."""
+    edges, nodes = edges_of(specimen), edge_nodes(discretisation, specimen)
+    across = np.zeros((*_incidence(discretisation, specimen).shape, 2))
+    for number, (name, members) in enumerate(nodes.items()):
+        across[members, number] = edges[name].normal(_foot(discretisation, specimen, name))
+    return across
 
 
 @lru_cache(maxsize=32)
 def _foot(discretisation: Discretisation, specimen: Specimen, name: str) -> Foot:
     """Project the nodes of an edge onto it."""
     nodes = edge_nodes(discretisation, specimen)[name]
-    return _edges(specimen)[name].foot(discretisation.reference[nodes, :2])
+    return edges_of(specimen)[name].foot(discretisation.reference[nodes, :2])
+
+
+def _on_edges(discretisation: Discretisation, specimen: Specimen, others: Mapping[str, Edge]
+              ) -> AnyArray:
+    """Compute the motion of the nodes on edges to other edges, to first order, (nodes, 2) [m].
+
+    Nodes keep their places along an edge, but for what its crossings slide.
+    """
+    edges, nodes = edges_of(specimen), edge_nodes(discretisation, specimen)
+    own = {name: others[name].at(foot) - edges[name].at(foot) for name in nodes
+           for foot in [_foot(discretisation, specimen, name)]}
+    motion = np.zeros((len(discretisation.reference), 2),
+                      np.result_type(float, *(part.dtype for part in own.values())))
+    # Of several edges, the first in the list gives the motion; frame and plate come first.
+    for name in reversed(nodes):
+        motion[nodes[name]] = own[name]
+    crossing = np.flatnonzero(_crossings(discretisation, specimen))
+    if not len(crossing):
+        return motion
+    across = _normals(discretisation, specimen)
+    wanted = np.zeros(across.shape[:2], motion.dtype)
+    for number, (name, members) in enumerate(nodes.items()):
+        wanted[members, number] = (across[members, number] * own[name]).sum(axis=-1)
+    motion[crossing] += _met(across[crossing], wanted[crossing], motion[crossing])
+    for name, members in nodes.items():
+        _slide(discretisation, specimen, name, motion, motion[members] - own[name])
+    return motion
+
+
+def _met(across: AnyArray, wanted: AnyArray, motion: AnyArray) -> AnyArray:
+    """Compute the smallest further motion that meets all edges, (n, 2) [m].
+
+    ``across``: unit normals (n, edges, 2); ``wanted`` (n, edges): motion along each of them.
+    """
+    left = wanted - (across @ motion[..., None])[..., 0]
+    more: AnyArray = (np.linalg.pinv(across, rcond=_PARALLEL) @ left[..., None])[..., 0]
+    rest = np.abs(left - (across @ more[..., None])[..., 0])
+    if rest.max() > _AT_ODDS * np.abs(wanted).max():
+        raise InputError("has edges that lie on each other or touch, and only one of them moves: "
+                         "leave bare film between them, such as by electrode.gap",
+                         key="electrode")
+    return more
+
+
+def _slide(discretisation: Discretisation, specimen: Specimen, name: str, motion: AnyArray,
+           slides: AnyArray) -> None:
+    """Slide the nodes of an edge between its crossings along it, as these slide (edge's nodes, 2).
+
+    ``motion`` (nodes, 2) [m] is changed in place.
+    """
+    members = edge_nodes(discretisation, specimen)[name]
+    crossing = _crossings(discretisation, specimen)[members]
+    if not slides[crossing].any() or crossing.all():
+        return
+    vectors = np.zeros_like(motion)
+    vectors[members] = slides
+    sources, values = _with_images(discretisation, members[crossing], vectors)
+    between = members[~crossing]
+    apart = discretisation.reference[between, None, :2] - sources
+    weights = 1 / (apart**2).sum(axis=-1)
+    slid = (weights @ values) / weights.sum(axis=1, keepdims=True)
+    number = [*edge_nodes(discretisation, specimen)].index(name)
+    normal = _normals(discretisation, specimen)[between, number]
+    motion[between] += slid - normal * (normal * slid).sum(axis=1, keepdims=True)
+
+
+def _settled(discretisation: Discretisation, specimen: Specimen, others: Mapping[str, Edge],
+             motion: AnyArray) -> AnyArray:
+    """Move nodes near other edges onto them, by Newton's method: their motion, (nodes, 2) [m]."""
+    nodes = edge_nodes(discretisation, specimen)
+    on_edge = np.flatnonzero(_any_edge(discretisation, specimen))
+    row = np.zeros(len(motion), dtype=int)
+    row[on_edge] = np.arange(len(on_edge))
+    motion, places = motion.copy(), discretisation.reference[:, :2]
+    size = max(specimen.frame.semi_axes)
+    for _ in range(_PROJECTIONS):
+        across = np.zeros((len(on_edge), len(nodes), 2))
+        left = np.zeros(across.shape[:2])
+        for number, (name, members) in enumerate(nodes.items()):
+            here = places[members] + motion[members]
+            foot = others[name].foot(here)
+            normal = across[row[members], number] = others[name].normal(foot)
+            left[row[members], number] = ((others[name].at(foot) - here) * normal).sum(axis=1)
+        if np.abs(left).max() < _LANDED * size:
+            return motion
+        motion[on_edge] += (np.linalg.pinv(across, rcond=_PARALLEL) @ left[..., None])[..., 0]
+    raise InputError("has edges that no longer meet: change its lengths less", key="electrode")
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A curve at a distance from an outline, outwards if positive [m]."""
+    """A curve at a distance from an outline, outwards if positive [m].
+
+    ``segment``: number of the electrode's segment of whose region alone it is an edge.
+    """
 
     outline: Outline
     centre: tuple[Any, Any]
     distance: Any = 0.0
+    segment: int | None = None
 
     def foot(self, places: AnyArray) -> Foot:
         """Find the nearest points on the outline."""
@@ -185,13 +328,52 @@ class Edge:
     def at(self, foot: Foot) -> AnyArray:
         """Evaluate points of the curve, shape (n, 2) [m]."""
         value, slope = self.outline.curve.at(foot)
-        length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
-        normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
-        points: AnyArray = value + np.array(self.centre) + self.distance * normal
+        points: AnyArray = value + np.array(self.centre) + self.distance * normals(slope)
         return points
 
+    def normal(self, foot: Foot) -> AnyArray:
+        """Compute unit normals, shape (n, 2)."""
+        return normals(self.outline.curve.at(foot)[1]).real
 
-def _edges(specimen: Specimen) -> dict[str, Edge]:
+    def miss(self, places: AnyArray, specimen: Specimen) -> AnyArray:
+        """Measure the distance of places to the edge, (n,) [m]; inf beside its segment."""
+        miss = np.linalg.norm(self.at(self.foot(places)) - places, axis=1)
+        if self.segment is None:
+            return miss
+        electrode, near = specimen.electrode, _NEAR * max(specimen.frame.semi_axes)
+        segment = electrode.segments[self.segment]
+        level = segment.level(*places.T, specimen.frame, electrode.gap)
+        return np.where(np.abs(level) < near, miss, np.inf)
+
+
+@dataclass(frozen=True)
+class Ray(Edge):
+    """A straight edge of a sector, from ``centre`` in a direction ``angle`` [rad]."""
+
+    angle: Any = 0.0
+
+    @property
+    def _along(self) -> AnyArray:
+        return np.array([np.cos(self.angle), np.sin(self.angle)])
+
+    def foot(self, places: AnyArray) -> Foot:
+        """Find the nearest points by their distance from the start [m]."""
+        away = np.maximum((places - np.array(self.centre)) @ self._along, 0.0)
+        return np.zeros(len(places), dtype=int), away
+
+    def at(self, foot: Foot) -> AnyArray:
+        """Evaluate points of the ray, shape (n, 2) [m]."""
+        points: AnyArray = np.array(self.centre) + foot[1][:, None] * self._along
+        return points
+
+    def normal(self, foot: Foot) -> AnyArray:
+        """Compute unit normals, shape (n, 2)."""
+        return np.broadcast_to(normals(self._along[None]).real, (len(foot[1]), 2))
+
+
+@lru_cache(maxsize=64)
+def edges_of(specimen: Specimen) -> dict[str, Edge]:
+    """List the edges of frame, plate and electrode that the mesh follows, by name."""
     electrode, plate = specimen.electrode, specimen.plate
     edges = {"frame": Edge(specimen.frame, (0.0, 0.0))}
     if plate is not None:
@@ -202,6 +384,17 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
         edges["margin_plate"] = Edge(plate.outline, plate.offset, electrode.margin_plate)
     if electrode.outline is not None:
         edges["electrode"] = Edge(electrode.outline.outline, electrode.outline.offset)
+    for number, segment in enumerate(electrode.segments):
+        key = f"segment {number}"
+        if segment.outline is not None:
+            edges[f"{key} outline"] = Edge(segment.outline.outline, segment.outline.offset,
+                                           segment=number)
+        for end, distance in enumerate(segment.within(electrode.gap)):
+            if 0 < np.real(distance) < np.inf:
+                edges[f"{key} band {end}"] = Edge(specimen.frame, (0.0, 0.0), -distance, number)
+        for end, angle in enumerate(segment.sector or ()):
+            edges[f"{key} sector {end}"] = Ray(
+                specimen.frame, tuple(segment.apex(electrode.gap)), segment=number, angle=angle)
     return edges
 
 

@@ -224,6 +224,17 @@ class Discretisation(FieldsAlone):
         """A number for each part of the electrode and one for bare film, shape (elements,)."""
         return np.where(self.covered[:, 0] > 0, 1 + self.segments, 0)
 
+    @cached_property
+    def interface(self) -> AnyArray:
+        """Nodes between different parts of the electrode, or of electrode and bare film, (n,)."""
+        sides = np.broadcast_to(self._sides[:, None], self.connectivity.shape)
+        low = np.full(len(self.reference), self._sides.max(initial=0))
+        high = np.zeros_like(low)
+        np.minimum.at(low, self.connectivity, sides)
+        np.maximum.at(high, self.connectivity, sides)
+        nodes: AnyArray = np.flatnonzero(low < high)
+        return nodes
+
     def boundary_nodes(self, name: str) -> AnyArray:
         """Find the nodes on a named boundary; empty if the mesh has none of that name."""
         return self.boundaries.get(name, np.array([], dtype=int))

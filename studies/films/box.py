@@ -33,7 +33,9 @@ _PARTS = ("frame", "plate", "membrane", "electrode")
 #: Path of the plate's outline, which determines its area.
 _PLATE = "plate.outline"
 #: Paths of lengths that move the mesh.
-_OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline")
+_OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline", "electrode.gap")
+#: Path of the electrode's segments, all of whose numbers but their shares move the mesh.
+_SEGMENTS, _SHARE = "electrode.segments.", ".share"
 #: Numbers that must be equal in all films: the formulas for many films do not support their
 #: variation.
 _SAME = ("membrane.thickness_gradient", "membrane.law_range", "electrode.stiffness",
@@ -168,7 +170,8 @@ class Box:
     @property
     def lengths(self) -> tuple[str, ...]:
         """Names of the parameters that move the mesh."""
-        return tuple(name for name in self.names if name.startswith(_OUTLINED))
+        return tuple(name for name in self.names if name.startswith(_OUTLINED)
+                     or name.startswith(_SEGMENTS) and not name.endswith(_SHARE))
 
     def holds(self, rows: Array) -> Mask:
         """Compute the mask of films inside the box, (films,)."""
@@ -202,9 +205,16 @@ def between(values: Sequence[float | str], dimension: str, key: str) -> tuple[fl
 
 
 def varying(specimen: Specimen) -> tuple[str, ...]:
-    """List the paths of all numbers of a specimen that may vary in a family."""
+    """List the paths of all numbers of a specimen that may vary in a family.
+
+    Edges that segments share, such as those without a gap, cannot move alone.
+    """
+    edges = {f"electrode.{path}" for path in specimen.electrode.edge_names}
+    gap = specimen.electrode.gap
     return tuple(path for part in _PARTS if getattr(specimen, part) is not None
-                 for path in numbers(getattr(specimen, part), part) if not path.startswith(_SAME))
+                 for path in numbers(getattr(specimen, part), part)
+                 if not path.startswith(_SAME) and (path != "electrode.gap" or gap > 0)
+                 and (not path.startswith(_SEGMENTS) or path.endswith(_SHARE) or path in edges))
 
 
 def kind_of(specimen: Specimen) -> object:

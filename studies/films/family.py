@@ -163,7 +163,9 @@ class Ground(FieldsAlone):
     @classmethod
     def of(cls, box: Box, loads: Loads, settings: Settings) -> Ground:
         """Mesh the box's specimen, with the mirror planes that all films of the box share."""
-        middle = box.member((box.low + 1.0001 * box.high) / 2.0001) if box.names else box.specimen
+        # Equal shares, in the middle of equal ranges, would make a mirror image.
+        high = 1 + 1e-4 * np.arange(1, len(box.names) + 1)
+        middle = box.member((box.low + high * box.high) / (1 + high)) if box.names else box.specimen
         planes = (mirror_planes(box.specimen, loads.loading)
                   & mirror_planes(middle, loads.loading))
         require_reducible(box.specimen, loads)
