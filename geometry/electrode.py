@@ -146,8 +146,8 @@ class Segment:
     def apex(self, gap: float) -> AnyArray:
         """Find where the straight edges of its sector meet, half a ``gap`` inside it [m]."""
         middle = self._sector[0] + self.width / 2
-        away: AnyArray = gap / 2 / np.sin(self.width / 2) * np.array([np.cos(middle), np.sin(middle)])
-        return away
+        away: AnyArray = np.array([np.cos(middle), np.sin(middle)])
+        return away * gap / 2 / np.sin(self.width / 2)
 
     @property
     def _sector(self) -> Pair:

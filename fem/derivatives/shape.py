@@ -257,7 +257,7 @@ def _met(across: AnyArray, wanted: AnyArray, motion: AnyArray) -> AnyArray:
     left = wanted - (across @ motion[..., None])[..., 0]
     more: AnyArray = (np.linalg.pinv(across, rcond=_PARALLEL) @ left[..., None])[..., 0]
     rest = np.abs(left - (across @ more[..., None])[..., 0])
-    if rest.max() > _AT_ODDS * np.abs(wanted).max():
+    if rest.max() > _AT_ODDS * max(np.abs(wanted).max(), np.abs(motion).max()):
         raise InputError("has edges that lie on each other or touch, and only one of them moves: "
                          "leave bare film between them, such as by electrode.gap",
                          key="electrode")
@@ -277,6 +277,10 @@ def _slide(discretisation: Discretisation, specimen: Specimen, name: str, motion
     vectors = np.zeros_like(motion)
     vectors[members] = slides
     sources, values = _with_images(discretisation, members[crossing], vectors)
+    # The mirror image of a node may lie on the edge of another segment.
+    away = edges_of(specimen)[name].miss(sources, specimen)
+    here = away <= _NEAR * max(specimen.frame.semi_axes)
+    sources, values = sources[here], values[here]
     between = members[~crossing]
     apart = discretisation.reference[between, None, :2] - sources
     weights = 1 / (apart**2).sum(axis=-1)
@@ -337,7 +341,7 @@ class Edge:
 
     def miss(self, places: AnyArray, specimen: Specimen) -> AnyArray:
         """Measure the distance of places to the edge, (n,) [m]; inf beside its segment."""
-        miss = np.linalg.norm(self.at(self.foot(places)) - places, axis=1)
+        miss: AnyArray = np.linalg.norm(self.at(self.foot(places)) - places, axis=1)
         if self.segment is None:
             return miss
         electrode, near = specimen.electrode, _NEAR * max(specimen.frame.semi_axes)

@@ -431,6 +431,19 @@ class Model:
         inner, plate = self.on_freedoms(forces, state.plate)
         return inner, plate + outer
 
+    def guiding(self, state: State) -> AnyArray:
+        """Compute forces [N] and moments [N m] with which the guide holds the plate, (6,).
+
+        Moments are about axes through the plate's centre. They are derivatives of film energy and
+        load by the motions that the guide forbids, and 0 for motions that it allows or that
+        symmetry excludes.
+        """
+        mesh = self.discretisation
+        forces = self.nodal_forces(state)[mesh.plate_nodes]
+        whole = state.plate.gathered(self.arms, forces) * mesh.mirrored + self._on_plate(state)[1]
+        free = GUIDES[self.loading.guide].union(*(_REVERSED[plane] for plane in mesh.planes))
+        return np.where([name in free for name in FREEDOMS], 0.0, whole)
+
     def unbalanced(self, state: State) -> float:
         """Find the largest unbalanced force on a free component, over the largest nodal force."""
         forces = self.nodal_forces(state)

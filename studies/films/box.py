@@ -171,7 +171,7 @@ class Box:
     def lengths(self) -> tuple[str, ...]:
         """Names of the parameters that move the mesh."""
         return tuple(name for name in self.names if name.startswith(_OUTLINED)
-                     or name.startswith(_SEGMENTS) and not name.endswith(_SHARE))
+                     or (name.startswith(_SEGMENTS) and not name.endswith(_SHARE)))
 
     def holds(self, rows: Array) -> Mask:
         """Compute the mask of films inside the box, (films,)."""

@@ -17,7 +17,7 @@ from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.span import Span
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import FREEDOMS, State
 from tympan.fem.results.fields import largest, node_fields
 from tympan.fem.results.limit_states import (
     INSTABILITY,
@@ -73,7 +73,14 @@ class FollowedForce:
             voltage_V=self.voltage, displacement_m=tuple(self.displacement.tolist()),
             force_N=tuple(self.force.tolist()), stable=tuple(stable),
             stiffness_N_per_m=tuple(self.stiffness), limits=tuple(self.limits), ended=self.ended,
-            **self._of_fields())
+            **self._of_fields(), **self._of_guide())
+
+    def _of_guide(self) -> dict[str, tuple[float, ...]]:
+        """Collect the stored forces and moments of the guide on the plate."""
+        held = np.array([self.model.guiding(state) for state in self.states]).reshape(-1, 6)
+        names = {"x": "force_x_N", "y": "force_y_N", "rx": "moment_x_Nm", "ry": "moment_y_Nm"}
+        return {name: tuple(held[:, FREEDOMS.index(freedom)].tolist())
+                for freedom, name in names.items()}
 
     def _of_fields(self) -> dict[str, tuple[Any, ...]]:
         """Collect the stored values of the film at each displacement."""

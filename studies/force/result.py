@@ -93,6 +93,15 @@ class ForceCurve:
     breakdown_share: Annotated[tuple[float | None, ...], Key(
         "largest field over strength; 0 where the strength is unknown, none of a film without "
         "fields")]
+    force_x_N: Annotated[tuple[float, ...], Key(
+        "force along x with which a guide keeps the plate from shifting; 0 where it may shift")]
+    force_y_N: Annotated[tuple[float, ...], Key("the same along y")]
+    moment_x_Nm: Annotated[tuple[float, ...], Key(
+        "moment about the x axis through the plate's centre with which a guide keeps the plate "
+        "from tilting, positive where alone it would deflect the side at +y further; 0 where the "
+        "plate may tilt")]
+    moment_y_Nm: Annotated[tuple[float, ...], Key(
+        "the same about the y axis, positive where alone it would deflect the side at -x further")]
     limits: Annotated[tuple[ForceLimit, ...], Key("limits that the curve passes, in order")]
     ended: Annotated[ForceLimit | None, Key(
         "where the curve ends before the last displacement; none where it reaches that")]

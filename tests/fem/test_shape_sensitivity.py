@@ -3,8 +3,10 @@ scikit-fem's geometry."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,15 +15,24 @@ from tests.oracles import axisymmetric
 from tests.support.models import deflection_gradient, model, pressed_model
 from tests.support.specimens import ROOT5, circular, skewed
 from tympan.base.errors import InputError
-from tympan.base.paths import with_change
+from tympan.base.paths import with_change, with_numbers
+from tympan.fem.derivatives.quantities import FUNCTIONALS
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
-from tympan.fem.derivatives.sensitivity import limit_gradient, parameters
-from tympan.fem.derivatives.shape import edge_nodes, velocity
-from tympan.fem.discretisation.isoparametric import isoparametric
+from tympan.fem.derivatives.sensitivity import (
+    gradient_many,
+    limit_gradient,
+    parameters,
+    shape_names,
+)
+from tympan.fem.derivatives.shape import edge_nodes, edges_of, motion_between, velocity
+from tympan.fem.discretisation.isoparametric import folded, isoparametric
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.geometry.electrode import Segment
 from tympan.geometry.outlines import (
     Circle,
     Ellipse,
@@ -156,12 +167,151 @@ def test_an_electrode_within_the_film_moves() -> None:
         assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-7 * abs(exact[name])
 
 
-def test_an_electrode_across_the_frame_is_refused() -> None:
-    film = model(electrode(Region(Circle(20e-3), (40e-3, 0.0))), order=2)
+def test_an_electrode_across_the_frame_moves_along_it() -> None:
+    """Nodes where both cross slide along both: against the moved mesh and new meshes."""
+    base = electrode(Region(Circle(20e-3), (40e-3, 0.0)))
+    film = model(base, refine=2)
     state = equilibrium(film, FORCE, VOLTAGE).state
-    with pytest.raises(InputError, match="away from plate, frame and margins"):
+    names = ["frame.radius", "electrode.outline.offset.0"]
+    exact = deflection_gradient(film, state, names)
+
+    def heave(name: str, change: float) -> float:
+        other = model(with_change(base, name.split("."), change), refine=2)
+        return equilibrium(other, FORCE, VOLTAGE).state.plate.deflection
+
+    for name in names:
+        found = slope(partial(heave, name), 0.0, 4e-4)
+        assert exact[name] == pytest.approx(found, rel=1e-3), name
+
+
+def test_edges_that_touch_and_do_not_move_alike_are_refused() -> None:
+    """The electrode's outline touches the frame from within, all around at one place."""
+    film = model(electrode(Region(Circle(20e-3), (25e-3, 0.0))), order=2)
+    state = equilibrium(film, FORCE, VOLTAGE).state
+    with pytest.raises(InputError, match="lie on each other or touch"):
         deflection_gradient(film, state, ["frame.radius"])
     assert deflection_gradient(film, state, ["force"])["force"] > 0
+
+
+def sector(name: str, start: float, end: float, **more: Any) -> Segment:
+    return Segment(name=name, sector=(np.radians(start), np.radians(end)), **more)
+
+
+def segmented(**more: Any) -> Specimen:
+    """Sectors with gaps, one of them cut by a band; the plate off centre: without symmetry."""
+    segments = (sector("A", 0, 80, band=(3e-3, 20e-3)), sector("B", 90, 180, share=0.5),
+                sector("C", 185, 262, share=0.2), sector("D", 270, 360, share=0.7))
+    electrode = Electrode(gap=4e-3, segments=segments)
+    return replace(circular(), electrode=electrode, plate=Plate(Circle(10e-3), (1e-3, -2e-3)))
+
+
+QUANTITIES = {name: FUNCTIONALS[name] for name in ("heave", "tilt_x", "tilt_y", "capacitance")}
+#: Steps of lengths [m] and angles [rad] for differences.
+STEP, TURN = 4e-4, 0.02
+
+
+def values(film: Model, state: State) -> np.ndarray:
+    return np.array([float(quantity.value(film, state)) for quantity in QUANTITIES.values()])
+
+
+def gradients(film: Model, state: State, names: Sequence[str]) -> dict[str, np.ndarray]:
+    slopes = gradient_many(film, state, QUANTITIES, parameters(film, names))
+    return {name: np.array([slopes[quantity][name] for quantity in QUANTITIES]) for name in names}
+
+
+@pytest.mark.study(seconds=60)
+def test_edges_of_segments_move_to_second_order() -> None:
+    """Every length of a segmented film, by Taylor's formula on the moved mesh."""
+    film = model(segmented())
+    state = equilibrium(film, FORCE, VOLTAGE).state
+    names = shape_names(film.specimen)
+    assert {"electrode.gap", "electrode.segments.0.sector.1", "electrode.segments.0.band.0",
+            "electrode.segments.0.band.1"} <= {*names}
+    assert "electrode.segments.1.band.0" not in names
+    exact = gradients(film, state, names)
+    scale = {kind: np.max([np.abs(slopes) for name, slopes in exact.items()
+                           if ("sector" in name) == kind], axis=0) for kind in (True, False)}
+    for name in names:
+        step, errors = TURN if "sector" in name else STEP, []
+        for change in (step, step / 2):
+            ends = []
+            for signed in (change, -change):
+                other, start = parameters(film)[name].changed(film, state, signed)
+                solution = newton(other, start)
+                assert solution.converged
+                ends.append(values(other, solution.state))
+            errors.append(np.abs((ends[0] - ends[1]) / (2 * change) - exact[name])
+                          / scale["sector" in name])
+        assert (errors[1] < 1e-3).all(), name
+        assert ((errors[0] > 3.5 * errors[1]) | (errors[1] < 1e-6)).all(), name
+
+
+@pytest.mark.study(seconds=120)
+@pytest.mark.parametrize("refine", [1.0, 4.0])
+@pytest.mark.parametrize("name", [
+    "electrode.gap", "electrode.segments.0.sector.1", "electrode.segments.0.band.1",
+    "plate.outline.radius", "plate.offset.0", "frame.radius"])
+def test_edges_of_segments_against_new_meshes(name: str, refine: float) -> None:
+    film = model(segmented(), refine=refine)
+    exact = gradients(film, equilibrium(film, FORCE, VOLTAGE).state, [name])[name]
+    step, ends = TURN if "sector" in name else 2 * STEP, []
+    for signed in (step, -step, step / 2, -step / 2):
+        other = model(with_change(film.specimen, name.split("."), signed), refine=refine)
+        ends.append(values(other, equilibrium(other, FORCE, VOLTAGE).state))
+    far, near = (ends[0] - ends[1]) / (2 * step), (ends[2] - ends[3]) / step
+    # New meshes change each value by their own errors, which differ from mesh to mesh.
+    np.testing.assert_allclose((4 * near - far) / 3, exact, rtol=6e-3 if refine < 2 else 1e-3,
+                               atol=2e-4 * np.abs(exact[1:3]).max() * (exact != exact[3]))
+
+
+def test_a_mirrored_part_has_the_derivatives_of_the_whole_by_its_segments() -> None:
+    """One sector's edge alone has no mirror image: a quarter of the film has its share."""
+    segments = tuple(sector(name, start + 5, start + 85)
+                     for name, start in zip("ABCD", (0, 90, 180, 270), strict=True))
+    film = replace(circular(), electrode=Electrode(gap=3e-3, segments=segments))
+    part, whole = model(film, refine=4), model(film, refine=4, symmetry=False)
+    assert part.discretisation.planes == {"x", "y"}
+    names = ["electrode.gap", "electrode.segments.0.sector.1", "electrode.segments.2.sector.0"]
+    found = [deflection_gradient(each, equilibrium(each, FORCE, VOLTAGE), names)
+             for each in (part, whole)]
+    for name in names:
+        assert found[0][name] == pytest.approx(found[1][name], rel=1e-7)
+
+
+def test_moved_nodes_are_on_the_other_films_edges() -> None:
+    base = segmented()
+    wide = with_numbers(base, {
+        "plate.outline.radius": 10.7e-3, "plate.offset.0": 0.6e-3, "electrode.gap": 3.7e-3,
+        "electrode.segments.0.sector.1": np.radians(78.0), "frame.radius": 46e-3,
+        "electrode.segments.0.band.1": 20.5e-3})
+    film = model(base)
+    mesh = film.discretisation
+    moved = mesh.moved(motion_between(mesh, base, wide))
+    assert not folded(moved.mesh)
+    for name, nodes in edge_nodes(mesh, base).items():
+        edge, places = edges_of(wide)[name], moved.reference[nodes, :2]
+        assert np.abs(edge.at(edge.foot(places)) - places).max() < 1e-12, name
+    # It is the film of a new mesh.
+    there = replace(film, discretisation=moved, specimen=wide)
+    own = model(wide)
+    found, known = (values(each, equilibrium(each, FORCE, VOLTAGE).state) for each in (there, own))
+    np.testing.assert_allclose(found, known, rtol=1e-3)
+    # To first order it is the velocity.
+    near = with_change(base, ("electrode", "gap"), 1e-7)
+    rate = velocity(mesh, base, ("electrode", "gap"))
+    np.testing.assert_allclose(motion_between(mesh, base, near) / 1e-7, rate, atol=1e-5)
+
+
+def test_edges_that_segments_share_do_not_move_alone() -> None:
+    halves = (sector("A", 0, 180), sector("B", 180, 360, share=0.0))
+    film = replace(circular(), electrode=Electrode(segments=halves))
+    assert not [name for name in shape_names(film) if "segments" in name or "gap" in name]
+    alone = replace(circular(), electrode=Electrode(segments=halves[:1]))
+    assert "electrode.segments.0.sector.1" in shape_names(alone)
+    free = model(alone)
+    exact = gradients(free, equilibrium(free, FORCE, VOLTAGE).state, shape_names(alone))
+    assert exact["electrode.segments.0.sector.1"][0] == pytest.approx(
+        -exact["electrode.segments.0.sector.0"][0], rel=1e-3)
 
 
 @pytest.mark.parametrize(("frame", "plate", "name"), [

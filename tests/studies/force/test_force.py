@@ -17,15 +17,22 @@ from tests.oracles import axisymmetric
 from tests.oracles.laws import gent
 from tests.support.specimens import NEO_HOOKE, circular, reference_film, specimen_toml
 from tympan.cli import main
+from tympan.fem.equilibrium.constraints import held_plate
+from tympan.fem.equilibrium.newton import newton
+from tympan.fem.equilibrium.solve import held
 from tympan.fem.film.laws import Gent, NeoHooke, Ogden
 from tympan.fem.membrane.biases import Magnet, Spring
+from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.rig import Rig
+from tympan.geometry.electrode import Electrode, Segment
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.specimen import ViscousBranch
+from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.reports.figures.force import draw_force_curves
-from tympan.studies.case import Case, Settings, solve
+from tympan.studies.case import Case, Settings, build_model, solve
 from tympan.studies.force import ForceCase, ForceResult
 from tympan.studies.force import force as force_of
+from tympan.studies.force.result import ForceCurve
 from tympan.studies.limits import limits
 
 STIFF = Ogden((30e3, 2e3), (1.3, 5.5))
@@ -376,3 +383,74 @@ def test_what_is_left_out_is_told() -> None:
     case = ForceCase(VISCOUS, to=1e-3, points=2, rig=Rig(friction=1e-3, lag_voltage=10.0))
     warnings = " ".join(force_of(case, Settings(MeshSettings().refined(0.5))).warnings)
     assert all(word in warnings for word in ("friction", "lag_voltage", "--rate"))
+
+
+def quarters(driven: str = "A") -> Specimen:
+    """Four sectors with gaps, of which only some have a voltage."""
+    segments = tuple(Segment(name=name, sector=(number * np.pi / 2, (number + 1) * np.pi / 2),
+                             share=float(name in driven)) for number, name in enumerate("ABCD"))
+    return replace(circular(), electrode=Electrode(gap=2e-3, segments=segments))
+
+
+def guided(specimen: Specimen, guide: str = "vertical") -> ForceCurve:
+    """At 4 kV, out to 4 mm, with a guide."""
+    curve, = tympan.force(specimen, to="4 mm", voltage=["4 kV"], points=5,
+                          rig=Rig(guide=guide)).curves  # type: ignore[arg-type]
+    return curve
+
+
+def test_a_guide_holds_the_moment_of_a_driven_quarter() -> None:
+    """It is the derivative of the film's energy by a tilt; the opposite quarter reverses it."""
+    curve, opposite = guided(quarters("A")), guided(quarters("C"))
+    held = ("force_x_N", "force_y_N", "moment_x_Nm", "moment_y_Nm")
+    for name in held:
+        values = np.array(getattr(curve, name))
+        largest = np.abs(values).max()
+        assert largest > (1e-2 if "force" in name else 1e-5)
+        np.testing.assert_allclose(np.array(getattr(opposite, name)), -values,
+                                   atol=1e-5 * largest)
+    # The quarter lies on the diagonal, whose mirror exchanges both axes.
+    np.testing.assert_allclose(curve.moment_x_Nm, [-each for each in curve.moment_y_Nm],
+                               rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(curve.force_x_N, curve.force_y_N, rtol=1e-4)
+    # The driven quarter pulls less on its side, which then would be deflected further.
+    assert guided(quarters("AB")).moment_x_Nm[-1] < 0
+    for specimen, guide in ((quarters("A"), "free"), (quarters("ABCD"), "vertical")):
+        other = guided(specimen, guide)
+        assert [getattr(other, name) for name in held] == [(0.0,) * 5] * 4
+    level = guided(quarters("A"), "level")
+    assert level.force_x_N == (0.0,) * 5
+    assert level.moment_x_Nm[-1] < 0
+
+
+def test_moments_of_a_guide_are_derivatives_of_the_energy() -> None:
+    """By a complex step at fixed film, and by virtual work with the film relaxed anew."""
+    model = build_model(quarters(), Settings(), Loading(guide="vertical"))
+    outcome = held(model, 4e-3, 4e3)
+    state = outcome.state
+    reactions = model.guiding(state)
+    curve = guided(quarters())
+    assert reactions[[0, 1, 3, 4]] == pytest.approx(
+        [curve.force_x_N[-1], curve.force_y_N[-1], curve.moment_x_Nm[-1],
+         curve.moment_y_Nm[-1]], rel=1e-6)
+
+    def relaxed(freedom: int, change: float) -> float:
+        moved = state.plate.moved(change * np.eye(6)[freedom])
+        start = replace(state, plate=moved, positions=model.place(state.positions, moved))
+        solution = newton(model, start, ("force",), (held_plate(4e-3),))
+        assert solution.converged
+        there = solution.state
+        return float(model.energy(there.positions, there.voltage_squared))
+
+    for freedom, name in enumerate(FREEDOMS[:5]):
+        if name == "z":
+            continue
+        unit = np.eye(6)[freedom]
+        lift = state.plate.gradient(model.arms) @ unit
+        positions = state.positions.astype(complex)
+        positions[model.discretisation.plate_nodes] += 1e-30j * lift
+        exact = float(model.energy(positions, state.voltage_squared).imag / 1e-30)
+        assert reactions[freedom] == pytest.approx(exact, rel=1e-9), name
+        step = 1e-4 if freedom < 3 else 5e-3
+        work = (relaxed(freedom, step) - relaxed(freedom, -step)) / (2 * step)
+        assert reactions[freedom] == pytest.approx(work, rel=2e-4), name
