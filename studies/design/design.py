@@ -229,7 +229,8 @@ def _edge(found: Sought) -> list[str]:
 def sought_in(space: DesignSpace, settings: Settings) -> Sought:
     """Find the best film of a space; without one, find the nearest and bounds that it can keep."""
     requirements = space.requirements
-    search = Search(space, requirements.kept(space.specimen), requirements.best)
+    search = Search(space, requirements.kept(space.specimen), requirements.best,
+                    least=requirements.least)
     found = _beyond(_settled(search, search.starts()), settings)
     found = _with_margins(_checked(found, settings), settings)
     return found if found.possible else _relaxed(found, settings)
@@ -538,11 +539,11 @@ def _quantities(found: Sought, given: Specimen) -> list[DesignedQuantity]:
             continue
         if name in others:
             reduced, value, before = (_one(quantity, each) for each in films)
+            more = search.space.requirements.seeks_more(quantity)
             told.append(DesignedQuantity(
                 name=name, unit=quantity.unit, bound=None, value=value,
-                sense="at least" if quantity.gain else "at most",
-                reduced=reduced, given=before,
-                reached=_reached(found, name, bool(quantity.gain))))
+                sense="at least" if more else "at most",
+                reduced=reduced, given=before, reached=_reached(found, name, more)))
         for key, bound in search.bounds.items():
             if bound.name == name:
                 told.append(_bounded(found, key, prices[key], films))

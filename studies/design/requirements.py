@@ -24,6 +24,7 @@ from tympan.fem.rig import (
 )
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.design.ranges import Vary
+from tympan.studies.driven import by_segment, drives
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
 from tympan.studies.limits.loads import require_moved
@@ -69,6 +70,11 @@ FORMER_KEYS = {"limits": "bounds"}
 _NO_WANT = ('is missing: write a table [want], such as stroke = "largest" and bounds: '
             'tension_margin = 1.2, frame_area = "100 cm^2"')
 
+#: Paths of segments' numbers, and their keys in files.
+_SEGMENTS = "electrode.segments.", "electrode.segment."
+#: End of the keys of segments' voltages over the film's. They may be 0, unlike lengths.
+_OF_VOLTAGE = ".share"
+
 #: Magnitude of a negative number that tests a rule: offsets and exponents allow it, lengths do not.
 _SIGNED = 1e-3
 
@@ -99,8 +105,9 @@ class RequirementsFile:
         "as \"plate.radius\", of mass, voltage or rig.spring")]
     mass: Annotated[float | None, Key("load on the plate", "mass", VARIED_LOADS["mass"],
                                       default="required where it does not vary")] = None
-    voltage: Annotated[float | None, Key("of the supply", "voltage", VARIED_LOADS["voltage"],
-                                         default="required where it does not vary")] = None
+    voltage: Annotated[float | None, Key(
+        "of the supply; of segments by their names: \"A = 3 kV, B = 0 kV\"", "voltage",
+        VARIED_LOADS["voltage"], default="required where it does not vary")] = None
     name: Annotated[str, Key("of the result and its files", default="the file's name")] = ""
     share: Annotated[float, Key("of the films that keep all bounds", rule=_SHARE)] = 0.95
     front: Annotated[tuple[str, ...], Key(
@@ -130,7 +137,8 @@ class Requirements:
     ``best``: one of :func:`sought`, or "" for the film that keeps all bounds by the largest common
     share. ``mass`` [kg] and the supply's ``voltage`` [V]: where they do not vary. ``tolerances``:
     None for films without scatter. ``front``: two quantities between whose best films others are
-    sought.
+    sought. ``least``: whether the least value of ``best`` is sought, where neither is better of
+    itself.
     """
 
     name: str
@@ -144,6 +152,7 @@ class Requirements:
     tolerances: Tolerances | None = field(default_factory=Tolerances)
     share: float = 0.95
     front: tuple[str, str] | None = None
+    least: bool | None = None
 
     def __post_init__(self) -> None:
         specimens, rig = mounted_together(self.specimens, self.rig)
@@ -169,8 +178,11 @@ class Requirements:
         for former, now in FORMER_KEYS.items():
             table = table.renamed(former, now)
         given = read(RequirementsFile, table, _READERS)
+        wired = table.data.get("voltage")
         try:
             specimens, rig = mounted_together(_specimens(table, given), given.rig)
+            if by_segment(wired):
+                specimens = tuple(_driven(specimen, wired)[0] for specimen in specimens)
         except InputError as error:
             raise error.located(file=table.file) from None
         variables = _variables(given.vary, specimens, rig)
@@ -181,9 +193,15 @@ class Requirements:
                 require_moved(specimen, rig, mass)
             except InputError as error:
                 raise error.located(file=table.file) from None
-        bounds, best = _wanted(table, (given.want, given.bounds), specimens)
+        bounds, best, least = _wanted(table, (given.want, given.bounds), specimens)
         return cls(given.name or Path(table.file).stem, specimens, mass, voltage, variables, bounds,
-                   best, rig, given.tolerances, given.share, _front(table, given.front))
+                   best, rig, given.tolerances, given.share, _front(table, given.front), least)
+
+    def seeks_more(self, quantity: Quantity) -> bool:
+        """Check whether more of a quantity is better, in these requirements."""
+        if quantity.gain is None and quantity.name == self.best:
+            return not self.least
+        return bool(quantity.gain)
 
     @property
     def margin(self) -> float:
@@ -203,6 +221,29 @@ class Requirements:
         if specimen.membrane.strength is not None:
             always.append(BREAKDOWN)
         return {**by_key(Bound(name, 1.0, True) for name in always), **self.bounds}
+
+
+def _driven(specimen: Specimen, given: object) -> tuple[Specimen, float]:
+    """Set the shares of a specimen's segments from voltages by their names; also the film's [V]."""
+    if isinstance(given, str) and "%" in given:
+        raise InputError("must be voltages, such as \"A = 3 kV, B = 0 kV\"", key="voltage",
+                         given=given)
+    found = drives(specimen, given)
+    if len(found) != 1 or not VARIED_LOADS["voltage"][0](found[0][1]):
+        raise InputError("must have one voltage for each segment, one of them above 0",
+                         key="voltage", given=str(given))
+    return found[0]
+
+
+def _voltage(table: Table, key: str) -> float | None:
+    """Read the voltage of the supply, or the highest of those by the names of segments."""
+    given = table.data.get(key)
+    if by_segment(given):
+        table.asked.add(key)
+        return None
+    if given is None:
+        return None
+    return table.number(key, "voltage", rule=VARIED_LOADS["voltage"])
 
 
 def _refuse_former(table: Table) -> None:
@@ -252,9 +293,11 @@ def _loads(table: Table, given: RequirementsFile, variables: Mapping[str, tuple[
 
     Films without plates need no mass.
     """
+    wired = table.data.get("voltage")
+    voltage = (_driven(specimens[0], wired)[1] if by_segment(wired) else given.voltage)
     return (_load(table, "mass", given.mass, variables,
                   needed=any(each.plate is not None for each in specimens)),
-            _load(table, "voltage", given.voltage, variables))
+            _load(table, "voltage", voltage, variables))
 
 
 def _load(table: Table, key: str, given: float | None, variables: Mapping[str, tuple[Vary, ...]],
@@ -309,6 +352,8 @@ def _varied(table: Table, key: str, names: tuple[str, ...], specimen: Specimen) 
         declared_rule = declared.says.rule if declared is not None else None
         signed = declared_rule is not None and declared_rule[0](-_SIGNED)
         rule = FINITE if signed else POSITIVE
+        if key.endswith(_OF_VOLTAGE) and declared_rule is not None:
+            rule = declared_rule
     low, high = table.numbers(key, dimension, count=2, rule=rule)
     if not low < high:
         raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
@@ -319,7 +364,7 @@ def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
     """List numbers that may vary by key; the key of a list varies all its numbers alike."""
     found: dict[str, tuple[str, ...]] = {}
     for name in varying(specimen):
-        key = name.replace("plate.outline.", "plate.", 1)
+        key = name.replace("plate.outline.", "plate.", 1).replace(*_SEGMENTS, 1)
         found[key] = (name,)
         head, _, last = key.rpartition(".")
         if last.isdigit():
@@ -328,10 +373,10 @@ def _keys(specimen: Specimen) -> dict[str, tuple[str, ...]]:
 
 
 def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Specimen, ...]
-            ) -> tuple[dict[str, Bound], str]:
-    """Read bounds by their keys, and the quantity that is to be optimised."""
+            ) -> tuple[dict[str, Bound], str, bool | None]:
+    """Read bounds by their keys, and the quantity to optimise; also whether its least is sought."""
     bounds: dict[str, Bound] = {}
-    best = ""
+    best, least = "", None
     for inner in filter(None, bounded):
         _refuse_former(inner)
         rest = dict(inner.data)
@@ -353,15 +398,17 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
             if key == TENSION:
                 raise inner.error(key, "must be a bound, such as 1.2: reduced films are followed "
                                        "no further than to it", given)
-            if quantity.gain is None:
-                raise inner.error(key, f"must be a bound, such as {quantity.example}", given)
-            if given != _BEST[quantity.gain] or inner.where != "want":
-                sense = "at least" if quantity.gain else "at most"
-                raise inner.error(key, f'must be "{_BEST[quantity.gain]}" in [want], or a number '
-                                       f"that it is to be {sense}", given)
+            if inner.where != "want" or quantity.gain is not None and given != _BEST[quantity.gain]:
+                word = " or ".join(f'"{_BEST[gain]}"' for gain in (True, False)
+                                   if quantity.gain in (gain, None))
+                sense = ("at least" if quantity.gain else "at most" if quantity.gain is not None
+                         else "at least or at most")
+                raise inner.error(key, f"must be {word} in [want], or a number that it is to be "
+                                       f"{sense}", given)
             if best:
                 raise inner.error(key, f"only one quantity can be best: {best} is", given)
             best = key
+            least = given == _BEST[False] if quantity.gain is None else None
             inner.asked.add(key)
             del rest[key]
         found = by_key(table_bounds(replace(inner, data=rest)))
@@ -372,7 +419,7 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
         bounds |= found
     if not bounds and not best:
         raise table.error("want", f"must name at least one of {', '.join(sought())}")
-    return bounds, best
+    return bounds, best, least
 
 
 def _front(table: Table, pair: tuple[str, ...]) -> tuple[str, str] | None:
@@ -398,6 +445,7 @@ _READERS: Special = {
     (RequirementsFile, "specimen"): _loaded,
     (RequirementsFile, "want"): Table.table,
     (RequirementsFile, "vary"): Table.table,
+    (RequirementsFile, "voltage"): _voltage,
     (RequirementsFile, "bounds"): lambda table, key: table.table(key, {}),
     (RequirementsFile, "rig"): rig_under,
     (RequirementsFile, "tolerances"): lambda table, key: tolerances_under(table, key,

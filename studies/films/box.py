@@ -38,8 +38,7 @@ _OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline", "elect
 _SEGMENTS, _SHARE = "electrode.segments.", ".share"
 #: Numbers that must be equal in all films: the formulas for many films do not support their
 #: variation.
-_SAME = ("membrane.thickness_gradient", "membrane.law_range", "electrode.stiffness",
-         "electrode.patches")
+_SAME = ("membrane.law_range", "electrode.stiffness", "electrode.patches")
 
 #: Message about wrong limits.
 _BETWEEN = "must be two values, the smaller first"

@@ -254,12 +254,12 @@ class Ground(FieldsAlone):
     def tilting(self, reduction: Reduction, rows: AnyArray, nodes: AnyArray) -> Tilting:
         """Find how the films' plates tilt by shapes; ``nodes`` of their meshes [m]."""
         arms, columns = self.model.arms[None, :, :2], self.box.columns(rows)
-        if any(name.startswith(_SIZES) for name in columns):
+        if self.box.lengths:
             centre = np.column_stack([
                 np.broadcast_to(columns.get(f"plate.offset.{axis}", own), len(rows))
                 for axis, own in enumerate(self.box.specimen.centre)])
             arms = nodes[:, self.model.discretisation.plate_nodes] - centre[:, None]
-        return Tilting.of(reduction.arms[:, :2], arms)
+        return Tilting.of(reduction.arms[:, :2], arms, reduction.slides)
 
     def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None,
                partly: bool = False) -> tuple[Model, Solution] | None:
@@ -297,8 +297,6 @@ class Ground(FieldsAlone):
                      PlateMotion.rest().moved(freedoms), squared, force, self.gas(row))
 
 
-#: Paths of lengths and angles of which plates of other sizes, or turned ones, have others.
-_SIZES = ("plate.outline", "plate.rotation")
 #: Number of the only film.
 _ALONE = np.zeros(1, dtype=np.int64)
 

@@ -53,6 +53,9 @@ _PART = 0.125
 #: Number of halvings of the last step: Newton's method then finds the only equilibrium in it.
 _HALVED = 4
 
+#: Path of the numbers by which a film is uneven.
+_GRADIENT = "membrane.thickness_gradient"
+
 #: Pairs of the components (ia) of ∂x/∂ξ, 0 ≤ p ≤ q < 6, of a symmetric 6 × 6 matrix.
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
 
@@ -306,7 +309,8 @@ class Films:
 
     def _uneven(self, sites: Sites) -> tuple[AnyArray, AnyArray]:
         """Compute share under the electrode and relative thickness at points."""
-        even = self.specimen.membrane.thickness_gradient == (0.0, 0.0)
+        even = (self.specimen.membrane.thickness_gradient == (0.0, 0.0)
+                and not any(path.startswith(_GRADIENT) for path in self.columns))
         if even and not self.specimen.electrode.patches:
             return sites.covered, np.ones(())
         specimen, (x, y) = self.some(slice(None)), sites.at(self.nodes).transpose(2, 0, 1)

@@ -20,6 +20,7 @@ from tympan.base.arrays import AnyArray, Array, Mask
 from tympan.base.errors import InputError
 from tympan.base.fields import number
 from tympan.base.toml_reader import one_of
+from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.results.limit_states import BREAKDOWN, TENSION
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
@@ -271,6 +272,12 @@ class LoadedFilms:
     def reached(self) -> Mask:
         """Mask of films that reach their voltage, (films,)."""
         return self.films.reached(self._stated)[:, 1] & self._stated.holds[:, 0]
+
+    @property
+    def tilts(self) -> bool:
+        """Whether guide and symmetry let plates tilt."""
+        allowed = {FREEDOMS[number] for number in self.films.family.ground.model.plate_freedoms}
+        return not allowed.isdisjoint(("rx", "ry"))
 
     @property
     def specimens(self) -> Sequence[Specimen | None]:

@@ -30,7 +30,7 @@ from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import NoBalance, ReducedFilm
 from tympan.studies.films.motion import ReducedMotion
-from tympan.studies.films.tilting import TURNS, Tilting, motions_by_tilt
+from tympan.studies.films.tilting import TURNS, Tilting, motions_by_tilt, slides_of
 from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces, Signal, Sine, ramp, random_steps, step
 
@@ -230,9 +230,9 @@ class Reduction:
 
     ``shapes``: motions of the nodes, the deflection's shape first, (shapes, nodes, 3). ``points``:
     numbers of quadrature points that represent all points; each represents ``shares`` times its own
-    volume. ``bends``: motions of the nodes by the squares of the plate's tilts, (4, nodes, 3); the
+    volume. ``bends``: motions of the nodes that keep tilted plates rigid, (bends, nodes, 3); the
     array may be empty. ``arms``: nodes on the edge of the plate that shapes and bends belong to,
-    relative to its centre [m], (nodes, 3).
+    relative to its centre [m], (nodes, 3). ``slides``: those of :func:`slides_of`.
     """
 
     shapes: Array
@@ -240,6 +240,7 @@ class Reduction:
     shares: Array
     bends: Array
     arms: Array
+    slides: Array
 
     @property
     def every(self) -> Array:
@@ -256,13 +257,15 @@ class Reduction:
         least resistance, to ``work_left_out`` over ``softening`` of the remaining resistance. With
         ``turning`` plates that tilt stay rigid to second order.
         """
-        bends, arms = motions_by_tilt(snapshots[0].model), snapshots[0].model.arms
-        bends = bends[: None if turning else 0]
+        arms = snapshots[0].model.arms
+        slides = slides_of(arms[:, :2], [shot.model.arms[:, :2] for shot in snapshots])
+        bends = motions_by_tilt(snapshots[0].model, slides)[: None if turning else 0]
         motions = []
         for shot in snapshots:
             motion = shot.state.positions - shot.model.discretisation.reference
-            rest = _rigid(shot.model, motion, bends, arms)
-            others = (_rigid(shot.model, motion + rate, bends, arms) for rate in shot.rates)
+            tilting = Tilting.of(arms[:, :2], shot.model.arms[None, :, :2], slides)
+            rest = _rigid(shot.model, motion, bends, tilting)
+            others = (_rigid(shot.model, motion + rate, bends, tilting) for rate in shot.rates)
             motions += [rest, *((there - rest[0], lifted - rest[1]) for there, lifted in others)]
         moved, deflection = (np.array(part) for part in zip(*motions, strict=True))
         shares = _shapes(snapshots, moved, deflection, motion_left_out, most)
@@ -273,7 +276,7 @@ class Reduction:
         if softening:
             works = np.concatenate([works, *(softening * _softest(shapes, shot, softening)
                                              for shot in snapshots)])
-        return cls(shapes, *_cubature(works, work_left_out), bends, arms)
+        return cls(shapes, *_cubature(works, work_left_out), bends, arms, slides)
 
     def along(self, other: Reduction) -> Array:
         """Express the shapes of another reduction by these, as nearly as possible, (other, own)."""
@@ -300,23 +303,23 @@ def _gradients(model: Model, shapes: Array) -> Array:
                      for shape in shapes])
 
 
-def _rigid(model: Model, motion: Array, bends: Array, arms: Array) -> tuple[Array, float]:
+def _rigid(model: Model, motion: Array, bends: Array, tilting: Tilting) -> tuple[Array, float]:
     """Make the plate's edge rigid to first order in a motion [m]; return its deflection, too.
 
     Without a plate the deflection is that of the film's centre. The ``bends`` due to the plate's
-    tilts, which belong to a plate of some ``arms``, are subtracted. Otherwise the square of a tilt
-    would be a shape of its own, in which the plate stretches.
+    tilts are subtracted. Otherwise the square of a tilt would be a shape of its own, in which the
+    plate stretches.
     """
     if model.specimen.plate is None:
         return motion, float(motion[model.centre_node, HEAVE])
     edge, freedoms = model.discretisation.plate_nodes, plate_freedoms(model, motion)
     moved = motion.copy()
+    rigid = PlateMotion.rest().gradient(model.arms) @ freedoms
     if len(bends):
-        tilting = Tilting.of(arms[:, :2], model.arms[None, :, :2])
         turns = np.linalg.solve(tilting.slants[0], freedoms[TURNS])
         moved -= np.tensordot(tilting.amplitudes(_ALONE, turns[None])[0], bends, 1)
-    rigid = PlateMotion.rest().gradient(model.arms)
-    moved[edge] = rigid @ freedoms
+        rigid -= np.tensordot(tilting.leans[0] @ turns, bends[:, edge], 1)
+    moved[edge] = rigid
     return moved, float(freedoms[HEAVE])
 
 

@@ -55,6 +55,12 @@ _MOST_LENGTHS = 6
 _SHAPE_ASSUMED = 10.0
 #: Table of a tolerances file with the bounds that films must keep.
 _WANT = "want"
+#: Tolerances that tilt the plate. The deflection of a film that is its own mirror image changes with
+#: their square alone, so that there they scatter only where they are given.
+_TILTING = ("offset", "gradient")
+#: Words on that.
+_BY_SQUARE = ("where the film is its own mirror image the deflection changes with its square: there "
+              "give [{}] for the scatter of tilts, or where the gap is narrow")
 #: Largest default scatter of a length over the gap: a film of 1 mm is not cut with an error of
 #: 0.1 mm.
 _OF_GAP = 0.01
@@ -78,6 +84,16 @@ class LengthScatter:
     film: Annotated[float, Key("from film to film", "length", _LENGTH)] = 0.0
     batch: Annotated[float, Key("from batch to batch: films of one batch share it", "length",
                                 _LENGTH)] = 0.0
+
+
+@asks
+@dataclass(frozen=True)
+class ShareScatter:
+    """Standard deviations of a share of a film's thickness."""
+
+    film: Annotated[float, Key("from film to film", rule=_SHARE)] = 0.0
+    batch: Annotated[float, Key("from batch to batch: films of one batch share it",
+                                rule=_SHARE)] = 0.0
 
 
 @asks
@@ -124,8 +140,15 @@ class Tolerances:
     plate: Annotated[LengthScatter | None, Key(
         "each length of the plate's outline by itself",
         default="0.1 mm from film to film, at most 1 % of the gap")] = None
-    offset: Annotated[LengthScatter | None, Key("of the plate's centre along x and y",
-                                                default="none")] = None
+    offset: Annotated[LengthScatter | None, Key(
+        "of the plate's centre along x and y",
+        default="0.25 mm from film to film, at most 1 % of the gap, where the film is not its own "
+                "mirror image; else none")] = None
+    gradient: Annotated[ShareScatter | None, Key(
+        "of thickness_gradient along x and y: by which share the virgin film is thicker where it "
+        "reaches the frame's half extent than in the middle",
+        default="0.02 from film to film, where the film is not its own mirror image; else none"
+        )] = None
     margin: Annotated[LengthScatter | None, Key(
         "of each uncovered band that the electrode has",
         default="0.5 mm from film to film, at most 1 % of the gap")] = None
@@ -189,8 +212,9 @@ def of_library(tolerances: Tolerances, specimen: Specimen) -> Tolerances:
 class ScatterCause:
     """Numbers that scatter for one reason, independently, with one standard deviation.
 
-    ``targets``: names of a family's parameters, or one of :data:`FACTORS`. ``weibull``: the
-    distribution where it is not the normal one.
+    ``targets``: names of a family's parameters, or one of :data:`FACTORS`. ``relative``: the
+    deviation is that of the logarithm; else of the number, whose ``dimension`` is "length" or "".
+    ``weibull``: the distribution where it is not the normal one.
     """
 
     name: str
@@ -201,6 +225,7 @@ class ScatterCause:
     source: str
     reason: str
     weibull: StrengthScatter | None = None
+    dimension: str = ""
 
     @property
     def label(self) -> str:
@@ -238,6 +263,9 @@ def causes(specimen: Specimen, tolerances: Tolerances
                    f"the outline has no lengths that may scatter, or more than {_MOST_LENGTHS}")
             raise InputError(f"must be left out: {why}", key=name)
         scatter, source, reason = usual[name] if given is None else (given, "given", "")
+        if given is None and name in _TILTING:
+            targets = _unmirrored(specimen, targets)
+            scatter = scatter if targets else None
         if scatter is None:
             words.append(f"{name} does not scatter: {reason}")
             continue
@@ -246,7 +274,9 @@ def causes(specimen: Specimen, tolerances: Tolerances
                             scatter)] if scatter.shape else []
         elif targets:
             relative = isinstance(scatter, Scatter)
-            found += [ScatterCause(name, scope, size, relative, targets, source, reason)
+            dimension = "length" if isinstance(scatter, LengthScatter) else ""
+            found += [ScatterCause(name, scope, size, relative, targets, source, reason,
+                                   dimension=dimension)
                       for scope in ("film", "batch") if (size := getattr(scatter, scope)) > 0]
     if not found:
         raise InputError("lets nothing scatter: give one number a standard deviation above 0",
@@ -257,7 +287,7 @@ def causes(specimen: Specimen, tolerances: Tolerances
 
 def _require_films(specimen: Specimen, found: Sequence[ScatterCause]) -> None:
     """Refuse lengths that scatter so far that a film at the ends cannot be built."""
-    lengths = [cause for cause in found if not cause.relative]
+    lengths = [cause for cause in found if cause.dimension == "length"]
     for share in (0.0, 1.0):
         ends: dict[str, Any] = {}
         for cause in lengths:
@@ -288,10 +318,17 @@ def _targets(specimen: Specimen, name: str) -> tuple[str, ...]:
     targets = {"thickness": (f"{film}thickness",), "stiffness": (STIFFNESS,),
                "permittivity": (f"{film}relative_permittivity",),
                "prestretch": (f"{film}prestretch.0", f"{film}prestretch.1"),
-               "offset": ("plate.offset.0", "plate.offset.1"),
+               "offset": ("plate.offset.0", "plate.offset.1") if specimen.plate else (),
+               "gradient": (f"{film}thickness_gradient.0", f"{film}thickness_gradient.1"),
                "margin": tuple(f"electrode.{edge}" for edge in ("margin_frame", "margin_plate")
                                if getattr(electrode, edge) > 0)}
     return targets.get(name, (name,))
+
+
+def _unmirrored(specimen: Specimen, targets: tuple[str, ...]) -> tuple[str, ...]:
+    """Select the numbers along x or y, by their last key, in which the film is no mirror image."""
+    return tuple(path for path in targets
+                 if "xy"[int(path[-1])] not in specimen.mirror_planes)
 
 
 def _is_length(specimen: Specimen, path: str) -> bool:
@@ -315,8 +352,11 @@ def _defaults(specimen: Specimen) -> dict[str, tuple[Any, str, str]]:
         "prestretch": (Scatter(film=0.01), "assumed", "1 mm of marks 100 mm apart, set by hand"),
         "frame": (cut, "assumed", "cut or milled to 0.2 mm, as two standard deviations"),
         "plate": (cut, "assumed", "cut or milled to 0.2 mm, as two standard deviations"),
-        "offset": (None, "assumed", "the deflection changes with its square; give [offset] where "
-                                    "the gap is narrow"),
+        "offset": (LengthScatter(film=min(2.5e-4, most)), "assumed", f"placed in a jig to 0.5 mm, "
+                   f"as two standard deviations; {_BY_SQUARE.format('offset')}"),
+        "gradient": (ShareScatter(film=0.02), "assumed", "makers of cast films and tapes state 5 "
+                     "to 10 % of a whole roll, and no source says what is left across a frame; "
+                     + _BY_SQUARE.format("gradient")),
         "margin": (LengthScatter(film=min(5e-4, most)), "assumed",
                    "brushed along a mask to 1 mm, as two standard deviations"),
         "load": (Scatter(film=0.005), "assumed", "0.1 g of 20 g"),

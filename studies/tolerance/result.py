@@ -18,6 +18,8 @@ from tympan.studies.wanted import Bound
 
 #: Quantities that always have a distribution, besides the first limit and those of wanted bounds.
 TOLD = ("deflection", "stroke", "blocked_force", "capacitance", "frequency")
+#: Quantities that have one, too, if the plates tilt.
+TILTS = ("tilt_x", "tilt_y")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +29,9 @@ class GivenTolerance:
     name: Annotated[str, Key("what scatters")]
     scope: Annotated[Literal["film", "batch"], Key(
         "whether each film has its own, or all films of a batch share it")]
-    relative: Annotated[float | None, Key("relative standard deviation; none of lengths")]
+    relative: Annotated[float | None, Key(
+        "standard deviation as a share: of the number, for a gradient of the thickness; none of "
+        "lengths")]
     deviation_m: Annotated[float | None, Key("standard deviation of a length, else none")]
     source: Annotated[str, Key("where it comes from: the library, assumed, or given")]
     reason: Annotated[str, Key("why it is so large; empty where it was given")]

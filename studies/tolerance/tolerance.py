@@ -25,6 +25,7 @@ from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import Scattered
 from tympan.studies.tolerance.given import ScatterCause, Tolerances, causes
 from tympan.studies.tolerance.result import (
+    TILTS,
     TOLD,
     Chance,
     FilmFailure,
@@ -171,7 +172,8 @@ class SolvedFilms:
         """Solve films of one block."""
         reached = films.reached
         # Limits need several states of each film, and are sought of fewer films.
-        names = (*TOLD, *(bound.name for bound in wanted if bound.name not in (LIMIT, TENSION)))
+        names = (*TOLD, *(TILTS if films.tilts else ()),
+                 *(bound.name for bound in wanted if bound.name not in (LIMIT, TENSION)))
         asked = [QUANTITIES[name] for name in names]
         values = {each.column: films.stroke if each.name == "stroke" else each.of(films)
                   for each in asked if films.swings or not each.of_plate}
@@ -381,8 +383,8 @@ class Limited:
 def _stated(cause: ScatterCause) -> GivenTolerance:
     return GivenTolerance(name=cause.name, scope=cause.scope, source=cause.source,
                           reason=cause.reason,
-                          relative=cause.deviation if cause.relative else None,
-                          deviation_m=None if cause.relative else cause.deviation)
+                          relative=None if cause.dimension else cause.deviation,
+                          deviation_m=cause.deviation if cause.dimension else None)
 
 
 def _without_air(loads: Loads) -> list[str]:
