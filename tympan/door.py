@@ -352,21 +352,25 @@ def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
 @one_thread()
 def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
-          to: float | str | None = None, points: int = 21, settings: Settings | None = None
-          ) -> Result[SenseResult]:
+          to: float | str | None = None, points: int = 21, sensing: Sequence[str] = (),
+          tilt: float | str | None = None, noise: float | None = None,
+          settings: Settings | None = None) -> Result[SenseResult]:
     """Compute capacitance against deflection at several voltages, and the inverse.
 
     The plate is displaced between two deflections, or a little further than each ``mass`` deflects
     it. ``result.sensed(capacitance, voltage)`` is the deflection [m] by a polynomial with the
     largest error ``result.inverse.error_m``. ``to_pandas()`` is the table; it includes the change
     of the sensed deflection by an error of the capacitance, the prestretch and the permittivity.
+    Three or more segments, by default all, or those named in ``sensing``, also give both tilts, up
+    to a largest ``tilt``: ``result.sensed_plate({"A": …, "B": …, "C": …}, voltage)``. Their
+    capacitances have a relative ``noise``.
     """
     from tympan.studies.sense import SenseCase, sense
 
     specimen, on = held(specimen, rig, pressure)
     case = SenseCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
                      masses=several(mass, "mass", "mass"), start=from_, to=to, points=points,
-                     rig=on)
+                     sensing=tuple(sensing), tilt=tilt, noise=noise, rig=on)
     return Result(sense(case, settings or Settings()))
 
 

@@ -36,7 +36,8 @@ def front(search: Search, x: Array, pair: tuple[str, str]) -> DesignFront | None
     found = [places[0]]
     for level in low + (high - low) * np.append(np.linspace(0, 1, _FILMS)[1:-1], _NEARLY):
         bound = Bound(second, float(level), bool(QUANTITIES[second].gain))
-        bounded = replace(search, best=first, least=None, bounds={**search.bounds, bound.key: bound},
+        bounded = replace(search, best=first, least=None,
+                          bounds={**search.bounds, bound.key: bound},
                           shifts={**search.shifts, bound.key: 0.0})
         end = bounded.found(np.array([found[-1], places[1]]))
         if end is not None and _kept(end):

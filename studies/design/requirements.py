@@ -398,7 +398,8 @@ def _wanted(table: Table, bounded: Sequence[Table | None], specimens: tuple[Spec
             if key == TENSION:
                 raise inner.error(key, "must be a bound, such as 1.2: reduced films are followed "
                                        "no further than to it", given)
-            if inner.where != "want" or quantity.gain is not None and given != _BEST[quantity.gain]:
+            usual = quantity.gain is None or given == _BEST[quantity.gain]
+            if inner.where != "want" or not usual:
                 word = " or ".join(f'"{_BEST[gain]}"' for gain in (True, False)
                                    if quantity.gain in (gain, None))
                 sense = ("at least" if quantity.gain else "at most" if quantity.gain is not None

@@ -33,7 +33,7 @@ from tympan.fem.membrane.biases import Spring
 from tympan.fem.membrane.formula import Formula
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import Load, PlateMotion, State
+from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.results.limit_states import BREAKDOWN, PULL_IN, TENSION
 from tympan.fem.rig import Loads, Rig
@@ -106,6 +106,9 @@ _GAINED = 0.5
 
 #: Part of a load's range that scales the rate of a state's motion to a motion.
 _RATE = 0.3
+
+#: Tilt of a plate by a moment [rad] to which the motion by it is scaled: a usual one.
+_TILT = 0.01
 
 #: Number of load steps if there is no good guess.
 _STEPS = 4
@@ -965,7 +968,23 @@ class _Making:
             if wide:
                 rate = solution.rate(model, load)
                 rates.append(moved(model, state, rate, _RATE * wide).positions - state.positions)
-        return Snapshot(model, state, rates=tuple(rates))
+        return Snapshot(model, state, rates=(*rates, *self._leaning(model, solution)))
+
+    @staticmethod
+    def _leaning(model: Model, solution: Solution) -> Iterator[AnyArray]:
+        """Yield the motions of the nodes by moments on a plate that may tilt, (nodes, 3) [m].
+
+        The error of a result is the product of what shapes lack of the state, and of what they lack
+        of its response to the result's own load. Without these, tilts would be off by the root of
+        the deflection's error.
+        """
+        assert solution.tangent is not None
+        inner, unit = np.zeros(model.discretisation.free_count), np.eye(len(model.plate_freedoms))
+        for number, freedom in enumerate(model.plate_freedoms):
+            if FREEDOMS[freedom] in ("rx", "ry"):
+                motion = solution.tangent.respond((inner, unit[number]))
+                there = moved(model, solution.state, motion, _TILT / abs(motion[1][number]))
+                yield there.positions - solution.state.positions
 
     def _refined(self, family: ReducedFamily, row: AnyArray, force: float, squared: float
                  ) -> Snapshot | None:

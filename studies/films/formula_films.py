@@ -50,7 +50,8 @@ class FormulaFilms(Films):
         return cls(box.specimen, rows, box.columns(rows),
                    np.broadcast_to(centre, (len(rows), *centre.shape)), point, point, loading,
                    box.springs(rows), box.pressures(rows, pressure),
-                   np.array([box.specimen.gap]), np.zeros((2, 1)), Tilting.of(none, none[None], none.T[:0]),
+                   np.array([box.specimen.gap]), np.zeros((2, 1)),
+                   Tilting.of(none, none[None], none.T[:0]),
                    np.zeros((2, 1)),
                    formula=formula, step=step_of(box.specimen))
 

@@ -30,6 +30,8 @@ LOOP_COLUMNS: tuple[Column, ...] = (
     Column("t", "s"),
 )
 
+#: Largest force or moment of a guide over that along the load that is rounding or the mesh's error.
+_ROUNDING = 1e-6
 #: Kind of a curve's end beyond which no equilibrium was found.
 NOT_FOLLOWED = "not_followed"
 #: Kinds of events on a curve: limits of the film, and ``NOT_FOLLOWED``.
@@ -108,6 +110,16 @@ class ForceCurve:
     band_force_N: Annotated[tuple[Band | None, ...], Key(
         "spread of the force between films made to the tolerances, for each displacement; empty "
         "without tolerances, none where more than 5 % of the films have no equilibrium")] = ()
+
+    @property
+    def guided(self) -> bool:
+        """Whether a guide holds forces across the load or moments, beyond rounding."""
+        lengths = max(map(abs, self.displacement_m), default=0.0)
+        largest = max(map(abs, self.force_N), default=0.0)
+        across = (*self.force_x_N, *self.force_y_N)
+        moments = (*self.moment_x_Nm, *self.moment_y_Nm)
+        return (max(map(abs, across), default=0.0) > _ROUNDING * largest
+                or max(map(abs, moments), default=0.0) > _ROUNDING * largest * lengths)
 
     @property
     def banded(self) -> tuple[tuple[float, Band], ...]:

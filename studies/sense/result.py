@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from tympan.base.arrays import Array
+from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.studies.case import SpecimenRecord, UnknownCount, WallTime, Warnings
 from tympan.studies.columns import write_rows
@@ -17,6 +18,7 @@ from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
 from tympan.studies.rows import column_of_part, rows_in
 from tympan.studies.sense.inverse import Inverse
+from tympan.studies.sense.plate import PlateSense
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,9 @@ class SenseResult(SpecimenRecord):
         "largest error of the table between its rows, straight in the root of the capacitance over "
         "its first")]
     states: Annotated[tuple[SensedState, ...], Key("equilibria under the loads")] = ()
+    plates: Annotated[tuple[PlateSense, ...], Key(
+        "deflection and tilts from the capacitances of segments, at each voltage; empty without "
+        "three segments")] = ()
     dofs: UnknownCount
     wall_s: WallTime
     warnings: Warnings = ()
@@ -82,6 +87,31 @@ class SenseResult(SpecimenRecord):
         It is NaN beyond the curves.
         """
         return self.inverse.deflection(capacitance, voltage)
+
+    def sensed_plate(self, capacitances: Mapping[str, Any], voltage: float) -> dict[str, Array]:
+        """Sense the plate from the capacitances of segments [F] by their names, at a voltage [V].
+
+        The result has ``deflection_m``, ``tilt_x_rad`` and ``tilt_y_rad``, which are NaN beyond the
+        range.
+
+        Raises
+        ------
+        InputError
+            When the voltage is none of those that were solved, or a capacitance is missing.
+        """
+        plate = next((each for each in self.plates if np.isclose(each.voltage_V, voltage)), None)
+        if plate is None:
+            known = ", ".join(f"{each.voltage_V:g} V" for each in self.plates) or "none"
+            raise InputError(f"must be one of the solved voltages: {known}", key="voltage",
+                             given=f"{voltage:g} V")
+        for name in plate.segments:
+            if name not in capacitances:
+                raise InputError(f"must have the capacitance of {name}", key="capacitances",
+                                 given=", ".join(capacitances))
+        given = np.stack(np.broadcast_arrays(*(capacitances[name] for name in plate.segments)), -1)
+        found = plate.sensed(given.reshape(-1, len(plate.segments))).reshape(*given.shape[:-1], 3)
+        return dict(zip(("deflection_m", "tilt_x_rad", "tilt_y_rad"), np.moveaxis(found, -1, 0),
+                        strict=True))
 
     @property
     def rows(self) -> dict[str, Array]:

@@ -13,7 +13,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import Failure, InputError
 from tympan.base.fields import Key, asks
 from tympan.base.progress import Progress
-from tympan.base.toml_reader import Rule
+from tympan.base.toml_reader import Rule, one_of
 from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
@@ -26,10 +26,15 @@ from tympan.studies.force.follow import FollowedForce, at_displacement
 from tympan.studies.force.force import ROOM, ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
 from tympan.studies.sense.inverse import Inverse, SampledCurve, fit_inverse
+from tympan.studies.sense.plate import LEAST, PlateSense, plate_sense
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
 
 #: Rows of the table of each voltage by default.
 USUAL_POINTS = 21
+#: Standard deviation of a capacitance over it: a good bridge at the speed of a control loop.
+USUAL_NOISE = 1e-3
+_NOISE: Rule = (lambda x: 0 < x <= 0.1, "must be above 0 and at most 0.1")
+_TILT: Rule = (lambda x: 1e-6 <= x <= 0.5, "must be from 0.001 mrad to 500 mrad")
 _COUNTS: Rule = (lambda x: 5 <= x <= 1000, "must be a whole number from 5 to 1000")
 
 #: Number of voltages at which the first deflection is solved, by Chebyshev's points of the square.
@@ -63,15 +68,46 @@ class SenseCase:
     start: Annotated[float, Key("first deflection", "length", name="from")] = 0.0
     to: Annotated[float | None, Key("last deflection", "length")] = None
     points: Annotated[int, Key("rows of the table of each voltage", rule=_COUNTS)] = USUAL_POINTS
+    sensing: Annotated[tuple[str, ...], Key(
+        "segments whose capacitances give deflection and tilts of the plate; three at least",
+        default="all of three or more")] = ()
+    tilt: Annotated[float | None, Key(
+        "largest tilt along x and y that they sense", "angle", _TILT,
+        default="one that moves the plate's edge by a tenth of the last deflection")] = None
+    noise: Annotated[float | None, Key(
+        "standard deviation of the capacitance of a segment, over it", rule=_NOISE,
+        default="0.001")] = None
     rig: Rig = Rig()
 
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, voltages: Sequence[float | str] = ...,
                      masses: Sequence[float | str] = ..., start: float | str = ...,
-                     to: float | str | None = ..., points: int = ..., rig: Rig = ...) -> None: ...
+                     to: float | str | None = ..., points: int = ...,
+                     sensing: Sequence[str] = ..., tilt: float | str | None = ...,
+                     noise: float | None = ..., rig: Rig = ...) -> None: ...
 
     def __post_init__(self) -> None:
         self.specimen.needed_plate()
+        if not self.sensing:
+            return
+        known = self.specimen.electrode.names
+        for name in self.sensing:
+            if name not in known:
+                raise InputError(one_of(name, known) if known else
+                                 "must be left out: the electrode has no segments", key="sensing",
+                                 given=name)
+        if len({*self.sensing}) < LEAST or len({*self.sensing}) < len(self.sensing):
+            raise InputError("must be three different segments at least: deflection and two tilts "
+                             "are three numbers", key="sensing", given=", ".join(self.sensing))
+        if self.rig.guide != "free":
+            raise InputError("must be left out: the guide keeps the plate from tilting",
+                             key="sensing", given=", ".join(self.sensing))
+
+    @property
+    def readers(self) -> tuple[str, ...]:
+        """Segments whose capacitances are read; none where they do not give the plate's tilts."""
+        names = self.sensing or self.specimen.electrode.names
+        return names if len(names) >= LEAST and self.rig.guide == "free" else ()
 
 
 def sense(case: SenseCase, settings: Settings,
@@ -102,14 +138,32 @@ def sense(case: SenseCase, settings: Settings,
     inverse = fit_inverse(given, tests, firsts)
     highest = min((state.displacement_m for state in states), default=0.0)
     mirrored = even and place == 0 and highest < 0
+    plates = list(_plates(case, settings, displaced.last, progress))
     ambiguous = _ambiguous(highest if mirrored else None, place if first else None)
     return SenseResult(
         specimen=specimen.name, inverse=inverse, table_error_m=max(map(_between_rows, given)),
         curves=tuple(_curve(every[each.voltage], each, first) for each in given),
         states=tuple(_sensed(state, inverse, mirrored) for state in states),
+        plates=tuple(plate for plate in plates if plate is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(*left_out(displaced), *ambiguous,
+        warnings=(*left_out(displaced), *ambiguous, *_unsensed(plates),
                   *Case.greatest(specimen, masses, voltages, rig).remarks))
+
+
+def _plates(case: SenseCase, settings: Settings, last: float, progress: Progress
+            ) -> Iterator[PlateSense | None]:
+    """Sense deflection and tilts at each voltage; None where the film cannot be held so far."""
+    for voltage in sorted(case.voltages) if case.readers else ():
+        progress(f"{case.specimen.name}: tilts at {voltage / 1e3:g} kV")
+        yield plate_sense(case.specimen, settings, case.rig.loading, voltage,
+                          float(case.rig.film_voltage(voltage)), (case.start, last), case.tilt,
+                          USUAL_NOISE if case.noise is None else case.noise, case.readers)
+
+
+def _unsensed(plates: Sequence[PlateSense | None]) -> Iterator[str]:
+    if any(plate is None for plate in plates):
+        yield ("at some voltages the film cannot be held at all deflections and tilts of the range "
+               "with one inverse: ask for less of them (--to, --tilt)")
 
 
 def _last_deflection(case: SenseCase, states: Sequence[SensedState], even: bool) -> float:

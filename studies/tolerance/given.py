@@ -55,12 +55,12 @@ _MOST_LENGTHS = 6
 _SHAPE_ASSUMED = 10.0
 #: Table of a tolerances file with the bounds that films must keep.
 _WANT = "want"
-#: Tolerances that tilt the plate. The deflection of a film that is its own mirror image changes with
-#: their square alone, so that there they scatter only where they are given.
+#: Tolerances that tilt the plate. The deflection of a film that is its own mirror image changes
+#: with their square alone, so that there they scatter only where they are given.
 _TILTING = ("offset", "gradient")
 #: Words on that.
-_BY_SQUARE = ("where the film is its own mirror image the deflection changes with its square: there "
-              "give [{}] for the scatter of tilts, or where the gap is narrow")
+_BY_SQUARE = ("where the film is its own mirror image the deflection changes with its square: "
+              "there give [{}] for the scatter of tilts, or where the gap is narrow")
 #: Largest default scatter of a length over the gap: a film of 1 mm is not cut with an error of
 #: 0.1 mm.
 _OF_GAP = 0.01

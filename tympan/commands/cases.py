@@ -230,6 +230,15 @@ def force(options: argparse.Namespace) -> None:
          argument("--to", metavar="LENGTH", help='last deflection, such as "6 mm"'),
          argument("--points", type=int, default=21, metavar="N", within=(5, 1000),
                   help="rows of the table of each voltage"),
+         argument("--sensing", default="", metavar="NAMES",
+                  help='segments whose capacitances give deflection and tilts, such as "A, B, C" '
+                       "(default: all, if there are three)"),
+         argument("--tilt", metavar="ANGLE",
+                  help='largest tilt along x and y that they sense, such as "10 mrad" (default: '
+                       "the plate's edge moves by a tenth of the last deflection)"),
+         argument("--noise", type=float, metavar="SHARE",
+                  help="standard deviation of the capacitance of a segment, over it (default: "
+                       "0.001)"),
          PRESSURE, RIG,
          output("also store the table (CSV), the numbers (JSON), the polynomial as a C function "
                 "and a picture (PNG, SVG)"), JSON, MESH,
@@ -251,8 +260,12 @@ def sense(options: argparse.Namespace) -> None:
             specimen, voltages=voltages, rig=rig, points=options.points,
             masses=parse_quantities(options.mass or "", "mass", "--mass"),
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
-            to=None if options.to is None else parse_quantity(options.to, "length", "--to"))
-        with bar(len(voltages) + (len(voltages) > 1)) as progress:
+            to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
+            sensing=tuple(filter(None, map(str.strip, options.sensing.split(",")))),
+            tilt=None if options.tilt is None else parse_quantity(options.tilt, "angle", "--tilt"),
+            noise=options.noise)
+        steps = len(voltages) + (len(voltages) > 1) + len(voltages) * bool(case.readers)
+        with bar(steps) as progress:
             result = sense(case, read_settings(options), progress)
     finish(options, result)
 

@@ -11,6 +11,7 @@ import pytest
 
 from tests.support.biases import DECLARED
 from tests.support.costs import dear
+from tests.support.specimens import circular
 from tympan.base.errors import InputError
 from tympan.fem.equilibrium.solve import equilibrium, held
 from tympan.fem.film.breakdown import PowerStrength
@@ -20,6 +21,7 @@ from tympan.fem.membrane.biases import (
     Spring,
 )
 from tympan.fem.rig import Rig
+from tympan.geometry.electrode import Segment
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Electrode, Film, Patch, Plate, Specimen
 from tympan.studies.case import Case, Settings, build_model
@@ -341,3 +343,51 @@ def of_finite_elements(film: Specimen, rig: Rig, box: Mapping[str, tuple[float, 
             assert states.tilt[number, place] == pytest.approx(
                 exact.state.plate.tilt,
                 abs=_NEAR * abs(model.deflection(exact.state)) / rim)
+
+
+def quarters(**shares: float) -> Specimen:
+    """Four sectors with gaps; the plate off centre, so that edges of segments cross it aslant."""
+    segments = tuple(Segment(name=name, sector=(number * np.pi / 2, (number + 1) * np.pi / 2),
+                             share=shares.get(name, 0.0)) for number, name in enumerate("ABCD"))
+    return replace(circular(), plate=Plate(Circle(10e-3), (1e-3, -2e-3)),
+                   electrode=Electrode(gap=4e-3, segments=segments))
+
+
+@pytest.mark.study(seconds=60)
+def test_plates_of_other_sizes_tilt_by_segments_as_finite_elements_do() -> None:
+    """Edges of segments slide along the plate that grows, and along the frame."""
+    box = {"plate.outline.radius": ("8 mm", "13 mm"), "electrode.segments.1.share": (0.0, 0.5)}
+    made = FilmFamily.around(quarters(A=1.0, B=0.2), box, FORCE, (0.0, 4.5e3),
+                             family=FamilySettings(first=8, rounds=2, candidates=32, checks=4))
+    generator = np.random.default_rng(3)
+    rows = made.box.low + generator.random((8, 2)) * (made.box.high - made.box.low)
+    forces, voltages = generator.uniform(*FORCE, 8), generator.uniform(2e3, 4.5e3, 8)
+    states = made.states(rows, forces[:, None], voltages[:, None])
+    assert states.holds.all()
+    for number, row in enumerate(rows):
+        model = build_model(made.box.member(row), Settings(), Rig().loading)
+        outcome = equilibrium(model, forces[number], voltages[number])
+        assert states.deflection[number, 0] == pytest.approx(model.deflection(outcome.state),
+                                                             rel=1e-3)
+        slope = outcome.state.plate.slope
+        assert np.abs(states.slope[number, 0] - slope).max() < 1e-2 * np.abs(slope).max()
+
+
+@pytest.mark.study(seconds=14)
+def test_films_differ_in_their_gradient_of_thickness() -> None:
+    """An uneven film tilts the plate: against finite elements."""
+    box = {"membrane.thickness_gradient.0": (-0.06, 0.06),
+           "membrane.thickness_gradient.1": (-0.06, 0.06)}
+    made = FilmFamily.around(circular(), box, FORCE, (0.0, 3e3))
+    assert not made.ground.model.discretisation.planes
+    rows = np.array([[0.05, 0.0], [-0.03, 0.04], [0.01, -0.05]])
+    states = made.states(rows, np.full((3, 1), 0.2), np.full((3, 1), 3e3))
+    for number, row in enumerate(rows):
+        model = build_model(made.box.member(row), Settings(), Rig().loading)
+        outcome = equilibrium(model, 0.2, 3e3)
+        slope = outcome.state.plate.slope
+        assert np.abs(slope).max() > 1e-4
+        assert states.deflection[number, 0] == pytest.approx(model.deflection(outcome.state),
+                                                             rel=1e-4)
+        np.testing.assert_allclose(states.slope[number, 0], slope,
+                                   atol=5e-3 * np.abs(slope).max())
