@@ -631,3 +631,60 @@ def test_a_former_key_works_with_one_line_of_advice(tmp_path: Path,
     first = capsys.readouterr().err.splitlines()[0]
     assert first.startswith("tympan: ")
     assert first.endswith("limits is bounds now; the former key works until the next minor version")
+
+
+#: A sector that is driven, without neighbours.
+SECTOR = specimen_toml("sector", ROUND, SOFT.replace("15 kPa", "25 kPa"), 2.236) + """
+[[electrode.segment]]
+name = "A"
+sector = ["-80 deg", "80 deg"]
+"""
+
+
+def sector_design(folder: Path, voltage: str = "A = 3.5 kV", want: str = "largest",
+                  more: str = "") -> Requirements:
+    (folder / "sector.toml").write_text(SECTOR)
+    file = folder / "tilting.toml"
+    file.write_text(f"""specimen = "sector.toml"
+mass = "15 g"
+voltage = "{voltage}"
+tolerances = "none"
+[want]
+tilt_x = "{want}"
+tension_margin = 1.1
+[vary]
+"electrode.segment.0.sector.0" = ["-110 deg", "-75 deg"]
+"electrode.segment.0.sector.1" = ["75 deg", "110 deg"]
+{more}""")
+    return Requirements.read(file)
+
+
+def test_a_tilt_is_an_aim_and_voltages_are_those_of_segments(tmp_path: Path) -> None:
+    wanted = sector_design(tmp_path)
+    assert (wanted.best, wanted.least, wanted.voltage) == ("tilt_x", False, 3500.0)
+    assert wanted.specimens[0].electrode.segments[0].share == 1.0
+    assert [each.names for each in wanted.variables["sector"]] == [
+        ("electrode.segments.0.sector.0",), ("electrode.segments.0.sector.1",)]
+    assert sector_design(tmp_path, want="least").least
+    shared = sector_design(tmp_path, more='"electrode.segment.0.share" = [0, 1]')
+    assert shared.variables["sector"][-1].low == 0.0
+    for voltage, words in (("B = 3 kV", "name of a segment: A"), ("A = 0 kV", "above 0"),
+                           ("A = 80 %", "must be voltages"), ("A = 1 kV", None)):
+        if words is None:
+            assert sector_design(tmp_path, voltage).voltage == 1e3
+            continue
+        with pytest.raises(InputError, match=words):
+            sector_design(tmp_path, voltage)
+
+
+@pytest.mark.study(seconds=90)
+def test_the_width_of_a_sector_for_the_largest_tilt(tmp_path: Path) -> None:
+    """Half of the film is best, inside the ranges: finite elements tilt it by 3.3077 mrad."""
+    film, = design(sector_design(tmp_path), Settings()).films
+    tilt = next(each for each in film.quantities if each.name == "tilt_x")
+    assert film.status == "met"
+    assert tilt.value == pytest.approx(3.3077e-3, rel=5e-3)
+    assert tilt.reduced == pytest.approx(tilt.value, rel=1e-2)
+    for number in film.numbers.values():
+        assert number.end is None
+        assert abs(number.value) == pytest.approx(pi / 2, abs=0.12)

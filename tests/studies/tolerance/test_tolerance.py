@@ -221,7 +221,7 @@ def test_films_of_the_library_scatter_as_it_says(name: str) -> None:
     sizes = {key: getattr(known, key) for key in ("thickness", "stiffness", "permittivity")}
     assert of_library == {key: size for key, size in sizes.items() if size is not None}
     assert [line.split()[0] for line in words] == [
-        *(key for key, size in sizes.items() if size is None), "offset"]
+        *(key for key, size in sizes.items() if size is None), "offset", "gradient"]
 
 
 @pytest.mark.study(seconds=3, only=("200000000.0-tension",))
