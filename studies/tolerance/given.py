@@ -144,11 +144,6 @@ class Tolerances:
         "of the plate's centre along x and y",
         default="0.25 mm from film to film, at most 1 % of the gap, where the film is not its own "
                 "mirror image; else none")] = None
-    gradient: Annotated[ShareScatter | None, Key(
-        "of thickness_gradient along x and y: by which share the virgin film is thicker where it "
-        "reaches the frame's half extent than in the middle",
-        default="0.02 from film to film, where the film is not its own mirror image; else none"
-        )] = None
     margin: Annotated[LengthScatter | None, Key(
         "of each uncovered band that the electrode has",
         default="0.5 mm from film to film, at most 1 % of the gap")] = None
@@ -158,6 +153,11 @@ class Tolerances:
                                              default="0.01 of batches")] = None
     strength: Annotated[StrengthScatter | None, Key(
         "electric strength", default="shape 10, from film to film")] = None
+    gradient: Annotated[ShareScatter | None, Key(
+        "of thickness_gradient along x and y: by which share the virgin film is thicker where it "
+        "reaches the frame's half extent than in the middle",
+        default="0.02 from film to film, where the film is not its own mirror image; else none"
+        )] = None
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
