@@ -70,6 +70,14 @@ class ClosedFilms:
     def stroke(self) -> AnyArray:
         return self.deflection[:, 1] - self.deflection[:, 0]
 
+    @property
+    def slope(self) -> AnyArray:
+        return np.zeros((*self.deflection.shape, 2))
+
+    @property
+    def shift(self) -> AnyArray:
+        return np.zeros((*self.deflection.shape, 2))
+
     def shown(self, variable: Variable) -> AnyArray:
         """A variable of the states, of those that these films have."""
         states: Any = self
