@@ -32,7 +32,7 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.membrane.formula import Formula
 from tympan.fem.membrane.loading import Loading
-from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.results.limit_states import BREAKDOWN, PULL_IN, TENSION
@@ -107,6 +107,9 @@ _GAINED = 0.5
 #: Part of a load's range that scales the rate of a state's motion to a motion.
 _RATE = 0.3
 
+#: Tilt of a plate by a moment, over the deflection's over the frame's half extent.
+_TURN = 0.1
+
 #: Number of load steps if there is no good guess.
 _STEPS = 4
 
@@ -139,6 +142,9 @@ _LEVEL = 0.3
 #: a film so near its end is dear, and the family hardly better with it.
 _GIVEN_UP = 0.25
 
+#: Least tension, over the largest stress, of films that finite elements also find in tension.
+_TENSE = 1e-3
+
 #: Number of random films that are solved on meshes of their own.
 _REMESHED = 4
 
@@ -163,9 +169,8 @@ class Ground(FieldsAlone):
     @classmethod
     def of(cls, box: Box, loads: Loads, settings: Settings) -> Ground:
         """Mesh the box's specimen, with the mirror planes that all films of the box share."""
-        middle = box.member((box.low + 1.0001 * box.high) / 2.0001) if box.names else box.specimen
         planes = (mirror_planes(box.specimen, loads.loading)
-                  & mirror_planes(middle, loads.loading))
+                  & mirror_planes(box.general, loads.loading))
         require_reducible(box.specimen, loads)
         model = bare_film(box.specimen, settings, planes)
         return cls(box, replace(model, loading=solved_loading(loads.loading, settings)),
@@ -377,8 +382,7 @@ class FilmFamily(FieldsAlone):
 
     def drawn(self, count: int, seed: int = 1) -> AnyArray:
         """Draw parameters of random films, evenly over the box, (count, names)."""
-        shares = drawn_points(len(self.box.names), count, seed)
-        return self.box.low + shares * (self.box.high - self.box.low)
+        return self.box.between(drawn_points(len(self.box.names), count, seed))
 
     def films(self, rows: AnyArray) -> Films:
         """Build the films with given parameters, rows of (films, names)."""
@@ -418,6 +422,14 @@ class FilmFamily(FieldsAlone):
         @property
         def restressed(self) -> float:
             """Relative error of the largest stresses."""
+
+        @property
+        def tilted(self) -> float:
+            """Error of the plates' slopes [rad]."""
+
+        @property
+        def unstable(self) -> int:
+            """Number of random films that are unstable only by finite elements."""
 
     @property
     def measured(self) -> frozenset[str]:
@@ -536,7 +548,8 @@ class FilmFamily(FieldsAlone):
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
                   "weakest_strength": extremes.weakest_strength,
                   "frequency": _frequency(films, number, q, squared, mass),
-                  "stress_error": self.restressed * extremes.stress}
+                  "stress_error": self.restressed * extremes.stress,
+                  "slope_error": np.full(len(q), self.tilted if check else np.nan)}
         masked: dict[str, Any] = {name: np.where(holds, value, np.nan).reshape(shape)
                                   for name, value in values.items()}
         in_plane = {"slope": self._slope(films, number, q), "shift": self._shift(films, q),
@@ -699,7 +712,8 @@ class ReducedFamily(FilmFamily):
     family's mesh. The estimate is the ``check``'s plus ``usual``, a share of the deflection, since
     the check's estimate has a sign and may be zero by chance. ``remeshed``: largest relative
     difference of deflections on meshes of their own. ``restressed``: the same for their largest
-    stresses. ``places``: nodes at which some film has nearly its largest strain or field.
+    stresses. ``tilted``: largest error of their slopes [rad]. ``unstable``: number of random films
+    that finite elements find unstable, though their reduced films are not. ``places``: nodes at which some film has nearly its largest strain or field.
     ``snapshots``: number of finite-element states that the family was made from.
     """
 
@@ -711,6 +725,8 @@ class ReducedFamily(FilmFamily):
     usual: float = 1e-7
     remeshed: float = 0.0
     restressed: float = 0.0
+    tilted: float = 0.0
+    unstable: int = 0
     snapshots: int = 0
 
     def films(self, rows: AnyArray) -> Films:
@@ -776,6 +792,8 @@ class FormulaFamily(FilmFamily):
     """Films in closed form: their ``formula`` on arrays, without error."""
 
     restressed: ClassVar[float] = 0.0
+    tilted: ClassVar[float] = 0.0
+    unstable: ClassVar[int] = 0
     formula: Formula
 
     def films(self, rows: AnyArray) -> Films:
@@ -912,10 +930,9 @@ class _Making:
         """
         box = self.ground.box
         shares = drawn_points(len(box.names) + 2, count, seed)
-        low, high = (np.array([*edge, self.force[end], self.squared[end]])
-                     for end, edge in enumerate((box.low, box.high)))
-        points = low + shares * (high - low)
-        return points[:, :-2], points[:, -2], points[:, -1]
+        force, squared = (low + share * (high - low) for share, (low, high) in
+                          zip(shares[:, -2:].T, (self.force, self.squared), strict=True))
+        return box.between(shares[:, :-2]), force, squared
 
     def made(self) -> ReducedFamily:
         """Make the family."""
@@ -945,7 +962,8 @@ class _Making:
         for partly in (False, True):  # far beyond most films' ends few have a state
             solved = [self.ground.solved(row, force, squared, partly=partly) for row, force, squared
                       in zip(rows, forces.tolist(), squares.tolist(), strict=True)]
-            shots = [self._shot(*pair) for pair in solved if pair is not None]
+            shots = [self._shot(row, *pair) for row, pair in zip(rows, solved, strict=True)
+                     if pair is not None]
             if len(shots) >= 2:
                 return shots
         raise self._empty()
@@ -954,7 +972,7 @@ class _Making:
         return InputError("hardly any film like it has an equilibrium in tension under these "
                           "loads: take lower ones", key=self.ground.box.specimen.name)
 
-    def _shot(self, model: Model, solution: Solution) -> Snapshot:
+    def _shot(self, row: AnyArray, model: Model, solution: Solution) -> Snapshot:
         state, rates, box = solution.state, [], self.ground.box
         ranges: dict[Load, tuple[float, float]] = {"force": self.force, "voltage": self.squared}
         if PRESSURE in box.names:
@@ -965,7 +983,37 @@ class _Making:
             if wide:
                 rate = solution.rate(model, load)
                 rates.append(moved(model, state, rate, _RATE * wide).positions - state.positions)
+        rates += [moved(model, state, motion).positions - state.positions
+                  for motion in self._responses(row, model, solution)]
         return Snapshot(model, state, rates=tuple(rates))
+
+    def _responses(self, row: AnyArray, model: Model, solution: Solution) -> Iterator[Parts]:
+        """Yield motions of film and plate by voltages of segments, and by moments on the plate.
+
+        With its response to a moment among the shapes, the error of a tilt is of second order in
+        what the shapes leave out, as that of the deflection is by its response to a force.
+        """
+        state, box, tangent = solution.state, self.ground.box, solution.tangent
+        assert tangent is not None
+        balance = model.residual(model.nodal_forces(state), state)
+        at = box.shares(row[None])
+        for name in box.segments:
+            there = at.copy()
+            there[:, box.names.index(name)] += _RATE if there[0, box.names.index(name)] < 0.5 \
+                else -_RATE
+            other = self.ground.film(box.between(there)[0])
+            unbalanced = other.residual(other.nodal_forces(state), state)
+            film, plate = tangent.respond((unbalanced[0] - balance[0], unbalanced[1] - balance[1]))
+            yield -film, -plate
+        if not box.segments:
+            return
+        for freedom in range(6)[TURNS]:
+            if freedom in model.plate_freedoms:
+                moment = np.array([float(each == freedom) for each in model.plate_freedoms])
+                film, plate = tangent.respond((np.zeros_like(balance[0]), moment))
+                size = abs(plate[list(model.plate_freedoms).index(freedom)])
+                scale = _TURN * abs(model.deflection(state)) / (size * model.size)
+                yield scale * film, scale * plate
 
     def _refined(self, family: ReducedFamily, row: AnyArray, force: float, squared: float
                  ) -> Snapshot | None:
@@ -973,7 +1021,7 @@ class _Making:
         found = None
         if states.holds.all():
             found = self._found(family, states.q[0, 0], row, force, squared)
-        return None if found is None else self._shot(*found)
+        return None if found is None else self._shot(row, *found)
 
     def _family(self, shots: Sequence[Snapshot], rows: AnyArray, forces: AnyArray,
                 squares: AnyArray, before: tuple[ReducedFamily, Balance] | None = None
@@ -1037,12 +1085,17 @@ class _Making:
         usual = float(np.nanmean(_relative(states)))
         error = states.error + (usual - family.usual) * np.abs(states.deflection)
         family = replace(family, usual=usual)
-        ratios, solved, stresses = [], list[tuple[int, float]](), [0.0]
+        ratios, solved, stresses, tilts = [], list[tuple[int, float]](), [0.0], [0.0]
+        unstable = 0
         for number in np.flatnonzero(states.holds[:, 0]).tolist():
             found = self._found(family, states.q[number, 0], rows[number], forces[number],
                                 squares[number])
+            unstable += found is None and states.tension[number, 0] > _TENSE * states.stress[
+                number, 0]
             if found is not None:
                 deflection, stress = _moved(*found)
+                slope = np.array(found[1].state.plate.slope)
+                tilts.append(float(np.abs(slope - states.slope[number, 0]).max()))
                 solved.append((number, deflection))
                 ratios.append(abs(deflection - states.deflection[number, 0]) / error[number, 0])
                 stresses.append(abs(stress / states.stress[number, 0] - 1))
@@ -1052,7 +1105,8 @@ class _Making:
             remeshed.append(abs(apart - deflection) / abs(deflection))
             stresses.append(abs(stress / states.stress[number, 0] - 1))
         return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(remeshed),
-                       restressed=_STRESS_MARGIN * max(stresses))
+                       restressed=_STRESS_MARGIN * max(stresses), tilted=_MARGIN * max(tilts),
+                       unstable=int(unstable))
 
     def _found(self, family: ReducedFamily, q: AnyArray, row: AnyArray, force: float, squared: float
                ) -> tuple[Model, Solution] | None:

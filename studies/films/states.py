@@ -65,6 +65,8 @@ class FilmStates:
     weakest_strength: AnyArray
     #: Slopes of the plate along x and y [rad], (films, states, 2).
     slope: AnyArray
+    #: Error of these slopes [rad]; nan if not estimated.
+    slope_error: AnyArray
     #: Motion of the plate's centre along x and y [m], (films, states, 2).
     shift: AnyArray
     #: Lowest frequency along the load [Hz]; nan if no mass was given.
