@@ -85,7 +85,7 @@ def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float
     if not by_segment(given):
         raise InputError("must name the segments in all voltages, or in none: \"A = 3 kV, "
                          "B = 0 kV\"", key=key, given=given)
-    parts = _parts(given, key)
+    parts = voltages_by_name(given, key)
     count = max(map(len, parts.values()))
     if any(len(values) not in (1, count) for values in parts.values()):
         raise InputError("must have one voltage for each segment, or equally many", key=key,
@@ -128,7 +128,7 @@ def _texts(given: str | Mapping[str, Any], key: str) -> dict[str, Any]:
     return texts
 
 
-def _parts(given: str | Mapping[str, Any], key: str) -> dict[str, tuple[float, ...]]:
+def voltages_by_name(given: str | Mapping[str, Any], key: str) -> dict[str, tuple[float, ...]]:
     """Read the values of each name: voltages [V], or shares of the first limit [%]."""
     texts = _texts(given, key)
     shares = [isinstance(value, str) and value.strip().endswith("%") for value in texts.values()]

@@ -181,8 +181,7 @@ class Box:
     @property
     def segments(self) -> tuple[str, ...]:
         """Names of the parameters that are voltages of segments over the film's."""
-        return tuple(name for name in self.names
-                     if name.startswith(_SEGMENTS) and name.endswith(_SHARE))
+        return tuple(filter(is_share, self.names))
 
     @cached_property
     def _powers(self) -> Array:
@@ -213,6 +212,16 @@ class Box:
     def scaled(self, rows: Array) -> Array:
         """Scale parameters to -1 to 1 within the box."""
         return np.asarray(2 * self.shares(rows) - 1)
+
+
+def share_path(number: int) -> str:
+    """Write the path of a segment's share in the film's voltage."""
+    return f"{_SEGMENTS}{number}{_SHARE}"
+
+
+def is_share(path: str) -> bool:
+    """Check whether a path is that of a segment's share in the film's voltage."""
+    return path.startswith(_SEGMENTS) and path.endswith(_SHARE)
 
 
 def plate_areas(specimen: Specimen, columns: Mapping[str, Array], count: int) -> Array:

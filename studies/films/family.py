@@ -539,8 +539,8 @@ class FilmFamily(FieldsAlone):
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
-        corners = films.nodes[number[:, None], self.places.nodes[extremes.weakest]]
-        place = np.einsum("slc,sl->sc", corners, self.places.values[extremes.weakest])
+        weakest, loosest = (self._placed(films, number, point)
+                            for point in (extremes.weakest, extremes.loosest))
         values = {"voltage": np.abs(voltage), "deflection": q[:, 0], "force": carried,
                   "capacitance": capacitance, "energy": energy, "stiffness": balance.stiffness,
                   "error": error, "stretch": extremes.stretch, "stress": extremes.stress,
@@ -553,7 +553,7 @@ class FilmFamily(FieldsAlone):
         masked: dict[str, Any] = {name: np.where(holds, value, np.nan).reshape(shape)
                                   for name, value in values.items()}
         in_plane = {"slope": self._slope(films, number, q), "shift": self._shift(films, q),
-                    "weakest": place}
+                    "weakest": weakest, "loosest": loosest}
         pairs: dict[str, Any] = {name: np.where(holds[:, None], value, np.nan).reshape(*shape, 2)
                                  for name, value in in_plane.items()}
         return FilmStates(**masked, **pairs, holds=holds.reshape(shape),
@@ -664,6 +664,11 @@ class FilmFamily(FieldsAlone):
     def _rests(self, films: Films, number: AnyArray, force: AnyArray, squared: AnyArray) -> Balance:
         """Solve for equilibria of films, by their numbers, under loads of each."""
         return films.first_rests(number, force, squared)
+
+    def _placed(self, films: Films, number: AnyArray, points: AnyArray) -> AnyArray:
+        """Find where points of the family's places are in the mounted films [m], (states, 2)."""
+        corners = films.nodes[number[:, None], self.places.nodes[points]]
+        return np.asarray(np.einsum("slc,sl->sc", corners, self.places.values[points]))
 
     def _slope(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
         """Compute the slopes of the plates along x and y [rad], (states, 2)."""
@@ -1062,12 +1067,18 @@ class _Making:
         sites = Sites.at_nodes(self.ground.model.discretisation)
         at = films.at(ShapesAt(sites, films.whole.shapes))
         near = np.zeros(len(sites.cells), dtype=bool)
+        # Fields jump at the edges of segments: each segment has its own range.
+        segments = [np.flatnonzero(sites.segments == own) for own in np.unique(sites.segments)]
         for part in films.parts(number, len(near)):
             here = films.local(at, number[part], q[part], squared[part])
             for values in (here.stretch_1, here.stress_1, -here.stress_2, here.electric_field,
                            here.breakdown_share):
-                most = values.max(1, keepdims=True)
-                near |= (values >= most - _NEARLY * (most - values.min(1, keepdims=True))).any(0)
+                for own in segments:
+                    of = values[:, own]
+                    most, least = of.max(1, keepdims=True), of.min(1, keepdims=True)
+                    wide = most > least
+                    near[own] |= (wide & (of >= most - _NEARLY * (most - least))).any(0)
+                    near[own[0]] |= not wide.all()  # an even field, such as none, is so everywhere
         return sites.some(np.flatnonzero(near), np.zeros(int(near.sum())))
 
     def _worst(self, family: ReducedFamily, rows: AnyArray, forces: AnyArray, squares: AnyArray

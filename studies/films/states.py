@@ -59,6 +59,8 @@ class FilmStates:
     breakdown: AnyArray
     #: Weakest place, where the share is largest, in the mounted film [m], (films, states, 2).
     weakest: AnyArray
+    #: Place of the least true stress, in the mounted film [m], (films, states, 2).
+    loosest: AnyArray
     #: Electric field at the weakest place [V/m].
     weakest_field: AnyArray
     #: Electric strength at the weakest place [V/m].
