@@ -9,6 +9,7 @@ that it cannot guarantee are solved by finite elements as long as they are few.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import product
@@ -47,6 +48,8 @@ _MOST = 250_000
 _USUAL = 2500
 #: Share of the first limit, all segments driven, up to which voltages then are.
 _UP_TO = 0.8
+#: Largest error of a deflection, and of a slope over the largest tilt, of a row by reduced films.
+_ALLOWED = 1e-3
 #: Most equilibria that finite elements solve in place of the family.
 _BY_ELEMENTS = 60
 #: Parts of each range of voltages over which one estimate of the error, the largest, is used.
@@ -201,6 +204,29 @@ class SteerResult(SpecimenRecord):
                  for name in ("ended", "by", "why")}
         return rows | texts
 
+    @property
+    def solved_by(self) -> dict[str, int]:
+        """Number of rows by what solved them."""
+        return dict(Counter(word or "without a solution" for word in self.by))
+
+    @property
+    def ends(self) -> dict[str, int]:
+        """Number of rows beyond each limit, with the segment where it begins."""
+        return dict(Counter(word for word in self.ended if word))
+
+    @property
+    def largest_tilt_rad(self) -> float:
+        """Largest tilt of all films in tension and below their strength [rad]."""
+        tilt = np.hypot(self.values("tilt_x_rad"), self.values("tilt_y_rad"))
+        return float(tilt[np.array(self.holds)].max(initial=0.0))
+
+    @property
+    def largest_errors(self) -> tuple[float, float] | None:
+        """Largest errors of deflections [m] and slopes [rad]; None if none is reduced."""
+        errors = [self.values(name) for name in ("deflection_error_m", "tilt_error_rad")]
+        known = [own[np.isfinite(own)] for own in errors]
+        return (float(known[0].max()), float(known[1].max())) if len(known[0]) else None
+
     def largest_tilts(self, low: float = -np.inf, high: float = np.inf) -> AnyArray:
         """Find the largest slope along each direction [rad], of deflections in a range [m].
 
@@ -239,7 +265,7 @@ def steer(case: SteerCase, settings: Settings = Settings()) -> SteerResult:
     states = family.states(rows, grid.forces, grid.across, check=False, loose=True)
     states = replace(states, **_errors(family, grid, states, [
         len(each) for each in values.values() if len(each) > 1]))
-    why = unsure(states)[:, 0]
+    why = unsure(states, _ALLOWED)[:, 0]
     if family.unstable:
         why[why == ""] = UNSTABLE
     every = variables_of(states, plate=True)
@@ -264,11 +290,16 @@ def steer(case: SteerCase, settings: Settings = Settings()) -> SteerResult:
                 ended[row] = TENSION.label
     elif len(missing):
         lost = missing[~np.isfinite(found["deflection_m"][missing])]
-        warnings.append(f"{len(missing)} of {len(volts)} rows are too many to solve by finite "
-                        f"elements: {len(lost)} have no numbers, the others are those of a film "
-                        "kept from wrinkling; the column why has the reason of each")
+        warnings.append(f"{len(missing)} of {len(volts)} rows need finite elements, which are "
+                        f"used for {_BY_ELEMENTS} at most: {len(lost)} have no numbers, the others "
+                        "those of a reduced film without wrinkles, whose errors are larger than "
+                        'stated; the column "why" has the reason of each')
         ended[lost] = np.where(ended[lost] == "", "no reduced film", ended[lost])
     holds = np.isfinite(found["deflection_m"]) & (ended == "")
+    largest = float(np.hypot(found["tilt_x_rad"], found["tilt_y_rad"])[holds].max(initial=0.0))
+    if family.tilted > _ALLOWED * largest:
+        warnings.append(f"tilts may be off by {1e3 * family.tilted:.2g} mrad, more than "
+                        f"{_ALLOWED:g} of the largest one")
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     return SteerResult(
         specimen=case.specimen.name, mass_kg=case.mass,

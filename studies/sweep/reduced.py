@@ -219,10 +219,13 @@ class Batch:
                 for number, task in enumerate(self.tasks)}
 
 
-def unsure(states: FilmStates) -> AnyArray:
-    """Say why states have no guaranteed accuracy of the family, (films, states); "" where sure."""
+def unsure(states: FilmStates, allowed: float = EXACT) -> AnyArray:
+    """Say why states have no guaranteed accuracy of the family, (films, states); "" where sure.
+
+    ``allowed``: largest error of the deflection, relative.
+    """
     # Comparisons with missing states are false.
-    exact = states.error <= EXACT * np.abs(states.deflection)
+    exact = states.error <= allowed * np.abs(states.deflection)
     tense = ~(states.tension <= TENSE * states.stress)  # a film without fields has no stress
     return np.select([~states.holds & states.slack, ~states.holds, ~states.sound, ~tense, ~exact],
                      [_SLACK, "the reduced film finds no equilibrium, or the film is outside its "
