@@ -91,7 +91,8 @@ class SteerCase:
                              "plate along one line, which tympan curve draws", key="electrode",
                              given="one electrode")
         specimen.needed_plate()
-        given = {} if self.voltages is None else voltages_by_name(self.voltages, "voltage")
+        given = {} if self.voltages is None else voltages_by_name(self.voltages, "voltage",
+                                                                          shares=False)
         specimen.electrode.driven({name: max(values) for name, values in given.items()})
         for name, values in given.items():
             if min(values) < 0 or list(values) != sorted(set(values)):

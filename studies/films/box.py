@@ -12,7 +12,7 @@ from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
 from tympan.base.fields import field_at
 from tympan.base.fields import numbers as quantities
-from tympan.base.paths import at, numbers, with_arrays
+from tympan.base.paths import at, numbered, numbers, with_arrays
 from tympan.fem.rig import Loads
 from tympan.geometry.specimen import Specimen
 
@@ -82,6 +82,7 @@ class Box:
             If a number does not exist or cannot vary, or if limits are invalid.
         """
         known, edges = (*varying(specimen), *_BESIDE), []
+        limits = {numbered(specimen, name): given for name, given in limits.items()}
         for name, given in limits.items():
             if name not in known:
                 raise InputError("is no number of the specimen that films of a family may differ "

@@ -33,7 +33,7 @@ def quarters() -> Specimen:
 @pytest.fixture(scope="module")
 def mapped() -> SteerResult:
     return steer(SteerCase(quarters(), mass=MASS, voltages={
-        "A": "0 kV..2 kV in 9", "B": "0 kV..2 kV in 9", "C": "0.5 kV"}), COARSE)
+        "A": "0 kV..2 kV in 9", "B": "0 kV..2 kV in 9", "C": "0.5 kV"}))
 
 
 def test_drawn_rows_are_those_of_finite_elements(mapped: SteerResult) -> None:
@@ -42,8 +42,7 @@ def test_drawn_rows_are_those_of_finite_elements(mapped: SteerResult) -> None:
     largest = mapped.largest_tilt_rad
     for row in np.random.default_rng(3).choice(81, 8, replace=False).tolist():
         electrode, top = QUARTERS.driven(dict(zip("ABCD", volts[row].tolist(), strict=True)))
-        exact = solve(Case(replace(quarters(), electrode=electrode), mass=MASS, voltage=top),
-                      COARSE)
+        exact = solve(Case(replace(quarters(), electrode=electrode), mass=MASS, voltage=top))
         off = [getattr(exact, name) - getattr(mapped, name)[row]
                for name in ("deflection_m", "tilt_x_rad", "tilt_y_rad")]
         assert abs(off[0]) < 1e-4 * exact.deflection_m
@@ -52,13 +51,13 @@ def test_drawn_rows_are_those_of_finite_elements(mapped: SteerResult) -> None:
         assert abs(off[0]) < mapped.deflection_error_m[row] + 1e-5 * exact.deflection_m
 
 
-def test_a_map_has_the_symmetry_of_its_segments(mapped: SteerResult) -> None:
-    """To exchange A and B mirrors the film in x: C and D are unlike, but far below A and B."""
+def test_a_map_has_the_symmetry_of_its_segments() -> None:
+    """To exchange A and B mirrors the film in x; the mesh is symmetric to some 1e-4."""
     even = steer(SteerCase(quarters(), mass=MASS, voltages={
-        "A": "0 kV..2 kV in 5", "B": "0 kV..2 kV in 5"}), COARSE)
+        "A": "0 kV..2 kV in 5", "B": "0 kV..2 kV in 5"}))
     along_x, along_y, deflection = (even.values(name).reshape(5, 5) for name in (
         "tilt_x_rad", "tilt_y_rad", "deflection_m"))
-    small = 2e-4 * even.largest_tilt_rad
+    small = 5e-4 * even.largest_tilt_rad
     assert np.abs(along_x + along_x.T).max() < small
     assert np.abs(along_y - along_y.T).max() < small
     assert np.abs(deflection - deflection.T).max() < 1e-5 * deflection.max()
@@ -68,16 +67,17 @@ def test_a_map_has_the_symmetry_of_its_segments(mapped: SteerResult) -> None:
 def test_the_mesh_of_a_map_has_only_the_planes_of_all_its_films() -> None:
     box = Box(quarters(), ("electrode.segments.0.share", "electrode.segments.1.share"),
               np.zeros(2), np.ones(2))
-    assert not box.general.mirror_planes and quarters().mirror_planes == {"x", "y"}
+    assert not box.general.mirror_planes
+    assert quarters().mirror_planes == {"x", "y"}
 
 
 def test_rows_beyond_a_limit_name_the_segment() -> None:
-    """A film of little prestretch loses its tension in the segment that is driven."""
-    slack = steer(SteerCase(quarters(), mass=MASS, voltages="A = 0 kV..5 kV in 6, D = 1 kV"),
+    """The film loses its tension in the segment that is driven."""
+    slack = steer(SteerCase(quarters(), mass=MASS, voltages="A = 0 kV..9 kV in 7, D = 1 kV"),
                   COARSE)
-    ended = [words for words in slack.ended if words]
-    assert ended and not slack.ended[0] and all(
-        words.endswith(" in A") or words == "no equilibrium" for words in ended), slack.ended
+    assert slack.ended[0] == ""
+    assert slack.ended[-1] == "loss of tension in A"
+    assert slack.holds == tuple(not words for words in slack.ended)
 
 
 def test_both_doors_give_one_map(tmp_path: Path) -> None:
