@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from itertools import product
+from itertools import pairwise, product
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any
@@ -395,7 +395,7 @@ def _reached(found: Mapping[str, AnyArray], holds: AnyArray, angles: AnyArray
     edges = np.linspace(low, high, _BANDS + 1).tolist()
     return tuple(ReachedTilts(from_m=start, to_m=end, tilt_rad=_cells(_largest(
         deflection, found["tilt_x_rad"], found["tilt_y_rad"], holds, angles, start, end)))
-        for start, end in ((low, high), *zip(edges[:-1], edges[1:], strict=True)))
+        for start, end in ((low, high), *pairwise(edges)))
 
 
 def _largest(deflection: AnyArray, along_x: AnyArray, along_y: AnyArray, holds: AnyArray,

@@ -38,11 +38,13 @@ def mapped() -> SteerResult:
 
 def test_drawn_rows_are_those_of_finite_elements(mapped: SteerResult) -> None:
     volts = np.column_stack(list(mapped.voltages.values()))
-    assert volts.shape == (81, 4) and set(mapped.by) == {"reduced"} and all(mapped.holds)
+    assert volts.shape == (81, 4)
+    assert set(mapped.by) == {"reduced"}
+    assert all(mapped.holds)
     largest = mapped.largest_tilt_rad
     for row in np.random.default_rng(3).choice(81, 8, replace=False).tolist():
         electrode, top = QUARTERS.driven(dict(zip("ABCD", volts[row].tolist(), strict=True)))
-        exact = solve(Case(replace(quarters(), electrode=electrode), mass=MASS, voltage=top))
+        exact = solve(Case(replace(quarters(), electrode=electrode), mass=MASS, voltage=top), Settings())
         off = [getattr(exact, name) - getattr(mapped, name)[row]
                for name in ("deflection_m", "tilt_x_rad", "tilt_y_rad")]
         assert abs(off[0]) < 1e-4 * exact.deflection_m
@@ -52,12 +54,12 @@ def test_drawn_rows_are_those_of_finite_elements(mapped: SteerResult) -> None:
 
 
 def test_a_map_has_the_symmetry_of_its_segments() -> None:
-    """To exchange A and B mirrors the film in x; the mesh is symmetric to some 1e-4."""
+    """To exchange A and B mirrors the film in x; the mesh is symmetric to some 1e-3."""
     even = steer(SteerCase(quarters(), mass=MASS, voltages={
         "A": "0 kV..2 kV in 5", "B": "0 kV..2 kV in 5"}))
     along_x, along_y, deflection = (even.values(name).reshape(5, 5) for name in (
         "tilt_x_rad", "tilt_y_rad", "deflection_m"))
-    small = 5e-4 * even.largest_tilt_rad
+    small = 2e-3 * even.largest_tilt_rad
     assert np.abs(along_x + along_x.T).max() < small
     assert np.abs(along_y - along_y.T).max() < small
     assert np.abs(deflection - deflection.T).max() < 1e-5 * deflection.max()
@@ -73,7 +75,7 @@ def test_the_mesh_of_a_map_has_only_the_planes_of_all_its_films() -> None:
 
 def test_rows_beyond_a_limit_name_the_segment() -> None:
     """The film loses its tension in the segment that is driven."""
-    slack = steer(SteerCase(quarters(), mass=MASS, voltages="A = 0 kV..9 kV in 7, D = 1 kV"),
+    slack = steer(SteerCase(quarters(), mass=MASS, voltages="A = 0 kV..6 kV in 7, D = 1 kV"),
                   COARSE)
     assert slack.ended[0] == ""
     assert slack.ended[-1] == "loss of tension in A"

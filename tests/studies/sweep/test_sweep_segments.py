@@ -6,11 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.specimens import NEO_HOOKE, circular, specimen_toml
 from tympan.base.errors import InputError
 from tympan.studies.sweep.plan import Sweep, read_sweep
 
-SEGMENTS = """
+HALVES = """
+name = "halves"
+[frame]
+shape = "circle"
+radius = "4.5 cm"
+[plate]
+shape = "circle"
+radius = "1 cm"
+[membrane]
+thickness = "1 mm"
+prestretch = 2.2360679775
+relative_permittivity = 4.7
+material = { law = "neo_hooke", mu = "20 kPa" }
 [[electrode.segment]]
 name = "A"
 sector = ["0 deg", "180 deg"]
@@ -21,7 +32,7 @@ sector = ["180 deg", "360 deg"]
 
 
 def planned(folder: Path, more: str) -> Sweep:
-    (folder / "halves.toml").write_text(specimen_toml(circular(NEO_HOOKE)) + SEGMENTS)
+    (folder / "halves.toml").write_text(HALVES)
     (folder / "SWEEP.toml").write_text(f'specimen = "halves.toml"\nmass = "17.9 g"\n{more}')
     return read_sweep(folder / "SWEEP.toml")
 
