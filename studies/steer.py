@@ -102,7 +102,7 @@ class SteerCase:
             name: given.get(name, (0.0,)) for name in names} if given else {})
 
     def ranged(self, settings: Settings) -> Mapping[str, tuple[float, ...]]:
-        """The voltages by segment; without any, those up to a part of the first limit."""
+        """List the voltages by segment; without any, those up to a part of the first limit."""
         values = self.values
         if not values:
             names = self.specimen.electrode.names

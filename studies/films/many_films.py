@@ -863,7 +863,8 @@ class Extremes:
                    tension=here.stress_2.min(1), electric=here.electric_field.max(1),
                    share=here.breakdown_share[at], weakest_field=here.electric_field[at],
                    weakest_strength=here.breakdown_strength[at], weakest=weakest,
-                   loosest=here.stress_2.argmin(1), sound=np.all(here.sound, 1), lawful=np.all(here.lawful, 1))
+                   loosest=here.stress_2.argmin(1), sound=np.all(here.sound, 1),
+                   lawful=np.all(here.lawful, 1))
 
     @classmethod
     def none(cls, count: int) -> Self:
