@@ -391,7 +391,8 @@ def steer(specimen: SpecimenOrFile, *, mass: float | str | None = None,
     specimen, on = held(specimen, rig, pressure)
     if mass is None and specimen.plate is not None:
         raise InputError(NO_MASS, key="mass")
-    case = SteerCase(specimen, voltages=voltage, rig=on, mass=number(mass or 0.0, "mass", "mass"))
+    case = SteerCase(specimen, voltages=voltage, rig=on, 
+                     mass=number(only(mass, "mass", 0.0), "mass", "mass"))
     return Result(steer(case, settings or Settings()), case.specimen)
 
 

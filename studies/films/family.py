@@ -718,8 +718,8 @@ class ReducedFamily(FilmFamily):
     the check's estimate has a sign and may be zero by chance. ``remeshed``: largest relative
     difference of deflections on meshes of their own. ``restressed``: the same for their largest
     stresses. ``tilted``: largest error of their slopes [rad]. ``unstable``: number of random films
-    that finite elements find unstable, though their reduced films are not. ``places``: nodes at which some
-    film has nearly its largest strain or field.
+    that finite elements find unstable, though their reduced films are not. ``places``: nodes
+    at which some film has nearly its largest strain or field.
     ``snapshots``: number of finite-element states that the family was made from.
     """
 
