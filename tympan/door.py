@@ -374,7 +374,7 @@ def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
 @public()
 @combining
 @one_thread()
-def steer(specimen: SpecimenOrFile, *, mass: float | str | None = None,
+def steer(specimen: SpecimenOrFile, *, mass: Load | None = None,
           voltage: str | Mapping[str, Load] | None = None, pressure: float | str | None = None,
           rig: Holder = None, settings: Settings | None = None) -> Result[SteerResult]:
     """Map the plate's deflection and tilts over the voltages of an electrode's segments.
@@ -391,7 +391,7 @@ def steer(specimen: SpecimenOrFile, *, mass: float | str | None = None,
     specimen, on = held(specimen, rig, pressure)
     if mass is None and specimen.plate is not None:
         raise InputError(NO_MASS, key="mass")
-    case = SteerCase(specimen, voltages=voltage, rig=on, 
+    case = SteerCase(specimen, voltages=voltage, rig=on,
                      mass=number(only(mass, "mass", 0.0), "mass", "mass"))
     return Result(steer(case, settings or Settings()), case.specimen)
 
