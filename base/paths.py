@@ -33,8 +33,43 @@ def numbers(value: Any, path: str) -> tuple[str, ...]:
 def at(value: Any, path: Sequence[str]) -> Any:
     """Look up the value at a path within dataclasses and tuples."""
     for key in path:
-        value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
+        value = value[element(value, key)] if isinstance(value, tuple) else getattr(value, key)
     return value
+
+
+def element(items: Sequence[Any], key: str) -> int:
+    """Find the number of an element: its key is the number, or the name of an element with names.
+
+    Elements are dataclasses or tables. LookupError where there is none.
+
+    Examples
+    --------
+    >>> element([{"name": "A"}, {"name": "B"}], "B"), element([{"name": "A"}], "0")
+    (1, 0)
+    """
+    if key.isdecimal() and int(key) < len(items):
+        return int(key)
+    names = [item.get("name") if isinstance(item, Mapping) else getattr(item, "name", None)
+             for item in items]
+    if key not in names:
+        raise LookupError(key)
+    return names.index(key)
+
+
+def numbered(value: Any, path: str) -> str:
+    """Write a path with the numbers of elements in place of their names.
+
+    What follows a key that does not exist is left as it is.
+    """
+    keys = path.split(".")
+    for place, key in enumerate(keys):
+        try:
+            if isinstance(value, tuple):
+                keys[place] = str(element(value, key))
+            value = at(value, (keys[place],))
+        except (LookupError, AttributeError):
+            break
+    return ".".join(keys)
 
 
 def with_change(value: Any, path: Sequence[str], change: Any) -> Any:

@@ -31,6 +31,7 @@ from tympan.reports.figures.force import draw_force_curves
 from tympan.reports.figures.path import draw_stations
 from tympan.reports.figures.sense import draw_capacitance
 from tympan.reports.figures.specimen import draw_to_scale, segment_handles, segment_words
+from tympan.reports.figures.steer import draw_reach
 from tympan.reports.figures.tolerance import draw_histogram
 from tympan.reports.sweep.figure import draw_over
 from tympan.reports.sweep.view import SweepView
@@ -53,6 +54,7 @@ from tympan.studies.path import PathResult
 from tympan.studies.response import ResponseResult
 from tympan.studies.sense import SenseResult
 from tympan.studies.sensitivity import SensitivityResult
+from tympan.studies.steer import SteerResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import column_name, frame
@@ -301,6 +303,11 @@ def _(result: ForceResult, axes: Axes) -> None:
 @draw.register
 def _(result: SenseResult, axes: Axes) -> None:
     draw_capacitance(axes, result)
+
+
+@draw.register
+def _(result: SteerResult, axes: Axes) -> None:
+    draw_reach(axes, result)
 
 
 @draw.register

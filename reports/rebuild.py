@@ -48,6 +48,8 @@ _KINDS = {
         "*-force.json", "reports.figures.force:draw_force", "studies.force.result:ForceResult"),
     "sense": (
         "*-sense.json", "reports.figures.sense:draw_sense", "studies.sense.result:SenseResult"),
+    "steer": (
+        "*-steer.json", "reports.figures.steer:draw_steer", "studies.steer:SteerResult"),
     "tolerance": (
         "*-tolerance.json", "reports.figures.tolerance:draw_tolerance",
         "studies.tolerance.result:ToleranceResult"),

@@ -80,25 +80,34 @@ def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float
 
     There is one for each voltage that is given. A share of the first limit is in percent.
     """
-    if isinstance(given, list | tuple):
-        return [pair for one in given for pair in drives(specimen, one, key)]
-    if not by_segment(given):
-        raise InputError("must name the segments in all voltages, or in none: \"A = 3 kV, "
-                         "B = 0 kV\"", key=key, given=given)
-    parts = _parts(given, key)
-    count = max(map(len, parts.values()))
-    if any(len(values) not in (1, count) for values in parts.values()):
-        raise InputError("must have one voltage for each segment, or equally many", key=key,
-                         given=given)
     found = list[tuple[S, float]]()
-    for row in range(count):
-        voltages = {name: values[min(row, len(values) - 1)] for name, values in parts.items()}
+    for voltages in drives_by_name(given, key):
         try:
             electrode, top = specimen.electrode.driven(voltages)
         except InputError as error:
             raise InputError(error.allowed, key=key, given=error.given) from None
         found.append((replace(specimen, electrode=electrode), top))
     return found
+
+
+def drives_by_name(given: Any, key: str = "voltage", shares: bool = True
+                   ) -> list[dict[str, float]]:
+    """List the voltages of segments by name [V], one set for each voltage that is given.
+
+    With ``shares`` they may be shares of the first limit [%].
+    """
+    if isinstance(given, list | tuple):
+        return [each for one in given for each in drives_by_name(one, key, shares)]
+    if not by_segment(given):
+        raise InputError("must name the segments in all voltages, or in none: \"A = 3 kV, "
+                         "B = 0 kV\"", key=key, given=given)
+    parts = voltages_by_name(given, key, shares)
+    count = max(map(len, parts.values()))
+    if any(len(values) not in (1, count) for values in parts.values()):
+        raise InputError("must have one voltage for each segment, or equally many", key=key,
+                         given=given)
+    return [{name: values[min(row, len(values) - 1)] for name, values in parts.items()}
+            for row in range(count)]
 
 
 def proportions(given: str | Mapping[str, float | str], key: str) -> dict[str, float]:
@@ -128,12 +137,18 @@ def _texts(given: str | Mapping[str, Any], key: str) -> dict[str, Any]:
     return texts
 
 
-def _parts(given: str | Mapping[str, Any], key: str) -> dict[str, tuple[float, ...]]:
-    """Read the values of each name: voltages [V], or shares of the first limit [%]."""
+def voltages_by_name(given: Any, key: str, shares: bool = True) -> dict[str, tuple[float, ...]]:
+    """Read the values of each name: voltages [V], or, with ``shares``, shares of a limit [%]."""
+    if isinstance(given, list | tuple) or not by_segment(given):
+        raise InputError("must have the names of segments: \"A = 3 kV, B = 0 kV\"", key=key,
+                         given=str(given))
     texts = _texts(given, key)
-    shares = [isinstance(value, str) and value.strip().endswith("%") for value in texts.values()]
-    if any(shares):
-        if not all(shares):
+    percent = [isinstance(value, str) and value.strip().endswith("%") for value in texts.values()]
+    if any(percent):
+        if not shares:
+            raise InputError("must be voltages, such as \"A = 3 kV, B = 0 kV\"", key=key,
+                             given=str(given))
+        if not all(percent):
             raise InputError("must be voltages, or all of them shares of the first limit such as "
                              "\"A = 80 %, B = 40 %\"", key=key, given=str(given))
         return {name: (_percent(value, key),) for name, value in texts.items()}

@@ -35,7 +35,7 @@ __all__ = [
     "alpha", "compare", "curve", "data", "design", "diagnose", "draft", "draw", "effects", "export",
     "films_within", "fit_material", "force", "limits", "load", "lumped", "material", "materials",
     "modes", "optimise", "path", "plan", "report", "response", "sense", "sensitivity",
-    "show_material", "solve", "study", "sweep", "tolerance", "transient",
+    "show_material", "solve", "steer", "study", "sweep", "tolerance", "transient",
 ]
 
 

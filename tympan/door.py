@@ -17,7 +17,7 @@ from tympan.fem.film.library import LibraryMaterial, StatedMaterial, material_na
 from tympan.fem.rig import Rig, load_actuator, mounted, mounted_together
 from tympan.geometry.mesher import MeshSettings as MeshSettings
 from tympan.geometry.specimen import Specimen
-from tympan.grammar import public
+from tympan.grammar import combining, public
 from tympan.result import Result as Result
 from tympan.studies.case import NO_MASS, CaseResult
 from tympan.studies.case import Case as Case
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from tympan.studies.response import ResponseResult
     from tympan.studies.sense import SenseResult
     from tympan.studies.sensitivity import SensitivityResult
+    from tympan.studies.steer import SteerResult
     from tympan.studies.study import StudyResult
     from tympan.studies.sweep.run import SweepResult
     from tympan.studies.tolerance.given import Tolerances
@@ -372,6 +373,31 @@ def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
                      masses=several(mass, "mass", "mass"), start=from_, to=to, points=points,
                      sensing=tuple(sensing), tilt=tilt, noise=noise, rig=on)
     return Result(sense(case, settings or Settings()))
+
+
+@public()
+@combining
+@one_thread()
+def steer(specimen: SpecimenOrFile, *, mass: Load | None = None,
+          voltage: str | Mapping[str, Load] | None = None, pressure: float | str | None = None,
+          rig: Holder = None, settings: Settings | None = None) -> Result[SteerResult]:
+    """Map the plate's deflection and tilts over the voltages of an electrode's segments.
+
+    ``voltage`` has one value, several, or a range for each segment by its name, such as
+    ``{"A": "0 kV..3 kV in 21", "B": "0 kV..3 kV in 21", "C": "1 kV"}``. All combinations are rows
+    of ``to_pandas()``: deflection, slopes and shift of the plate, least tension, margin to
+    breakdown, errors, and the limit that a film is beyond, with its segment. They are solved by
+    reduced films. ``result.largest_tilts(low, high)`` has the largest tilt in each direction at
+    deflections [m] in a range. Without voltages all segments go up to 80 % of the first limit.
+    """
+    from tympan.studies.steer import SteerCase, steer
+
+    specimen, on = held(specimen, rig, pressure)
+    if mass is None and specimen.plate is not None:
+        raise InputError(NO_MASS, key="mass")
+    case = SteerCase(specimen, voltages=voltage, rig=on,
+                     mass=number(only(mass, "mass", 0.0), "mass", "mass"))
+    return Result(steer(case, settings or Settings()), case.specimen)
 
 
 @public(placed=("tolerances",))

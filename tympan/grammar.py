@@ -214,8 +214,20 @@ def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
 _BY_SEGMENT = ("voltage", "high", "supply")
 
 
+#: Mark of a function that takes voltages by the names of segments itself.
+_COMBINES = "combines_voltages"
+
+
+def combining(function: F) -> F:
+    """Mark a function on specimens that takes all combinations of its segments' voltages."""
+    setattr(function, _COMBINES, True)
+    return function
+
+
 def _with_segments(function: F) -> F:
     """Let a function on specimens take voltages by the names of an electrode's segments."""
+    if hasattr(function, _COMBINES):
+        return function
     kinds = [item.kind for item in signature(function).parameters.values()]
     # Behind one specimen other arguments may follow.
     most = None if Parameter.VAR_POSITIONAL in kinds else 1

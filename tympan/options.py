@@ -243,16 +243,18 @@ def read_mounted_all(options: argparse.Namespace, specimens: Sequence[Specimen] 
     return mounted_together(_driven(specimens, options), _rig(options))
 
 
-def read_mounted(options: argparse.Namespace) -> tuple[Specimen, Rig]:
+def read_mounted(options: argparse.Namespace, driven: bool = True) -> tuple[Specimen, Rig]:
     """Read a specimen and its rig, with the gas of :data:`PRESSURE` if the command has it.
 
-    The rig of :data:`RIG` replaces that of the specimen's file.
+    The rig of :data:`RIG` replaces that of the specimen's file. Unless it is ``driven``, voltages
+    by the names of segments are left to the question.
     """
     from tympan.fem.rig import mounted
     from tympan.studies.shipped import load_named
 
     specimen, rig = mounted(load_named(options.specimen), _rig(options))
-    (specimen,) = _driven((specimen,), options)
+    if driven:
+        (specimen,) = _driven((specimen,), options)
     given = getattr(options, "pressure", None)
     pressure = None if given is None else parse_quantity(given, "stress", "--pressure")
     with naming_options(options):

@@ -12,7 +12,7 @@ from tympan.base.arrays import Array, Mask
 from tympan.base.errors import InputError
 from tympan.base.fields import field_at
 from tympan.base.fields import numbers as quantities
-from tympan.base.paths import at, numbers, with_arrays
+from tympan.base.paths import at, numbered, numbers, with_arrays
 from tympan.fem.rig import Loads
 from tympan.geometry.specimen import Specimen
 
@@ -39,6 +39,14 @@ _SEGMENTS, _SHARE = "electrode.segments.", ".share"
 #: Numbers that must be equal in all films: the formulas for many films do not support their
 #: variation.
 _SAME = ("membrane.law_range", "electrode.stiffness", "electrode.patches")
+
+#: Paths of the shares of an electrode's segments in the film's voltage. Films depend on the squares
+#: of these voltages, as they do on that of the film's.
+_SEGMENTS, _SHARE = "electrode.segments.", ".share"
+
+#: Shares of the box's ranges at which a film is taken that has no symmetry of its own: the middle,
+#: and by this much beside it, in steps of the golden section.
+_OFF, _GOLDEN = 0.01, 0.6180339887498949
 
 #: Message about wrong limits.
 _BETWEEN = "must be two values, the smaller first"
@@ -75,6 +83,7 @@ class Box:
             If a number does not exist or cannot vary, or if limits are invalid.
         """
         known, edges = (*varying(specimen), *_BESIDE), []
+        limits = {numbered(specimen, name): given for name, given in limits.items()}
         for name, given in limits.items():
             if name not in known:
                 raise InputError("is no number of the specimen that films of a family may differ "
@@ -172,6 +181,32 @@ class Box:
         return tuple(name for name in self.names if name.startswith(_OUTLINED)
                      or (name.startswith(_SEGMENTS) and not name.endswith(_SHARE)))
 
+    @property
+    def segments(self) -> tuple[str, ...]:
+        """Names of the parameters that are voltages of segments over the film's."""
+        return tuple(filter(is_share, self.names))
+
+    @cached_property
+    def _powers(self) -> Array:
+        """Powers of the parameters in which films are smooth, (names,): of voltages the square."""
+        return np.array([2.0 if name in self.segments else 1.0 for name in self.names])
+
+    def between(self, shares: Array) -> Array:
+        """Compute parameters at shares of the box's ranges, 0 to 1, (films, names)."""
+        low, high = self.low**self._powers, self.high**self._powers
+        return np.asarray((low + shares * (high - low)) ** (1 / self._powers))
+
+    def shares(self, rows: Array) -> Array:
+        """Compute the shares of the box's ranges at which parameters are, (films, names)."""
+        low, high = self.low**self._powers, self.high**self._powers
+        return np.asarray((rows**self._powers - low) / (high - low))
+
+    @property
+    def general(self) -> Specimen:
+        """The specimen near the middle of the box: only what all films share is symmetric in it."""
+        beside = np.modf(_GOLDEN * np.arange(1, len(self.names) + 1))[0] - 0.5
+        return self.member(self.between((0.5 + _OFF * beside)[None])[0])
+
     def holds(self, rows: Array) -> Mask:
         """Compute the mask of films inside the box, (films,)."""
         off = _ROUNDING * (self.high - self.low)
@@ -179,7 +214,17 @@ class Box:
 
     def scaled(self, rows: Array) -> Array:
         """Scale parameters to -1 to 1 within the box."""
-        return np.asarray(2 * (rows - self.low) / (self.high - self.low) - 1)
+        return np.asarray(2 * self.shares(rows) - 1)
+
+
+def share_path(number: int) -> str:
+    """Write the path of a segment's share in the film's voltage."""
+    return f"{_SEGMENTS}{number}{_SHARE}"
+
+
+def is_share(path: str) -> bool:
+    """Check whether a path is that of a segment's share in the film's voltage."""
+    return path.startswith(_SEGMENTS) and path.endswith(_SHARE)
 
 
 def plate_areas(specimen: Specimen, columns: Mapping[str, Array], count: int) -> Array:

@@ -32,7 +32,7 @@ from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.membrane.biases import Spring
 from tympan.fem.membrane.formula import Formula
 from tympan.fem.membrane.loading import Loading
-from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
 from tympan.fem.results.fields import node_fields
 from tympan.fem.results.limit_states import BREAKDOWN, PULL_IN, TENSION
@@ -142,6 +142,9 @@ _LEVEL = 0.3
 #: a film so near its end is dear, and the family hardly better with it.
 _GIVEN_UP = 0.25
 
+#: Least tension, over the largest stress, of films that finite elements also find in tension.
+_TENSE = 1e-3
+
 #: Number of random films that are solved on meshes of their own.
 _REMESHED = 4
 
@@ -166,11 +169,8 @@ class Ground(FieldsAlone):
     @classmethod
     def of(cls, box: Box, loads: Loads, settings: Settings) -> Ground:
         """Mesh the box's specimen, with the mirror planes that all films of the box share."""
-        # Equal shares, in the middle of equal ranges, would make a mirror image.
-        high = 1 + 1e-4 * np.arange(1, len(box.names) + 1)
-        middle = box.member((box.low + high * box.high) / (1 + high)) if box.names else box.specimen
         planes = (mirror_planes(box.specimen, loads.loading)
-                  & mirror_planes(middle, loads.loading))
+                  & mirror_planes(box.general, loads.loading))
         require_reducible(box.specimen, loads)
         model = bare_film(box.specimen, settings, planes)
         return cls(box, replace(model, loading=solved_loading(loads.loading, settings)),
@@ -380,8 +380,7 @@ class FilmFamily(FieldsAlone):
 
     def drawn(self, count: int, seed: int = 1) -> AnyArray:
         """Draw parameters of random films, evenly over the box, (count, names)."""
-        shares = drawn_points(len(self.box.names), count, seed)
-        return self.box.low + shares * (self.box.high - self.box.low)
+        return self.box.between(drawn_points(len(self.box.names), count, seed))
 
     def films(self, rows: AnyArray) -> Films:
         """Build the films with given parameters, rows of (films, names)."""
@@ -421,6 +420,14 @@ class FilmFamily(FieldsAlone):
         @property
         def restressed(self) -> float:
             """Relative error of the largest stresses."""
+
+        @property
+        def tilted(self) -> float:
+            """Error of the plates' slopes [rad]."""
+
+        @property
+        def unstable(self) -> int:
+            """Number of random films that are unstable only by finite elements."""
 
     @property
     def measured(self) -> frozenset[str]:
@@ -530,8 +537,8 @@ class FilmFamily(FieldsAlone):
         error = np.full(len(q), np.nan)
         if check:
             error = self._error(films, number, q, force, squared, balance.stiffness, shape)
-        corners = films.nodes[number[:, None], self.places.nodes[extremes.weakest]]
-        place = np.einsum("slc,sl->sc", corners, self.places.values[extremes.weakest])
+        weakest, loosest = (self._placed(films, number, point)
+                            for point in (extremes.weakest, extremes.loosest))
         values = {"voltage": np.abs(voltage), "deflection": q[:, 0], "force": carried,
                   "capacitance": capacitance, "energy": energy, "stiffness": balance.stiffness,
                   "error": error, "stretch": extremes.stretch, "stress": extremes.stress,
@@ -539,11 +546,12 @@ class FilmFamily(FieldsAlone):
                   "breakdown": extremes.share, "weakest_field": extremes.weakest_field,
                   "weakest_strength": extremes.weakest_strength,
                   "frequency": _frequency(films, number, q, squared, mass),
-                  "stress_error": self.restressed * extremes.stress}
+                  "stress_error": self.restressed * extremes.stress,
+                  "slope_error": np.full(len(q), self.tilted if check else np.nan)}
         masked: dict[str, Any] = {name: np.where(holds, value, np.nan).reshape(shape)
                                   for name, value in values.items()}
         in_plane = {"slope": self._slope(films, number, q), "shift": self._shift(films, q),
-                    "weakest": place}
+                    "weakest": weakest, "loosest": loosest}
         pairs: dict[str, Any] = {name: np.where(holds[:, None], value, np.nan).reshape(*shape, 2)
                                  for name, value in in_plane.items()}
         return FilmStates(**masked, **pairs, holds=holds.reshape(shape),
@@ -655,6 +663,11 @@ class FilmFamily(FieldsAlone):
         """Solve for equilibria of films, by their numbers, under loads of each."""
         return films.first_rests(number, force, squared)
 
+    def _placed(self, films: Films, number: AnyArray, points: AnyArray) -> AnyArray:
+        """Find where points of the family's places are in the mounted films [m], (states, 2)."""
+        corners = films.nodes[number[:, None], self.places.nodes[points]]
+        return np.asarray(np.einsum("slc,sl->sc", corners, self.places.values[points]))
+
     def _slope(self, films: Films, number: AnyArray, q: AnyArray) -> AnyArray:
         """Compute the slopes of the plates along x and y [rad], (states, 2)."""
         return np.zeros((len(q), 2))
@@ -702,7 +715,9 @@ class ReducedFamily(FilmFamily):
     family's mesh. The estimate is the ``check``'s plus ``usual``, a share of the deflection, since
     the check's estimate has a sign and may be zero by chance. ``remeshed``: largest relative
     difference of deflections on meshes of their own. ``restressed``: the same for their largest
-    stresses. ``places``: nodes at which some film has nearly its largest strain or field.
+    stresses. ``tilted``: largest error of their slopes [rad]. ``unstable``: number of random films
+    that finite elements find unstable, though their reduced films are not. ``places``: nodes
+    at which some film has nearly its largest strain or field.
     ``snapshots``: number of finite-element states that the family was made from.
     """
 
@@ -714,6 +729,8 @@ class ReducedFamily(FilmFamily):
     usual: float = 1e-7
     remeshed: float = 0.0
     restressed: float = 0.0
+    tilted: float = 0.0
+    unstable: int = 0
     snapshots: int = 0
 
     def films(self, rows: AnyArray) -> Films:
@@ -779,6 +796,8 @@ class FormulaFamily(FilmFamily):
     """Films in closed form: their ``formula`` on arrays, without error."""
 
     restressed: ClassVar[float] = 0.0
+    tilted: ClassVar[float] = 0.0
+    unstable: ClassVar[int] = 0
     formula: Formula
 
     def films(self, rows: AnyArray) -> Films:
@@ -915,10 +934,9 @@ class _Making:
         """
         box = self.ground.box
         shares = drawn_points(len(box.names) + 2, count, seed)
-        low, high = (np.array([*edge, self.force[end], self.squared[end]])
-                     for end, edge in enumerate((box.low, box.high)))
-        points = low + shares * (high - low)
-        return points[:, :-2], points[:, -2], points[:, -1]
+        force, squared = (low + share * (high - low) for share, (low, high) in
+                          zip(shares[:, -2:].T, (self.force, self.squared), strict=True))
+        return box.between(shares[:, :-2]), force, squared
 
     def made(self) -> ReducedFamily:
         """Make the family."""
@@ -948,7 +966,8 @@ class _Making:
         for partly in (False, True):  # far beyond most films' ends few have a state
             solved = [self.ground.solved(row, force, squared, partly=partly) for row, force, squared
                       in zip(rows, forces.tolist(), squares.tolist(), strict=True)]
-            shots = [self._shot(*pair) for pair in solved if pair is not None]
+            shots = [self._shot(row, *pair) for row, pair in zip(rows, solved, strict=True)
+                     if pair is not None]
             if len(shots) >= 2:
                 return shots
         raise self._empty()
@@ -957,7 +976,7 @@ class _Making:
         return InputError("hardly any film like it has an equilibrium in tension under these "
                           "loads: take lower ones", key=self.ground.box.specimen.name)
 
-    def _shot(self, model: Model, solution: Solution) -> Snapshot:
+    def _shot(self, row: AnyArray, model: Model, solution: Solution) -> Snapshot:
         state, rates, box = solution.state, [], self.ground.box
         ranges: dict[Load, tuple[float, float]] = {"force": self.force, "voltage": self.squared}
         if PRESSURE in box.names:
@@ -968,23 +987,34 @@ class _Making:
             if wide:
                 rate = solution.rate(model, load)
                 rates.append(moved(model, state, rate, _RATE * wide).positions - state.positions)
-        return Snapshot(model, state, rates=(*rates, *self._leaning(model, solution)))
+        rates += [moved(model, state, motion).positions - state.positions
+                  for motion in self._responses(row, model, solution)]
+        return Snapshot(model, state, rates=tuple(rates))
 
-    @staticmethod
-    def _leaning(model: Model, solution: Solution) -> Iterator[AnyArray]:
-        """Yield the motions of the nodes by moments on a plate that may tilt, (nodes, 3) [m].
+    def _responses(self, row: AnyArray, model: Model, solution: Solution) -> Iterator[Parts]:
+        """Yield motions of film and plate by voltages of segments, and by moments on the plate.
 
-        The error of a result is the product of what shapes lack of the state, and of what they lack
-        of its response to the result's own load. Without these, tilts would be off by the root of
-        the deflection's error.
+        With its response to a moment among the shapes, the error of a tilt is of second order in
+        what the shapes leave out, as that of the deflection is by its response to a force.
         """
-        assert solution.tangent is not None
-        inner, unit = np.zeros(model.discretisation.free_count), np.eye(len(model.plate_freedoms))
+        state, box, tangent = solution.state, self.ground.box, solution.tangent
+        assert tangent is not None
+        balance = model.residual(model.nodal_forces(state), state)
+        at = box.shares(row[None])
+        for name in box.segments:
+            there = at.copy()
+            there[:, box.names.index(name)] += _RATE if there[0, box.names.index(name)] < 0.5 \
+                else -_RATE
+            other = self.ground.film(box.between(there)[0])
+            unbalanced = other.residual(other.nodal_forces(state), state)
+            film, plate = tangent.respond((unbalanced[0] - balance[0], unbalanced[1] - balance[1]))
+            yield -film, -plate
         for number, freedom in enumerate(model.plate_freedoms):
             if FREEDOMS[freedom] in ("rx", "ry"):
-                motion = solution.tangent.respond((inner, unit[number]))
-                there = moved(model, solution.state, motion, _TILT / abs(motion[1][number]))
-                yield there.positions - solution.state.positions
+                moment = np.eye(len(model.plate_freedoms))[number]
+                film, plate = tangent.respond((np.zeros_like(balance[0]), moment))
+                scale = _TILT / abs(plate[number])
+                yield scale * film, scale * plate
 
     def _refined(self, family: ReducedFamily, row: AnyArray, force: float, squared: float
                  ) -> Snapshot | None:
@@ -992,7 +1022,7 @@ class _Making:
         found = None
         if states.holds.all():
             found = self._found(family, states.q[0, 0], row, force, squared)
-        return None if found is None else self._shot(*found)
+        return None if found is None else self._shot(row, *found)
 
     def _family(self, shots: Sequence[Snapshot], rows: AnyArray, forces: AnyArray,
                 squares: AnyArray, before: tuple[ReducedFamily, Balance] | None = None
@@ -1033,12 +1063,18 @@ class _Making:
         sites = Sites.at_nodes(self.ground.model.discretisation)
         at = films.at(ShapesAt(sites, films.whole.shapes))
         near = np.zeros(len(sites.cells), dtype=bool)
+        # Fields jump at the edges of segments: each segment has its own range.
+        segments = [np.flatnonzero(sites.segments == own) for own in np.unique(sites.segments)]
         for part in films.parts(number, len(near)):
             here = films.local(at, number[part], q[part], squared[part])
             for values in (here.stretch_1, here.stress_1, -here.stress_2, here.electric_field,
                            here.breakdown_share):
-                most = values.max(1, keepdims=True)
-                near |= (values >= most - _NEARLY * (most - values.min(1, keepdims=True))).any(0)
+                for own in segments:
+                    of = values[:, own]
+                    most, least = of.max(1, keepdims=True), of.min(1, keepdims=True)
+                    wide = most > least
+                    near[own] |= (wide & (of >= most - _NEARLY * (most - least))).any(0)
+                    near[own[0]] |= not wide.all()  # an even field, such as none, is so everywhere
         return sites.some(np.flatnonzero(near), np.zeros(int(near.sum())))
 
     def _worst(self, family: ReducedFamily, rows: AnyArray, forces: AnyArray, squares: AnyArray
@@ -1056,12 +1092,17 @@ class _Making:
         usual = float(np.nanmean(_relative(states)))
         error = states.error + (usual - family.usual) * np.abs(states.deflection)
         family = replace(family, usual=usual)
-        ratios, solved, stresses = [], list[tuple[int, float]](), [0.0]
+        ratios, solved, stresses, tilts = [], list[tuple[int, float]](), [0.0], [0.0]
+        unstable = 0
         for number in np.flatnonzero(states.holds[:, 0]).tolist():
             found = self._found(family, states.q[number, 0], rows[number], forces[number],
                                 squares[number])
+            unstable += found is None and states.tension[number, 0] > _TENSE * states.stress[
+                number, 0]
             if found is not None:
                 deflection, stress = _moved(*found)
+                slope = np.array(found[1].state.plate.slope)
+                tilts.append(float(np.abs(slope - states.slope[number, 0]).max()))
                 solved.append((number, deflection))
                 ratios.append(abs(deflection - states.deflection[number, 0]) / error[number, 0])
                 stresses.append(abs(stress / states.stress[number, 0] - 1))
@@ -1071,7 +1112,8 @@ class _Making:
             remeshed.append(abs(apart - deflection) / abs(deflection))
             stresses.append(abs(stress / states.stress[number, 0] - 1))
         return replace(family, factor=_MARGIN * max([1.0, *ratios]), remeshed=max(remeshed),
-                       restressed=_STRESS_MARGIN * max(stresses))
+                       restressed=_STRESS_MARGIN * max(stresses), tilted=_MARGIN * max(tilts),
+                       unstable=int(unstable))
 
     def _found(self, family: ReducedFamily, q: AnyArray, row: AnyArray, force: float, squared: float
                ) -> tuple[Model, Solution] | None:

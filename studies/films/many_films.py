@@ -11,7 +11,7 @@ computed for each film and point. The equations are those of
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations_with_replacement, permutations
 from typing import Any, Self
@@ -25,7 +25,7 @@ from tympan.fem.film.density import FilmDensity
 from tympan.fem.membrane.biases import acting
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.specimen import Specimen
-from tympan.studies.films.box import plate_areas
+from tympan.studies.films.box import is_share, plate_areas
 from tympan.studies.films.sites import Sites
 from tympan.studies.films.tilting import Tilting, each_of
 
@@ -291,8 +291,21 @@ class Films:
         """The films at the representative points."""
         return self.at(self.points)
 
+    @cached_property
+    def first(self) -> Films | None:
+        """The first film where all are equal but for their voltages; None where they are not."""
+        if len(self) == 1 or self.nodes.strides[0] or not all(map(is_share, self.columns)):
+            return None
+        return replace(self, rows=self.rows[:1], nodes=self.nodes[:1], columns={
+            path: column[:1] for path, column in self.columns.items()})
+
     def at(self, shapes: ShapesAt) -> FilmsAt:
         """Compute the films' quantities at points."""
+        if self.first is not None:
+            one, count = self.first.at(shapes), len(self)
+            return replace(one, **{name: np.broadcast_to(array, (count, *array.shape[1:]))
+                                   for name in ("flat", "frame", "volumes")
+                                   for array in (getattr(one, name),)})
         sites = shapes.sites
         flat = sites.tangents(self.nodes)
         a, b, c, d = flat.transpose(1, 0, 2)
@@ -322,11 +335,16 @@ class Films:
         """Weight of film and electrodes on the shapes [N], (films, shapes)."""
         if not self.loading.gravity:
             return np.zeros((len(self), self.count))
+        if self.first is not None:
+            return np.broadcast_to(self.first.weight, (len(self), self.count))
         return self.loading.gravity * self._masses @ self.whole.values[:self.count, :, 2].T
 
     @cached_property
     def nodal_weight(self) -> AnyArray:
         """Weight of film and electrodes on the nodes of the whole mesh, (films, nodes, 3)."""
+        if self.first is not None:
+            one = self.first.nodal_weight
+            return np.broadcast_to(one, (len(self), *one.shape[1:]))
         result = np.zeros((*self.nodes.shape[:2], 3))
         if self.loading.gravity:
             result[..., 2] = self.loading.gravity * (self.whole.sites.spread @ self._masses.T).T
@@ -335,6 +353,8 @@ class Films:
     @cached_property
     def _masses(self) -> AnyArray:
         """Mass at all quadrature points [kg], (films, points)."""
+        if self.first is not None:
+            return np.broadcast_to(self.first._masses, (len(self), len(self.whole.sites.cells)))
         specimen, whole = self.some(slice(None)), self.whole.sites
         film, electrode = specimen.membrane, specimen.electrode
         a, b, c, d = whole.tangents(self.nodes).transpose(1, 0, 2)
@@ -346,6 +366,9 @@ class Films:
     @cached_property
     def inertia(self) -> AnyArray:
         """Mass matrix of the films' shapes [kg], (films, shapes, shapes); without plates."""
+        if self.first is not None:
+            one = self.first.inertia
+            return np.broadcast_to(one, (len(self), *one.shape[1:]))
         there = self.whole.values[:self.count]
         products = np.einsum("kpi,lpi->pkl", there, there).reshape(there.shape[1], -1)
         return np.asarray((self._masses @ products).reshape(-1, self.count, self.count))
@@ -374,8 +397,9 @@ class Films:
     def strain(self, at: FilmsAt, films: AnyArray, q: AnyArray) -> Strained:
         """Compute the deformation of states q of films, (states, shapes), at points."""
         x = (self.along(films, q) @ at.shapes.slopes).reshape(len(q), 6, -1)
-        x[:, :4] += at.flat[films]
-        frame = at.frame[films].transpose(1, 0, 2)
+        every = films if at.flat.strides[0] else slice(0, 1)  # films that share one mesh have one
+        x[:, :4] += at.flat[every]
+        frame = at.frame[every].transpose(1, 0, 2)
         x = x.transpose(1, 0, 2)
         # Columns of F along the virgin film's axes, component by component.
         columns = [[x[2 * i] * frame[along] + x[2 * i + 1] * frame[2 + along] for i in range(3)]
@@ -827,6 +851,8 @@ class Extremes:
     weakest_strength: AnyArray
     #: Number of the weakest point.
     weakest: AnyArray
+    #: Number of the point with the least true stress.
+    loosest: AnyArray
     #: Mask of states that are stable in the film's plane and within the law's range at all points.
     sound: Mask
     #: Mask of states whose law is within its range at all points.
@@ -841,12 +867,13 @@ class Extremes:
                    tension=here.stress_2.min(1), electric=here.electric_field.max(1),
                    share=here.breakdown_share[at], weakest_field=here.electric_field[at],
                    weakest_strength=here.breakdown_strength[at], weakest=weakest,
-                   sound=np.all(here.sound, 1), lawful=np.all(here.lawful, 1))
+                   loosest=here.stress_2.argmin(1), sound=np.all(here.sound, 1),
+                   lawful=np.all(here.lawful, 1))
 
     @classmethod
     def none(cls, count: int) -> Self:
         """Create placeholder values of ``count`` missing states."""
-        kinds = {"weakest": 0, "sound": False, "lawful": False}
+        kinds = {"weakest": 0, "loosest": 0, "sound": False, "lawful": False}
         return cls(**{item.name: np.full(count, kinds.get(item.name, np.nan))
                       for item in fields(cls)})
 
@@ -984,7 +1011,7 @@ class Strained:
         mixed = {(0, 0): along * a * a + across * b * b + 2 * shear * a * b,
                  (0, 1): along * a * c + across * b * d + shear * (a * d + b * c),
                  (1, 1): along * c * c + across * d * d + 2 * shear * c * d}
-        result = np.empty((a.shape[0], len(_PAIRS), a.shape[1]))
+        result = np.empty((along.shape[0], len(_PAIRS), along.shape[1]))
         work: list[list[AnyArray]] = [
             [bend[0, v] * e[0] + bend[1, v] * e[1] + bend[2, v] * e[2] for v in range(3)]
             for e in strain]

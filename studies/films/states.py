@@ -59,12 +59,16 @@ class FilmStates:
     breakdown: AnyArray
     #: Weakest place, where the share is largest, in the mounted film [m], (films, states, 2).
     weakest: AnyArray
+    #: Place of the least true stress, in the mounted film [m], (films, states, 2).
+    loosest: AnyArray
     #: Electric field at the weakest place [V/m].
     weakest_field: AnyArray
     #: Electric strength at the weakest place [V/m].
     weakest_strength: AnyArray
     #: Slopes of the plate along x and y [rad], (films, states, 2).
     slope: AnyArray
+    #: Error of these slopes [rad]; nan if not estimated.
+    slope_error: AnyArray
     #: Motion of the plate's centre along x and y [m], (films, states, 2).
     shift: AnyArray
     #: Lowest frequency along the load [Hz]; nan if no mass was given.

@@ -15,6 +15,7 @@ import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, Special, read
+from tympan.base.paths import element
 from tympan.base.points import Drawing, drawn_points
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Rule, Table, one_of
@@ -24,6 +25,7 @@ from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Case, Settings
+from tympan.studies.driven import by_segment, drives_by_name
 from tympan.studies.shipped import specimen_tables
 from tympan.studies.sweep.asked import QUESTIONS, Ask
 from tympan.studies.sweep.reduced import in_families
@@ -47,6 +49,8 @@ _MOST_CASES = 10_000_000
 #: other keys belong to the specimen.
 _LOADS = {"mass": MASS_RULE, "voltage": VOLTAGE_RULE}
 _RIG = "rig."
+#: Prefix of the keys of a choice that are voltages of segments [V], before the segment's name.
+_SEGMENT = "voltage_"
 
 _SPECIMENS: Rule = (lambda x: 1 <= x <= MOST and x == int(x),
                     f"must be a whole number from 1 to {MOST}")
@@ -213,13 +217,14 @@ def _common_loads(table: Table, given: SweepFile, varied: Collection[str], row: 
                   specimens: Iterable[Mapping[str, Any]]) -> dict[str, tuple[float, ...]]:
     """Read the masses [kg] and voltages [V] under which all specimens are solved.
 
-    A load in ``row``, of the list or the sample, is each specimen's own, and is left out here.
+    A load in ``row``, of the list or the sample or by the names of segments, is each specimen's
+    own, and is left out here.
     """
     loads = dict[str, tuple[float, ...]]()
     if not _plates(specimens, varied) and "mass" not in (*varied, *table.data):
         loads["mass"] = (0.0,)  # without a plate there is no mass
     for name in _LOADS:
-        if name in varied and name in table:
+        if name in varied and name in table and not by_segment(table.data[name]):
             raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
                                     "both")
         if name not in (*row, *loads):
@@ -270,7 +275,8 @@ def _asked(table: Table, key: str) -> tuple[str, ...]:
 
 def choices(table: Table, given: SweepFile) -> tuple[dict[str, list[Any]], list[Choice]]:
     """Read the grid's values by key, and join every row of the list with every sampled point."""
-    grid = _columns(given.grid)
+    driven = _driven(table, given)
+    grid = _columns(given.grid, without=("voltage",) if driven else ())
     for key, values in grid.items():
         if len(set(map(repr, values))) < len(values):
             raise table.error(f"grid.{key}", "must be different values", values)
@@ -281,14 +287,39 @@ def choices(table: Table, given: SweepFile) -> tuple[dict[str, list[Any]], list[
             raise table.error(key, "must stand in one of [grid], [list] and [sample] only")
         if any(other != key and other.startswith(f"{key}.") for other in keys):
             raise table.error(key, "is varied as a whole and by its parts: only one of both")
+    if driven and "voltage" in keys:
+        raise table.error("voltage", "must stand in one of voltage, [grid], [list] and [sample] "
+                                     "only")
+    parts = (*parts, driven or [{}])
     together = math.prod([*map(len, grid.values()), *map(len, parts)])
     _limit(table, "grid", "specimens", together, MOST)
     _limit(table, "grid", "values", together * len(keys), _MOST_VALUES)
-    return grid, [{**first, **second} for first, second in product(*parts)]
+    return grid, [{key: value for part in row for key, value in part.items()}
+                  for row in product(*parts)]
+
+
+def _driven(table: Table, given: SweepFile) -> list[Choice]:
+    """List the voltages by the names of segments; none where voltages are not given so.
+
+    Each has the voltages of all segments that some of them name, and the highest, the film's.
+    """
+    written = given.grid.value("voltage", given.voltage) if given.grid else given.voltage
+    if written is None or not by_segment(written):
+        return []
+    try:
+        sets = drives_by_name(written, shares=False)
+    except InputError as error:
+        raise table.error("voltage", error.allowed, error.given) from None
+    names = dict.fromkeys(name for each in sets for name in each)
+    return [{"voltage": f"{max(each.values()):.17g} V"} | {
+        f"{_SEGMENT}{name}": f"{each.get(name, 0.0):.17g} V" for name in names} for each in sets]
 
 
 def with_choice(content: Mapping[str, Any], choice: Choice, table: Table) -> dict[str, Any]:
-    """Copy nested tables with a choice's values; list elements are named by their number."""
+    """Copy nested tables with a choice's values.
+
+    Elements of a list are named by their number, or by their own name.
+    """
     changed = copy.deepcopy(dict(content))
     for key, value in choice.items():
         *path, last = key.split(".")
@@ -319,9 +350,13 @@ def read_quantity(value: Any) -> tuple[float, str] | None:
 
 
 def _index(items: list[Any], name: str, key: str, table: Table) -> int:
-    if not name.isdecimal() or int(name) >= len(items):
-        raise table.error(key, f"unknown key: a list has the elements 0 to {len(items) - 1}", name)
-    return int(name)
+    try:
+        return element(items, name)
+    except LookupError:
+        names = [str(item["name"]) for item in items if isinstance(item, dict) and "name" in item]
+        known = f", by name {', '.join(names)}" * bool(names)
+        raise table.error(key, f"unknown key: a list has the elements 0 to {len(items) - 1}{known}",
+                          name) from None
 
 
 def _limit(table: Table, key: str, what: str, count: int, most: int) -> None:
@@ -341,14 +376,15 @@ def _spread(table: Table, key: str, ends: bool) -> Any:
     return value if spread is None else spread
 
 
-def _columns(table: Table | None, ends: bool = False) -> dict[str, list[Any]]:
+def _columns(table: Table | None, ends: bool = False, without: Collection[str] = ()
+             ) -> dict[str, list[Any]]:
     """Read the lists of a table by key; keys must be dotted names in quotation marks.
 
     A range stands for its values, or for its ``ends``.
     """
     if table is None:
         return {}
-    columns = {key: _spread(table, key, ends) for key in table.data}
+    columns = {key: _spread(table, key, ends) for key in table.data if key not in without}
     _limit(table, "", "keys", len(columns), _MOST_KEYS)
     for key, values in columns.items():
         if isinstance(values, Mapping):
@@ -414,19 +450,26 @@ def _specimen(table: Table, base: Table, choice: Choice) -> Specimen:
     An error names the sweep if the sweep varies the key or a key next to it, else the file.
     """
     changes = {key: value for key, value in choice.items()
-               if key not in _LOADS and not key.startswith(_RIG)}
+               if key not in _LOADS and not key.startswith((_RIG, _SEGMENT))}
     content = {key: value for key, value in base.data.items() if key != "rig"}
     changed = with_choice(content, changes, table) if changes else content
     # If the sweep varies the name of a file, the name is relative to the sweep's folder.
     names = any(key.rpartition(".")[2] == "file" for key in changes)
+    voltages = {key.removeprefix(_SEGMENT): quantity(value, "voltage")
+                for key, value in choice.items() if key.startswith(_SEGMENT)}
     try:
-        return load_specimen(Table(table.file if names else base.file, changed, base.where))
+        specimen = load_specimen(Table(table.file if names else base.file, changed, base.where))
+        if not voltages:
+            return specimen
+        electrode, _ = specimen.electrode.driven(voltages)
+        return replace(specimen, electrode=electrode)
     except Unbuildable:
         raise
     except InputError as error:
         key = error.key or ""
         of_sweep = any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.")
                        or name.rpartition(".")[0] == key.rpartition(".")[0] for name in changes)
+        of_sweep |= key in _LOADS
         raise InputError(error.allowed, file=table.file if of_sweep else base.file, key=key,
                          given=error.given) from None
 

@@ -56,6 +56,10 @@ EXACT = 1e-4
 _SLACK = "the film has lost tension, or nearly so"
 _INEXACT = "the reduced film is not exact enough by its estimated error"
 
+#: Why finite elements solve films that a family could.
+UNSTABLE = ("some films of these ranges are unstable in themselves, as at an electrode's edge, "
+            "which reduced films do not show")
+
 #: Share of random films that must be exact in a family; below it each half gets one of its own.
 _WIDE = 0.7
 #: Number of these random films.
@@ -99,10 +103,10 @@ class Kin:
         box = Box(self.specimen, names, np.array(low), np.array(high))
         try:
             with one_thread():
-                return FilmFamily.over(box, self.force, self.voltage, self.rig, self.settings)
+                family = FilmFamily.over(box, self.force, self.voltage, self.rig, self.settings)
         except InputError as error:
             return f"no reduced film can be made: {InputError(error.allowed, key=error.key)}"
-
+        return UNSTABLE if family.unstable else family
 
     def halved(self, tasks: list[SweepTask]) -> tuple[list[SweepTask], ...]:
         """Divide tasks at the middle of the widest range; none if a half has too few."""
@@ -176,9 +180,6 @@ def _irreducible(task: SweepTask) -> str:
         require_reducible(specimen, task.rig)
     except InputError as error:
         return str(InputError(error.allowed, key=error.key))
-    if not specimen.electrode.everywhere:
-        return ("at an electrode's edge within the film, the film may become unstable in itself, "
-                "which reduced films do not show")
     return ""
 
 
@@ -208,7 +209,7 @@ class Batch:
             answers = {name: answer(grid) for name in self.tasks[0].ask.names
                        if (answer := QUESTIONS[name].by_family) is not None}
             made = _rows(self.tasks, family, grid.states)
-            why = _unsure(grid.states)
+            why = unsure(grid.states)
             for name, films in answers.items():
                 missing = np.array([[record is None for record in film] for film in films])
                 why[missing & (why == "")] = f"{_INEXACT} of {name}"
@@ -218,10 +219,13 @@ class Batch:
                 for number, task in enumerate(self.tasks)}
 
 
-def _unsure(states: FilmStates) -> AnyArray:
-    """Say why states have no guaranteed accuracy of the family, (films, states); "" where sure."""
+def unsure(states: FilmStates, allowed: float = EXACT) -> AnyArray:
+    """Say why states have no guaranteed accuracy of the family, (films, states); "" where sure.
+
+    ``allowed``: largest error of the deflection, relative.
+    """
     # Comparisons with missing states are false.
-    exact = states.error <= EXACT * np.abs(states.deflection)
+    exact = states.error <= allowed * np.abs(states.deflection)
     tense = ~(states.tension <= TENSE * states.stress)  # a film without fields has no stress
     return np.select([~states.holds & states.slack, ~states.holds, ~states.sound, ~tense, ~exact],
                      [_SLACK, "the reduced film finds no equilibrium, or the film is outside its "
@@ -274,7 +278,8 @@ def _rows(tasks: Sequence[SweepTask], family: FilmFamily, states: FilmStates) ->
     plate = tasks[0].specimen.plate is not None
     numbers = variables_of(states, plate=plate) | {
         "reading_m": tasks[0].rig.reading(states.deflection),
-        "deflection_error_m": states.error, "max_true_stress_error_Pa": states.stress_error}
+        "deflection_error_m": states.error, "tilt_error_rad": states.slope_error,
+        "max_true_stress_error_Pa": states.stress_error}
     blank = dict.fromkeys(columns()) | {
         "status": "equilibrium", "dofs": family.ground.model.unknowns, "by": BY_REDUCED, "why": ""}
     near = zip(states.breakdown.tolist(), states.weakest_field.tolist(),

@@ -263,7 +263,7 @@ BY_REDUCED = "reduced"
 #: Columns of a row by finite elements that are usually the same: its source, why no reduced film
 #: solved it, and empty errors of deflection and largest stress, which only reduced films have.
 EXACT_ROW: Row = {"by": BY_ELEMENTS, "why": "", "deflection_error_m": None,
-                  "max_true_stress_error_Pa": None}
+                  "tilt_error_rad": None, "max_true_stress_error_Pa": None}
 
 #: Columns of texts, the list of warnings last.
 TEXTS = ("status", "by", "why", "warnings")

@@ -25,9 +25,9 @@ from tympan.commands.lumped import response as lumped_response
 #: Every command in the order of ``tympan --help``, by heading.
 HEADINGS = {
     "simulate and design": (
-        cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.tolerance,
-        cases.path, cases.modes, cases.sensitivity, transient.transient, transient.response,
-        alpha.alpha, runs.study, runs.sweep, runs.design, alpha.outlines,
+        cases.solve, cases.limits, cases.curve, cases.force, cases.sense, cases.steer,
+        cases.tolerance, cases.path, cases.modes, cases.sensitivity, transient.transient,
+        transient.response, alpha.alpha, runs.study, runs.sweep, runs.design, alpha.outlines,
         alpha.alpha_map),
     "draw, look up, export": (
         drawing.draw, explore.explore, export.export, runs.compare, runs.report, material.materials,

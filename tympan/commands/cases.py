@@ -270,6 +270,37 @@ def sense(options: argparse.Namespace) -> None:
     finish(options, result)
 
 
+@command("steer", SPECIMEN,
+         argument("--mass", help='of plate, hook and weight, such as "17.9 g"'),
+         argument("--voltage", help='of each segment by its name: "A = 0 kV..3 kV in 21, B = 0 kV..'
+                                    '3 kV in 21, C = 1 kV"; all combinations are solved, and '
+                                    "segments without a voltage have none (default: all segments "
+                                    "up to 80 % of the first limit)"),
+         PRESSURE, RIG,
+         output("also store the map (CSV), the numbers (JSON) and a picture (PNG, SVG)"), JSON,
+         MESH,
+         example='quarters.toml --mass "17.9 g" --voltage "A = 0 kV..3 kV, B = 0 kV..3 kV" '
+                 "-o steer",
+         also=("tilt", "reach", "workspace", "map of voltages"))
+def steer(options: argparse.Namespace) -> None:
+    """Map the plate's deflection and tilts over the voltages of an electrode's segments.
+
+    The map has every combination of the voltages, with the limit that a film is beyond and the
+    segment where it begins. It is solved by reduced films, and has their errors.
+    """
+    from tympan.studies.case import NO_MASS
+    from tympan.studies.steer import SteerCase, steer
+
+    specimen, rig = read_mounted(options, driven=False)
+    if options.mass is None and specimen.plate is not None:
+        raise InputError(NO_MASS, key="--mass")
+    with naming_options(options), waiting("films"):
+        case = SteerCase(specimen, voltages=options.voltage, rig=rig,
+                         mass=parse_quantity(options.mass or "0 g", "mass", "--mass"))
+        result = steer(case, read_settings(options))
+    finish(options, result)
+
+
 @command("tolerance", SPECIMEN,
          argument("--tolerances", type=Path, metavar="FILE",
                   help="standard deviations, as docs/howto/tolerance.md has them (default: those "
