@@ -146,8 +146,9 @@ class Segment:
     def apex(self, gap: float) -> AnyArray:
         """Find where the straight edges of its sector meet, half a ``gap`` inside it [m]."""
         middle = self._sector[0] + self.width / 2
-        away: AnyArray = np.array([np.cos(middle), np.sin(middle)])
-        return away * gap / 2 / np.sin(self.width / 2)
+        along = np.array([np.cos(middle), np.sin(middle)])
+        away: AnyArray = along * gap / 2 / np.sin(self.width / 2)
+        return away
 
     @property
     def _sector(self) -> Pair:

@@ -264,8 +264,9 @@ def steer(case: SteerCase, settings: Settings = Settings()) -> SteerResult:
     grid = FilmGrid(films, masses=np.full((len(rows), 1), case.mass),
                     voltages=np.full((len(rows), 1), top))
     states = family.states(rows, grid.forces, grid.across, check=False, loose=True)
-    states = replace(states, **_errors(family, grid, states, [
-        len(each) for each in values.values() if len(each) > 1]))
+    error, off = _errors(family, grid, states, [
+        len(each) for each in values.values() if len(each) > 1])
+    states = replace(states, error=error, slope_error=off)
     why = unsure(states, _ALLOWED)[:, 0]
     if family.unstable:
         why[why == ""] = UNSTABLE
@@ -302,11 +303,13 @@ def steer(case: SteerCase, settings: Settings = Settings()) -> SteerResult:
         warnings.append(f"tilts may be off by {1e3 * family.tilted:.2g} mrad, more than "
                         f"{_ALLOWED:g} of the largest one")
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    columns: dict[str, Any] = {name: _cells(column)
+                               for name, column in (found | errors).items()}
     return SteerResult(
         specimen=case.specimen.name, mass_kg=case.mass,
         segments=tuple(SegmentVoltages(name=name, voltage_V=each)
                        for name, each in values.items()),
-        **{name: _cells(column) for name, column in (found | errors).items()},
+        **columns,
         holds=tuple(holds.tolist()), ended=tuple(ended.tolist()), by=tuple(by.tolist()),
         why=tuple(why.tolist()), directions_rad=tuple(angles.tolist()),
         reached=_reached(found, holds, angles), family_s=made,
@@ -338,7 +341,7 @@ def _shares(rig: Rig, volts: AnyArray, top: float) -> AnyArray:
 
 
 def _errors(family: FilmFamily, grid: FilmGrid, states: FilmStates, counts: list[int]
-            ) -> dict[str, AnyArray]:
+            ) -> tuple[AnyArray, AnyArray]:
     """Estimate errors of deflections [m] and slopes [rad], (films, 1) each.
 
     The estimate varies slowly with the voltages. It is made at the corners of cells of the map, and
@@ -360,8 +363,7 @@ def _errors(family: FilmFamily, grid: FilmGrid, states: FilmStates, counts: list
         share = np.maximum(share.take(below, axis),
                            share.take(np.minimum(below + 1, len(own) - 1), axis))
     error = share.reshape(-1, 1) * np.abs(states.deflection)
-    return {"error": error,
-            "slope_error": np.where(np.isfinite(error), family.tilted, np.nan)}
+    return error, np.where(np.isfinite(error), family.tilted, np.nan)
 
 
 def _ended(specimen: Specimen, states: FilmStates) -> AnyArray:
@@ -371,7 +373,8 @@ def _ended(specimen: Specimen, states: FilmStates) -> AnyArray:
                                  (BREAKDOWN, states.breakdown[:, 0] >= 1, states.weakest[:, 0])):
         some = np.flatnonzero(beyond)
         names = np.array([*(f" in {name}" for name in specimen.electrode.names), " in bare film"])
-        found = specimen.electrode.segment_at(*place[some].T, specimen.frame)
+        x, y = place[some].T
+        found = specimen.electrode.segment_at(x, y, specimen.frame)
         ended[some] = [state.label + word for word in names[found]]
     return ended
 

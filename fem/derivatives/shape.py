@@ -176,7 +176,7 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
     # Each node is on one edge at least: an outline's polygon may pass a drawn curve by more.
     alone = np.ones(len(inner), dtype=bool)
     for name in nodes:
-        alone &= ~np.isin(inner, nodes[name])
+        alone = alone & np.isin(inner, nodes[name], invert=True)
     closest = np.where(alone, np.min([*miss.values()], axis=0, initial=np.inf), 0.0)
     return nodes | {name: inner[away <= np.maximum(near, closest)] for name, away in miss.items()}
 
@@ -346,7 +346,8 @@ class Edge:
             return miss
         electrode, near = specimen.electrode, _NEAR * max(specimen.frame.semi_axes)
         segment = electrode.segments[self.segment]
-        level = segment.level(*places.T, specimen.frame, electrode.gap)
+        x, y = places.T
+        level = segment.level(x, y, specimen.frame, electrode.gap)
         return np.where(np.abs(level) < near, miss, np.inf)
 
 

@@ -60,7 +60,8 @@ def _draw_map(axes: Axes, result: SteerResult, values: AnyArray, words: str) -> 
         axes.plot(volts[0], np.where(holds, there, np.nan))
         axes.plot(volts[0], np.where(holds, np.nan, there), ":", color=style.GREY)
         return
-    style.describe(axes, *names, title, bold=True)
+    across, up = names
+    style.describe(axes, across, up, title, bold=True)
     if not holds.all():
         axes.contourf(*volts, holds.T.astype(float), levels=(-0.5, 0.5), colors=[style.FAINT])
     if np.isfinite(there).any() and np.nanmax(there) > np.nanmin(there):
@@ -74,9 +75,10 @@ def draw_reach(axes: Axes, result: SteerResult) -> None:
                    bold=True)
     holds = np.array(result.holds)
     slopes = 1e3 * np.array([result.values("tilt_x_rad"), result.values("tilt_y_rad")])
-    axes.scatter(*slopes[:, ~holds], s=_MARK, color=style.FAINT, linewidths=0, rasterized=True)
+    x, y = slopes
+    axes.scatter(x[~holds], y[~holds], s=_MARK, color=style.FAINT, linewidths=0, rasterized=True)
     if holds.any():
-        marks = axes.scatter(*slopes[:, holds], s=_MARK, linewidths=0, rasterized=True,
+        marks = axes.scatter(x[holds], y[holds], s=_MARK, linewidths=0, rasterized=True,
                              c=1e3 * result.values("deflection_m")[holds])
         axes.figure.colorbar(marks, ax=axes, label="deflection (mm)", fraction=0.05)
         _draw_edge(axes, slopes[:, holds].T)

@@ -107,8 +107,8 @@ _GAINED = 0.5
 #: Part of a load's range that scales the rate of a state's motion to a motion.
 _RATE = 0.3
 
-#: Tilt of a plate by a moment [rad] to which the motion by it is scaled: a usual one.
-_TILT = 0.01
+#: Tilt of a plate by a moment, over the deflection's over the frame's half extent.
+_TURN = 0.1
 
 #: Number of load steps if there is no good guess.
 _STEPS = 4
@@ -1013,7 +1013,7 @@ class _Making:
             if FREEDOMS[freedom] in ("rx", "ry"):
                 moment = np.eye(len(model.plate_freedoms))[number]
                 film, plate = tangent.respond((np.zeros_like(balance[0]), moment))
-                scale = _TILT / abs(plate[number])
+                scale = _TURN * abs(model.deflection(state)) / (abs(plate[number]) * model.size)
                 yield scale * film, scale * plate
 
     def _refined(self, family: ReducedFamily, row: AnyArray, force: float, squared: float

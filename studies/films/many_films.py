@@ -303,9 +303,9 @@ class Films:
         """Compute the films' quantities at points."""
         if self.first is not None:
             one, count = self.first.at(shapes), len(self)
-            return replace(one, **{name: np.broadcast_to(array, (count, *array.shape[1:]))
-                                   for name in ("flat", "frame", "volumes")
-                                   for array in (getattr(one, name),)})
+            flat, frame, volumes = (np.broadcast_to(array, (count, *array.shape[1:]))
+                                    for array in (one.flat, one.frame, one.volumes))
+            return replace(one, flat=flat, frame=frame, volumes=volumes)
         sites = shapes.sites
         flat = sites.tangents(self.nodes)
         a, b, c, d = flat.transpose(1, 0, 2)

@@ -75,7 +75,7 @@ class FollowedForce:
             stiffness_N_per_m=tuple(self.stiffness), limits=tuple(self.limits), ended=self.ended,
             **self._of_fields(), **self._of_guide())
 
-    def _of_guide(self) -> dict[str, tuple[float, ...]]:
+    def _of_guide(self) -> dict[str, Any]:
         """Collect the stored forces and moments of the guide on the plate."""
         held = np.array([self.model.guiding(state) for state in self.states]).reshape(-1, 6)
         names = {"x": "force_x_N", "y": "force_y_N", "rx": "moment_x_Nm", "ry": "moment_y_Nm"}

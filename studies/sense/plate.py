@@ -89,7 +89,8 @@ class PlateSense:
     def capacitances(self, places: Any) -> Array:
         """Compute capacitances [F] at deflections and slopes, (n, 3) [m, rad], (n, segments)."""
         scaled = (np.atleast_2d(places) - self._middle) / self._half
-        return _terms(scaled, self.powers) @ np.array(self.coefficients_F).T
+        found: Array = _terms(scaled, self.powers) @ np.array(self.coefficients_F).T
+        return found
 
     def sensed(self, capacitances: Any) -> Array:
         """Sense deflection and slopes along x and y [m, rad], (n, 3), from capacitances [F].

@@ -93,7 +93,7 @@ class SenseCase:
         known = self.specimen.electrode.names
         for name in self.sensing:
             if name not in known:
-                raise InputError(one_of(name, known) if known else
+                raise InputError(one_of(name, dict.fromkeys(known)) if known else
                                  "must be left out: the electrode has no segments", key="sensing",
                                  given=name)
         if len({*self.sensing}) < LEAST or len({*self.sensing}) < len(self.sensing):

@@ -280,7 +280,7 @@ def choices(table: Table, given: SweepFile) -> tuple[dict[str, list[Any]], list[
     for key, values in grid.items():
         if len(set(map(repr, values))) < len(values):
             raise table.error(f"grid.{key}", "must be different values", values)
-    parts = _list(given.columns), _sample(table, given.sample)
+    parts: tuple[list[Choice], ...] = (_list(given.columns), _sample(table, given.sample))
     keys = [*grid, *(key for part in parts for key in part[0])]
     for key in keys:
         if keys.count(key) > 1:

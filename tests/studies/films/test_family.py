@@ -283,6 +283,9 @@ QUICK = FamilySettings(rounds=0, checks=2, candidates=32)
 FEW = {"membrane.thickness": (0.95e-3, 1.05e-3), "stiffness": (0.9, 1.1)}
 #: Error of such films over the deflection: 0.3 to 3e-5 where the family's own search ends it.
 _NEAR = 5e-5
+#: Error of the rim's motion by a tilt over the deflection: 4 to 6.5e-5 under gas. Tilts have shapes
+#: of their own, and the family's search looks at deflections.
+_TILTED = 1e-4
 
 
 @pytest.mark.parametrize("rig", [
@@ -342,7 +345,7 @@ def of_finite_elements(film: Specimen, rig: Rig, box: Mapping[str, tuple[float, 
             rim = np.linalg.norm(model.arms, axis=1).max()
             assert states.tilt[number, place] == pytest.approx(
                 exact.state.plate.tilt,
-                abs=_NEAR * abs(model.deflection(exact.state)) / rim)
+                abs=_TILTED * abs(model.deflection(exact.state)) / rim)
 
 
 def quarters(**shares: float) -> Specimen:
