@@ -54,7 +54,8 @@ KILOPASCALS = Unit("kPa", 1e-3)
 
 #: Dimensions of readings, by their kind.
 _DIMENSIONS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), "length") | {
-    **dict.fromkeys(("capacitance", *OF_SEGMENTS), "capacitance"), **dict.fromkeys(("tilt", "tilt_x", "tilt_y"), "angle"),
+    **dict.fromkeys(("capacitance", *OF_SEGMENTS), "capacitance"),
+    **dict.fromkeys(("tilt", *SLOPES), "angle"),
     "film_voltage": "voltage",
     "frequency": "frequency", "force": "force", "stress": "stress"}
 #: Units in which readings are given, by their kind: those of their columns.

@@ -210,11 +210,11 @@ class Effect:
     ``edit(setup, *values)`` returns a new setup; values of size 0 must change no number of the
     solution. ``place``: whether it affects one specimen, one segment or two, which must be named,
     ``edit(setup, *values, which=name)``, rather than all or the rig. ``explanation`` is one
-    sentence for someone in the laboratory. ``finding`` is the sentence where the effect is found, as
-    :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to see
-    it directly; both have the place as ``{which}``. The effect shows only in one of the observables
-    ``shows_in`` or, if there are none, wherever it changes something. ``family`` is that of effects
-    with the same readings, if any. ``twice``: it may be present twice, with different sizes.
+    sentence for someone in the laboratory. ``finding`` is the sentence where the effect is found,
+    as :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to
+    see it directly; both have the place as ``{which}``. The effect shows in the observables
+    ``shows_in`` alone, each of which is enough, or, if there are none, wherever it changes
+    something. ``family`` is that of effects with the same readings, if any. ``twice``: it may be present twice, with different sizes.
     """
 
     name: str
@@ -269,8 +269,8 @@ class Effect:
                 raise InputError(f"must be from {parameter.low:g} to {parameter.high:g} (SI)",
                                  key=f"{self.name}.{parameter.name}", given=value)
         if (which is not None) != self.on_one:
-            raise InputError(f"happens to {self.place.value}" + ", which must be named"
-                             * self.on_one, key=self.name, given=which)
+            raise InputError(f"needs the place it happens to, {self.place.value}" if self.on_one
+                             else "happens to no single specimen", key=self.name, given=which)
         return self.edit(setup, *values, **{"which": which} if self.on_one else {})
 
     def at(self, setup: Setup, sizes: Sequence[float], which: str | None = None) -> Setup:
