@@ -54,7 +54,7 @@ HIDDEN = ("", "segment_open", "segments_exchanged", "segment_covers_less", "thic
 #: A film of the paper's kind whose electrode has four quarters.
 QUARTERS = Specimen(
     "quarters", Circle(45e-3), Plate(Circle(10e-3)),
-    Film(1e-3, (5**0.5, 5**0.5), 4.7, NeoHooke(20e3)),
+    Film(1e-3, (5**0.5, 5**0.5), NeoHooke(20e3), 4.7),
     Electrode(segments=tuple(Segment(name=name, sector=(turn * np.pi / 2, (turn + 1) * np.pi / 2))
                              for turn, name in enumerate("ABCD"))))
 #: Another mesh than that of the diagnosis, and of another order.

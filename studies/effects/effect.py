@@ -214,7 +214,8 @@ class Effect:
     as :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to
     see it directly; both have the place as ``{which}``. The effect shows in the observables
     ``shows_in`` alone, each of which is enough, or, if there are none, wherever it changes
-    something. ``family`` is that of effects with the same readings, if any. ``twice``: it may be present twice, with different sizes.
+    something. ``family`` is that of effects with the same readings, if any. ``twice``: it may be
+    present twice, with different sizes.
     """
 
     name: str

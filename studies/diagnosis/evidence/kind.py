@@ -200,9 +200,9 @@ class FilmsUnderLoads(Protocol):
     ``behind``: share of the last jump by which the reading lags; ``moving``: mass that moves with
     the plate [kg]. At deflections [m]: ``capacitance`` [F]; ``tilt``, its size [rad]; ``slope``
     of the plate along x (0) or y (1); ``segment_capacitance`` at the lead of a segment [F];
-    ``force`` that holds the plate [N]; ``stiffness`` of film and rig [N/m]; ``swing``: complex stiffness of
-    an oscillating plate over that; ``scanned``: displacements at the places of a scan, by its
-    number, in one state [m], shape (3, places).
+    ``force`` that holds the plate [N]; ``stiffness`` of film and rig [N/m]; ``swing``: complex
+    stiffness of an oscillating plate over that; ``scanned``: displacements at the places of a scan,
+    by its number, in one state [m], shape (3, places).
     """
 
     @property
