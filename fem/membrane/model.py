@@ -385,15 +385,6 @@ class Model:
         slope = (self.density(1.0).maxwell.derivatives(first, second)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
 
-    def principal_stretches(self, state: State) -> tuple[AnyArray, AnyArray]:
-        """Compute the principal stretches of the film at the quadrature points.
-
-        Where it wrinkles they are those of its relaxed energy.
-        """
-        material = self.density(state.voltage_squared).material
-        first, second, _ = material.stretches(*self._stretches(state))
-        return first, second
-
     def integrals(self, states: Sequence[State]) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Integrate reaction [N], capacitance [F] and energy [J] of the whole film, each (states,).
 

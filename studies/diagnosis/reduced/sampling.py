@@ -19,10 +19,10 @@ from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
-from tympan.fem.film.density import maxwell
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
+from tympan.fem.results.segments import segment_capacitances
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Plate, Specimen
@@ -140,7 +140,9 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
                 break
             state = solution.state
             push = state.force if film.specimen.plate is not None else -state.pressure
-            of_segments = _capacitances(_driven(model, squared)[0], state)
+            under = _driven(model, squared)[0]
+            of_segments = (segment_capacitances(under, [state])[0] if under.specimen.electrode.names
+                           else np.array([model.capacitance(state)]))
             nodes.values[:, i, j] = (push, of_segments.sum(), state.plate.tilt**2,
                                      *state.plate.slope, *of_segments[: several])
             nodes.states[row_numbers[i], column_numbers[j]] = state
@@ -183,19 +185,6 @@ def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
     regions = tuple(replace(segment, share=1.0) for segment in electrode.segments)
     return (specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate,
             electrode.outline, regions, electrode.gap, specimen.mirror_planes)
-
-
-def _capacitances(model: Model, state: State) -> Array:
-    """Compute the capacitance of each segment [F], of the film for an electrode in one piece."""
-    electrode, mesh = model.specimen.electrode, model.discretisation
-    if not electrode.segments:
-        return np.array([model.capacitance(state)])
-    # Those that no voltage drives count, too: the same film with all shares equal.
-    unit = maxwell(model.specimen, 1.0, model.covered / model.relative_thickness**2)
-    first, second = model.principal_stretches(state)
-    each = -2 * (unit.derivatives(first, second)[0] * model.volumes).sum(axis=1) * mesh.mirrored
-    within = mesh.segments >= 0
-    return np.bincount(mesh.segments[within], each[within], len(electrode.segments))
 
 
 def _driven(model: Model, squared: Any) -> tuple[Model, float]:
