@@ -158,7 +158,7 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0]) == (35e3, 4, "r")
     assert [values[0] for values in frequencies.values.values()] == [
-        "B", pytest.approx(7e-3), 2e3, "heave", pytest.approx(11), 9, 0.5]
+        "B", pytest.approx(7e-3), 2e3, "heave", pytest.approx(11), 9, 0.5, ""]
     for name, sha256 in data.files.items():
         assert sha256 == hashlib.sha256((tmp_path / "d" / name).read_bytes()).hexdigest()
     assert list(data.files) == ["dataset.toml", *data.tables]
