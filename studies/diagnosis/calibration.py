@@ -321,6 +321,31 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> fl
     return worst
 
 
+def slope_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
+    """Find the largest error of reduced slopes of the plates at a fit, against a fine mesh.
+
+    Some of the states in which slopes were read are checked, from small to large ones; states that
+    the finite elements do not reach are left out.
+    """
+    rows = np.flatnonzero(np.isin(table.kind, SLOPES))
+    if not len(rows):
+        return 0.0
+    setup, worst = simulation.extended(fit.hypothesis, fit.unknowns), 0.0
+    shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
+    order = rows[np.argsort(np.abs(shown[rows]))]
+    for row in evenly_chosen(order[np.isfinite(shown[order])], _STATES_CHECKED).tolist():
+        state = int(table.state[row])
+        model = build_model(read_film(setup, table.states, state), fine(setup.formula),
+                            setup.rig.loading)
+        outcome = equilibrium(model, setup.rig.force(float(table.mass[row]), model.plate_area),
+                              setup.rig.film_voltage(float(table.voltage[row])),
+                              setup.rig.gas_pressure)
+        if outcome.status == "equilibrium":
+            slope = outcome.state.plate.slope[SLOPES.index(str(table.kind[row]))]
+            worst = max(worst, abs(float(slope) - float(shown[row])))
+    return worst
+
+
 def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[str, float]:
     """Find the largest error of each component of scans at a fit [m], against a fine mesh.
 
