@@ -22,10 +22,14 @@ from tympan.geometry.outlines.pieces import TURN, Line, Piece
 Pair = tuple[float, float]
 
 _ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
-_NAME: Rule = (lambda text: re.fullmatch(r"[^\W\d]\w{0,29}", text) is not None,
-               "must be a word: at most 30 letters, digits and _, a letter first")
+_NAME: Rule = (lambda text: re.fullmatch(r"(?!none$)[^\W\d]\w{0,29}", text) is not None,
+               "must be a word: at most 30 letters, digits and _, a letter first, and "
+               "not `none`")
 _DISTANCE: Rule = (lambda x: x >= 0, "must be 0 or positive; inf for the film's middle")
 _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 (grounded) to 1")
+
+#: Lead of a segment that no voltage reaches.
+OFF = "none"
 
 #: Angle within which two directions are the same [rad]: rounding of degrees to radians is smaller.
 _SAME_ANGLE = 1e-9
@@ -99,6 +103,9 @@ class Segment:
         _DISTANCE)] = None
     outline: Annotated[Region | None, Key("it lies within this outline")] = None
     share: Annotated[float, Key("its voltage over that of the film", rule=_SHARE)] = 1.0
+    lead: Annotated[str | None, Key(
+        "name of the segment whose voltage reaches this one, where leads were exchanged; `none` if "
+        "no voltage reaches it", default="its own")] = None
 
     def __post_init__(self) -> None:
         """Refuse a segment without a region, and regions that are none."""
@@ -201,8 +208,8 @@ class Segment:
             pieces += self.outline.outline.curve.placed(shift=self.outline.offset).pieces
         return tuple(pieces)
 
-    def reflected(self, plane: str) -> object:
-        """Make a key of its region mirrored in a plane ("x", "y" or "" for none), and of its share.
+    def reflected(self, plane: str, share: float) -> object:
+        """Make a key of its region mirrored in a plane ("x", "y" or "" for none), and of a share.
 
         Equal regions have equal keys. An outline that the plane does not mirror has no equal.
         """
@@ -215,7 +222,7 @@ class Segment:
         outline = self.outline
         if outline is not None and plane and plane not in outline.mirror_planes:
             return object()
-        return angles, self.band, outline, self.share
+        return angles, self.band, outline, share
 
 
 @takes_units
@@ -263,8 +270,26 @@ class Electrode:
         """
         if not self.segments:
             return 1.0
-        return sum(np.equal(numbers, number) * segment.share
-                   for number, segment in enumerate(self.segments))
+        shares = self.arriving([segment.share for segment in self.segments])
+        return sum(np.equal(numbers, number) * share for number, share in enumerate(shares))
+
+    def arriving(self, shares: Sequence[Any]) -> list[Any]:
+        """Find what reaches each segment through its lead of the voltages given by their names."""
+        if self.wired_as_named:
+            return list(shares)
+        named = dict(zip(self.names, shares, strict=True))
+        return [0.0 * shares[0] if lead == OFF else named[lead] for lead in self.leads]
+
+    @property
+    def leads(self) -> tuple[str, ...]:
+        """Name of the segment whose voltage reaches each segment; OFF where none does."""
+        return tuple(segment.name if segment.lead is None else segment.lead
+                     for segment in self.segments)
+
+    @property
+    def wired_as_named(self) -> bool:
+        """Whether each segment gets the voltage of its own name."""
+        return self.leads == self.names
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -383,6 +408,8 @@ class Electrode:
 
     def mirrored_in(self, plane: str) -> bool:
         """Check whether its segments and their shares are the same in a mirror."""
-        before, after = ([segment.reflected(way) for segment in self.segments]
+        shares = self.arriving([segment.share for segment in self.segments])
+        before, after = ([segment.reflected(way, share)
+                          for segment, share in zip(self.segments, shares, strict=True)]
                          for way in ("", plane))
         return all(key in before for key in after)

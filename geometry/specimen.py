@@ -18,6 +18,7 @@ from tympan.base.fields import Key, Registry, takes_units
 from tympan.base.paths import any_complex
 from tympan.base.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 from tympan.base.units import place_text, quantities_text
+from tympan.geometry.electrode import OFF
 from tympan.geometry.electrode import Electrode as Electrode
 from tympan.geometry.electrode import Patch as Patch
 from tympan.geometry.electrode import Region as Region
@@ -342,6 +343,11 @@ class Specimen:
         if len(set(electrode.names)) < len(electrode.segments):
             raise InputError("must have different names", key="electrode.segment",
                              given=", ".join(electrode.names))
+        for number, lead in enumerate(electrode.leads):
+            if lead not in (*electrode.names, OFF):
+                raise InputError(f"must be the name of a segment, {', '.join(electrode.names)}, "
+                                 f"or {OFF} if no voltage reaches this one",
+                                 key=f"electrode.segment[{number}].lead", given=lead)
         _check_regions(self.frame, self.plate, electrode.even.segments, electrode.gap)
 
     def _check_prestretch(self) -> None:

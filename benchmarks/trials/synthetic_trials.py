@@ -143,7 +143,7 @@ def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] | 
     told = {Observable.ELAPSED, *([Observable.DIRECTION] if states.direction.min() < 0 else [])}
     causes = tuple(Cause(name, which) for name in (EFFECTS if effects is None else effects)
                    for which in EFFECTS[name].choices(setup)
-                   if told.issuperset(EFFECTS[name].shows_in))
+                   if EFFECTS[name].shown_by(told))
     return Design(name, setup, _read(states), causes)
 
 

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from tympan.base.arrays import Array, Columns
 from tympan.base.units import table_unit
 from tympan.reports import look as style
-from tympan.studies.diagnosis.reading_table import UNITS
+from tympan.studies.diagnosis.reading_table import OF_SEGMENTS, UNITS
 
 #: Room above an axis for its title [mm].
 _TITLE = 8.0
@@ -49,7 +49,10 @@ _BESIDE = 0.05
 _EDGE = 0.95
 
 #: Words for readings, by kind, where they are not the name of the kind.
-_WORDS = {"displacement": "deflection", "film_voltage": "voltage on the film"}
+_WORDS = {"displacement": "deflection", "film_voltage": "voltage on the film",
+          "tilt_x": "slope of the plate along x", "tilt_y": "slope of the plate along y",
+          **{kind: f"capacitance of segment {number}"
+             for number, kind in enumerate(OF_SEGMENTS, 1)}}
 #: Units of axes.
 _ALONG = {"voltage": table_unit("voltage"), "displacement": table_unit("length")}
 _AXES = {name: f"{name} ({unit})" for name, (unit, _) in _ALONG.items()}

@@ -308,7 +308,8 @@ def _only_up(static: Sheet) -> bool:
     when = static.order if np.isfinite(static.order).all() else static.elapsed
     last: dict[tuple[object, ...], float] = {}
     for row in np.argsort(when, kind="stable"):
-        ramp = static.specimen[row], static.mass[row], static.run[row], static.repeat[row]
+        ramp = (static.specimen[row], static.mass[row], static.run[row], static.repeat[row],
+                static.drive[row])
         if static.voltage[row] < last.get(ramp, 0.0):
             return False
         last[ramp] = static.voltage[row]

@@ -25,6 +25,7 @@ from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import CopiedRows, RunZeros, at_sensor_end
+from tympan.studies.data.segment_columns import segment_columns, with_voltages
 from tympan.studies.shipped import FILES as SHIPPED
 from tympan.studies.shipped import specimen_tables
 from tympan.tables.formats import FORMATS, Format, format_of, suffixes
@@ -72,7 +73,9 @@ _DWELL = Column("dwell", "s", NON_NEGATIVE, required=False)
 #: Columns of static.csv. ``run``: mounting or ramp of a reading; ``direction``: way in which the
 #: voltage got there; ``sigma``: standard deviation of the displacement; ``dwell``: time for which
 #: the state was held before the reading; ``film_voltage``: that of a probe on the film; ``tilt``:
-#: the plate's.
+#: the plate's, ``tilt_x`` and ``tilt_y`` its slopes along x and y, positive where its side at +x or
+#: +y is deflected further, ``sigma_tilt`` their standard deviation. A dataset with segments also
+#: has the columns of :func:`tympan.studies.data.segment_columns.segment_columns`.
 STATIC: tuple[Column, ...] = (
     *LOAD_COLUMNS,
     VOLTAGE_COLUMN,
@@ -87,6 +90,9 @@ STATIC: tuple[Column, ...] = (
     Column("capacitance", "pF", POSITIVE, required=False, also=(CAPACITANCES,)),
     Column("film_voltage", "kV", _VOLTAGE, required=False, also=(FILM_VOLTAGES,)),
     Column("tilt", "mrad", FINITE, required=False),
+    Column("tilt_x", "mrad", FINITE, required=False),
+    Column("tilt_y", "mrad", FINITE, required=False),
+    Column("sigma_tilt", "mrad", POSITIVE, required=False),
 )
 #: Columns of range.csv: largest minus smallest displacement between two voltages; ``sigma``: that
 #: of the range, √2 of a reading's where it is left out; ``dwell``: time for which each of the
@@ -174,7 +180,10 @@ _WITH_FIELD = ("static.csv", "range.csv", "transient.csv", "coupon.csv", "freque
 _OUTSIDE = {"table": 5e-3, "plate": 0.1}
 
 #: Columns of static.csv with quantities measured besides the displacement.
-CHANNELS = ("capacitance", "film_voltage", "tilt")
+CHANNELS = ("capacitance", "film_voltage", "tilt", "tilt_x", "tilt_y")
+
+#: Files whose readings may be made with different voltages on segments.
+_SEGMENTED = ("static.csv", "frequency.csv", "force.csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,15 +389,21 @@ def _checked_sheet(file: Path, name: str, dataset: Dataset, planned: bool
     # A film without plate carries no mass.
     alone = [specimen.name for specimen in dataset.specimens if specimen.plate is None]
     later += ("mass",) if alone else ()
+    several = segment_columns(dataset.specimens, _VOLTAGE, name == "static.csv") * (
+        name in _SEGMENTED)
+    if several:
+        later += ("voltage",)
     columns = [replace(column, required=column.required and column.name not in later,
                        example=names[0] if column is SPECIMEN else column.example)
-               for column in FILES[name]]
+               for column in (*FILES[name], *several)]
     stem = Path(name).stem
     sheet = read_sheet(file, columns, layout=dataset.layouts.get(stem, Layout()), table=stem,
                        usual=_usual(dataset, file))
     if SPECIMEN not in FILES[name]:
         return sheet, list(sheet.remarks)
     _check_specimens(sheet, names)
+    if name in _SEGMENTED:
+        sheet = with_voltages(sheet, dataset.specimens)
     if alone and "mass" in sheet.values:
         sheet = _unloaded(sheet, alone)
     return sheet, [*sheet.remarks, *_identical(sheet)]

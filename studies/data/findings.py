@@ -91,7 +91,8 @@ class CopiedRows:
         read = static.displacement[rows]
         if len(rows) < 2:
             return cls(rows[:0], rows[:0])
-        state = groups(static.specimen[rows], static.mass[rows], static.voltage[rows])
+        state = groups(static.specimen[rows], static.mass[rows], static.voltage[rows],
+                       static.drive[rows])
         step, sigma = step_of(read), _quietest(static, rows, state, noise)
         copies = dict[int, int]()
         for near in {0.5 * step, max(0.5 * step, _EQUAL * sigma)} - {0.0}:
@@ -172,7 +173,7 @@ def at_sensor_end(static: Sheet) -> Mask:
 
     Other states count only above half of their ramp's rise: low voltages hardly move a plate.
     """
-    keys = groups(static.specimen, static.mass, static.voltage)
+    keys = groups(static.specimen, static.mass, static.voltage, static.drive)
     ramp = groups(static.specimen, static.mass)
     if not len(keys) or not np.isfinite(static.displacement).all():
         return np.zeros(len(static), bool)
@@ -219,7 +220,7 @@ class RunZeros:
         """
         rows = np.flatnonzero(np.isfinite(static.displacement) & ~skipped)
         state = groups(static.specimen[rows], static.mass[rows], static.voltage[rows],
-                          static.direction[rows])
+                       static.direction[rows], static.drive[rows])
         names, run = np.unique(static.run[rows], return_inverse=True)
         runs_of = np.array([len(np.unique(run[state == number]))
                             for number in range(int(state.max(initial=-1)) + 1)])

@@ -19,7 +19,7 @@ _COARSE = 2.0
 def repeat_groups(readings: Sheet) -> Numbers:
     """Assign group numbers to readings of equal specimen, mass, voltage, direction and run."""
     return groups(readings.specimen, readings.mass, readings.voltage, readings.direction,
-                  readings.run)
+                  readings.run, readings.drive)
 
 
 def repeat_noise(dataset: Dataset) -> Noise | None:

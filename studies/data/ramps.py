@@ -61,7 +61,8 @@ class VoltageRamp:
 
 def ramps(static: Sheet, rows: Numbers) -> Iterator[VoltageRamp]:
     """Yield the ways up or down that have more readings than a smooth curve has coefficients."""
-    ramp = groups(static.specimen[rows], static.mass[rows], static.run[rows], static.repeat[rows])
+    ramp = groups(static.specimen[rows], static.mass[rows], static.run[rows], static.repeat[rows],
+                  static.drive[rows])
     for number in range(int(ramp.max(initial=-1)) + 1):
         some = rows[ramp == number]
         turns = np.sign(np.diff(static.voltage[some], prepend=-np.inf))

@@ -8,11 +8,16 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.calibration import Calibration, film_error, frequency_error
+from tympan.studies.diagnosis.calibration import (
+    Calibration,
+    film_error,
+    frequency_error,
+    slope_error,
+)
 from tympan.studies.diagnosis.evidence.kind import PreparedReadings, ReadingModel
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import SLOPES, ReadingTable
 from tympan.studies.estimation.noise import Shared
 
 #: Step of the voltages for the slopes, over the largest voltage. Deflections follow its square.
@@ -70,11 +75,15 @@ def with_film_scatter(table: ReadingTable, share: float, model: ReadingModel, fi
 def with_model_error(table: ReadingTable, error: float, nominal: Calibration) -> ReadingTable:
     """Add the errors of the reduced model as noise.
 
-    ``error`` of the lengths [m], the share of the frequencies, and the errors of film shapes [m].
+    ``error`` of the lengths [m], the share of the frequencies, and the errors of slopes and of film
+    shapes [m].
     """
     share = frequency_error(nominal.simulation, nominal.fit, table)
     errors = np.where(table.lengths, error, np.where(table.kind == "frequency", share, 0.0)
                       * table.value)
+    slopes = np.isin(table.kind, SLOPES)
+    if slopes.any():
+        errors = np.where(slopes, slope_error(nominal.simulation, nominal.fit, table), errors)
     for kind, largest in film_error(nominal.simulation, nominal.fit, table).items():
         errors = np.where(table.kind == kind, largest, errors)
     return table.with_sigma(np.hypot(table.sigma, errors))

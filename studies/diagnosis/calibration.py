@@ -19,7 +19,8 @@ from tympan.studies.diagnosis.evidence.scans import COMPONENTS
 from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.fits.fitting import nominal_fit, nominal_fits
 from tympan.studies.diagnosis.hypothesis import FACTORS
-from tympan.studies.diagnosis.reading_table import ReadingTable, evenly_chosen
+from tympan.studies.diagnosis.reading_table import SLOPES, ReadingTable, States, evenly_chosen
+from tympan.studies.diagnosis.reduced.axes import with_shares
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
@@ -190,7 +191,8 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
     names = [specimen.name for specimen in setup.specimens]
     needed = _needed(setup, table)
     room = np.repeat(np.array([_ROOM]).T, len(names), axis=1)
-    solver = FiniteElements(bool(table.scans))
+    slopes = bool(np.isin(table.kind, SLOPES).any())
+    solver = FiniteElements(bool(table.scans), slopes)
     laws: dict[tuple[str, float, float], ForceLaw] = {}
     for _ in range(_ROUNDS):
         asked = list(zip(names, *(room * needed).tolist(), strict=True))
@@ -267,9 +269,10 @@ def with_effects(calibration: Simulation, progress: PartsDone,
                  workers: int) -> Simulation:
     """Add the effects of the library to a simulation."""
     grids = [law.grid for law in calibration.laws]
-    shapes = calibration.laws[0].solver == FiniteElements(shapes=True)
+    solver = calibration.laws[0].solver
+    assert isinstance(solver, FiniteElements)
     return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress,
-                                                shapes))
+                                                solver))
 
 
 def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
@@ -286,8 +289,7 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
     rig, worst = setup.rig, 0.0
     place, way = rest.came
     for state in place[evenly_chosen(order, _STATES_CHECKED)].tolist():
-        model = build_model(setup.specimens[int(states.specimen[state])], fine(setup.formula),
-                            rig.loading)
+        model = build_model(read_film(setup, states, state), fine(setup.formula), rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]),
                                    float(states.voltage_direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
@@ -311,11 +313,36 @@ def frequency_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> fl
     shown, worst = simulation.predict(fit.hypothesis, fit.unknowns, table), 0.0
     order = rows["frequency"][np.argsort(shown[rows["frequency"]])]
     for row in evenly_chosen(order, _FREQUENCIES_CHECKED):
-        case = Case(setup.specimens[int(table.specimen[row])], mass=float(table.mass[row]),
-                    voltage=float(table.voltage[row]), rig=setup.rig)
+        case = Case(read_film(setup, table.states, int(table.state[row])),
+                    mass=float(table.mass[row]), voltage=float(table.voltage[row]), rig=setup.rig)
         exact = heave_frequency(case, fine(setup.formula))
         if exact is not None:
             worst = max(worst, abs(float(shown[row]) / exact - 1))
+    return worst
+
+
+def slope_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> float:
+    """Find the largest error of reduced slopes of the plates at a fit, against a fine mesh.
+
+    Some of the states in which slopes were read are checked, from small to large ones; states that
+    the finite elements do not reach are left out.
+    """
+    rows = np.flatnonzero(np.isin(table.kind, SLOPES))
+    if not len(rows):
+        return 0.0
+    setup, worst = simulation.extended(fit.hypothesis, fit.unknowns), 0.0
+    shown = simulation.predict(fit.hypothesis, fit.unknowns, table)
+    order = rows[np.argsort(np.abs(shown[rows]))]
+    for row in evenly_chosen(order[np.isfinite(shown[order])], _STATES_CHECKED).tolist():
+        state = int(table.state[row])
+        model = build_model(read_film(setup, table.states, state), fine(setup.formula),
+                            setup.rig.loading)
+        outcome = equilibrium(model, setup.rig.force(float(table.mass[row]), model.plate_area),
+                              setup.rig.film_voltage(float(table.voltage[row])),
+                              setup.rig.gas_pressure)
+        if outcome.status == "equilibrium":
+            slope = outcome.state.plate.slope[SLOPES.index(str(table.kind[row]))]
+            worst = max(worst, abs(float(slope) - float(shown[row])))
     return worst
 
 
@@ -333,7 +360,7 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
                        if number >= 0], np.int64)
     for state in evenly_chosen(states[np.argsort(fit.deflection[states])], _SCANS_CHECKED):
         rows = np.flatnonzero((table.state == state) & (table.point >= 0))
-        specimen = setup.specimens[int(table.specimen[rows[0]])]
+        specimen = read_film(setup, table.states, int(state))
         exact = scanned_exactly(specimen, setup.rig, float(table.mass[rows[0]]), float(
             table.voltage[rows[0]]), table.scans[table.scan[rows[0]]], fine(setup.formula))
         for kind in COMPONENTS if exact is not None else ():
@@ -345,6 +372,16 @@ def film_error(simulation: Simulation, fit: Fit, table: ReadingTable) -> dict[st
     return worst
 
 
+def read_film(setup: Setup, states: States, number: int) -> Specimen:
+    """Take the specimen of a state, with the state's voltages on its segments."""
+    specimen = setup.specimens[int(states.specimen[number])]
+    electrode = specimen.electrode
+    shares = states[np.array([number])].shares_of(electrode)[0].tolist()
+    return replace(specimen, electrode=replace(electrode, segments=tuple(
+        replace(segment, share=share)
+        for segment, share in zip(electrode.segments, shares, strict=True))))
+
+
 def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
     """Mark readings of states in which the nominal film at a fit has lost tension somewhere.
 
@@ -354,12 +391,15 @@ def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:
     rest = FilmsAtRest(simulation, fit.hypothesis, fit.unknowns, table.states)
     seen = np.sqrt(rest.voltage_squared * rest.stiffness / rest.permittivity)
     settings = coarse(setup.formula)
-    models = [build_model(specimen, settings, setup.rig.loading) for specimen in setup.specimens]
+    # Segments with different shares: a mesh for any pattern of voltages.
+    models = [build_model(with_shares(specimen), settings, setup.rig.loading)
+              for specimen in setup.specimens]
     beyond = np.zeros(len(table), bool)
     for ramp in range(int(table.ramp.max()) + 1):
         rows = np.flatnonzero(table.ramp == ramp)
         for row in rows[np.argsort(-seen[table.state[rows]])].tolist():
             state, model = table.state[row], models[table.specimen[row]]
+            model = replace(model, specimen=read_film(setup, table.states, int(state)))
             film = held(model, float(rest.extended_deflection[state]), float(seen[state]))
             if film.status == "equilibrium" and model.in_tension(film.state):
                 break

@@ -56,7 +56,7 @@ from tympan.studies.diagnosis.sentences import (
     where,
     with_other_loads,
 )
-from tympan.studies.diagnosis.shown.curves import OTHERS, curves
+from tympan.studies.diagnosis.shown.curves import OTHERS, curves, driven_names
 from tympan.studies.diagnosis.shown.loaded_films import loaded_films
 from tympan.studies.effects import Setup
 from tympan.studies.effects.findings import FoundSize, family_finding
@@ -321,7 +321,8 @@ class Conclusions:
             return
         yield result.READINGS, {
             "file": table.file, "line": table.line, "kind": table.kind,
-            "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
+            "specimen": driven_names(self.simulation.setup, table), "mass": table.mass,
+            "voltage": table.voltage,
             "elapsed": table.states.elapsed[table.state], "run": table.run, "order": table.order,
             "sigma": table.noise.own,
             "counts": (table.noise.off == 0).astype(float),

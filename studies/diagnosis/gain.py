@@ -242,7 +242,7 @@ def _tested(simulation: ReadingModel, table: ReadingTable, causes: Sequence[Caus
     test = table[counted].compact()
     others = table[rows & ~table.judged & (judgement.table.noise.off == 0)].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
-    trained = [cause for cause in causes if cause.which in (None, *names)]
+    trained = [cause for cause in causes if cause.specimen in (None, *names)]
     nominal = nominal_fit(simulation, train)
     fits, logs, wrong, exact = _alternatives(simulation, train, trained, nominal, judgement,
                                              replace(about, rows=~rows))

@@ -27,7 +27,7 @@ SIZES = slice(2, None)
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect by name, and the specimen that it acts on, if it is on one.
+    """An effect by name, and the specimen or segment that it acts on, if it is on one.
 
     ``again``: it is a second instance of the same effect, with other sizes.
     """
@@ -45,6 +45,11 @@ class Cause:
     def effect(self) -> Effect:
         """The effect of the registry."""
         return EFFECTS[self.name]
+
+    @property
+    def specimen(self) -> str | None:
+        """Name of the specimen that it acts on, if it is on one."""
+        return self.effect.specimen_of(self.which)
 
     def __str__(self) -> str:
         name = f"second_{self.name}" if self.again else self.name

@@ -11,11 +11,21 @@ from numpy.typing import NDArray
 
 from tympan.base.arrays import Array, Mask, Numbers
 from tympan.base.units import table_unit
+from tympan.geometry.electrode import Electrode
 from tympan.studies.diagnosis.history import Passages, VoltageHistory
 from tympan.studies.estimation.noise import Noise
 
 #: Key of a state in time: specimen, mass [kg], history, begin and end [s].
 StateKey = tuple[int, float, VoltageHistory, float, float]
+
+#: Digits to which the shares of equal patterns of voltages agree.
+_SHARE_DIGITS = 6
+
+#: Kinds of rows that are slopes of the plate, along x and y.
+SLOPES = ("tilt_x", "tilt_y")
+
+#: Kinds of rows that are capacitances of segments, by the number of the segment.
+OF_SEGMENTS = tuple(f"capacitance_{number}" for number in range(1, 65))
 
 #: Kinds of rows that are lengths, on which errors are counted.
 LENGTHS = ("displacement", "range")
@@ -44,7 +54,9 @@ KILOPASCALS = Unit("kPa", 1e-3)
 
 #: Dimensions of readings, by their kind.
 _DIMENSIONS = dict.fromkeys((*LENGTHS, "film", "film_x", "film_y"), "length") | {
-    "capacitance": "capacitance", "tilt": "angle", "film_voltage": "voltage",
+    **dict.fromkeys(("capacitance", *OF_SEGMENTS), "capacitance"),
+    **dict.fromkeys(("tilt", *SLOPES), "angle"),
+    "film_voltage": "voltage",
     "frequency": "frequency", "force": "force", "stress": "stress"}
 #: Units in which readings are given, by their kind: those of their columns.
 UNITS = {kind: Unit(*table_unit(dimension)) for kind, dimension in _DIMENSIONS.items()} | {
@@ -77,7 +89,9 @@ class States:
     direction in which the state was reached (the voltage: 1 up, -1 down; a displacement-controlled
     plate: 1 out, -1 back; 0 not known); deflection at which the plate is held [m], nan where it is
     free; number of the run: a specimen's states under one mass in one run are in the order in which
-    they were reached. ``passage``: the part of its history that a state is.
+    they were reached. ``passage``: the part of its history that a state is. ``shares``: voltage of
+    each segment, as its name says, over that of the state, shape (n, segments); nan where those of
+    the specimen's file hold. Films with fewer segments do not use the last ones.
     """
 
     specimen: Numbers
@@ -88,18 +102,21 @@ class States:
     deflection: Array
     run: Numbers
     passage: Passages
+    shares: Array
 
     @classmethod
     def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
            voltage: Sequence[float] | Array, elapsed: Array | float = 0.0,
-           direction: Array | float = 0.0, run: Numbers | int = 0) -> States:
-        """Build states with the plate free."""
+           direction: Array | float = 0.0, run: Numbers | int = 0,
+           shares: Array | None = None) -> States:
+        """Build states with the plate free; without ``shares`` those of the files hold."""
         mass, voltage, elapsed, direction, deflection = (
             np.full(len(specimen), part, float)
             for part in (mass, voltage, elapsed, direction, np.nan))
         return cls(np.asarray(specimen, dtype=np.int64), mass, voltage, elapsed, direction,
                    deflection, np.full(len(specimen), run, np.int64),
-                   Passages.of(None, np.full(len(specimen), np.nan)))
+                   Passages.of(None, np.full(len(specimen), np.nan)),
+                   np.full((len(specimen), 1), np.nan) if shares is None else shares)
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -108,6 +125,20 @@ class States:
     def of_specimen(self) -> tuple[Numbers, ...]:
         count = int(self.specimen.max(initial=-1)) + 1
         return tuple(np.flatnonzero(self.specimen == number) for number in range(count))
+
+    @cached_property
+    def pattern(self) -> Numbers:
+        """Number of each state's pattern of voltages: the same where all shares are the same."""
+        shares = np.nan_to_num(np.round(self.shares, _SHARE_DIGITS), nan=-1.0)
+        return np.unique(shares, axis=0, return_inverse=True)[1].ravel()
+
+    def shares_of(self, electrode: Electrode) -> Array:
+        """Find the voltages of an electrode's segments, over those of states, (n, segments)."""
+        own = np.array([segment.share for segment in electrode.segments])
+        shares = np.full((len(self), len(own)), np.nan)
+        count = min(self.shares.shape[1], len(own))
+        shares[:, :count] = self.shares[:, :count]
+        return np.where(np.isnan(shares), own, shares)
 
     @cached_property
     def of_run(self) -> tuple[Numbers, ...]:
@@ -159,8 +190,12 @@ class States:
 
     def joined(self, other: States) -> States:
         columns = {name: np.concatenate([getattr(self, name), getattr(other, name)])
-                   for name in self.__dataclass_fields__ if name != "passage"}
-        return States(passage=self.passage.joined(other.passage), **columns)
+                   for name in self.__dataclass_fields__ if name not in ("passage", "shares")}
+        most = max(self.shares.shape[1], other.shares.shape[1])
+        shares = [np.pad(each.shares, ((0, 0), (0, most - each.shares.shape[1])),
+                         constant_values=np.nan) for each in (self, other)]
+        return States(passage=self.passage.joined(other.passage), shares=np.concatenate(shares),
+                      **columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,9 +268,10 @@ class ReadingTable:
 
     @cached_property
     def ramp(self) -> Numbers:
-        """Number of the specimen and mass of each row, and of the run of coupons."""
+        """Number of specimen, mass and pattern of voltages of rows, and of the run of coupons."""
         run = np.where(self.kind == "stress", self.states.run[self.state], 0)
-        keys = np.stack([self.specimen.astype(float), self.mass, run], 1)
+        pattern = self.states.pattern[self.state]
+        keys = np.stack([self.specimen.astype(float), self.mass, run, pattern], 1)
         return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
 
     @cached_property

@@ -155,7 +155,7 @@ def averaged(table: ReadingTable) -> ReadingTable:
     kind = np.unique(table.kind, return_inverse=True)[1]
     run = np.unique(table.run, return_inverse=True)[1].ravel() * bool(table.noise.common)
     key = np.stack([kind.ravel(), run, table.specimen, table.mass, voltage[table.state],
-                    elapsed[table.state], states.way[table.state],
+                    elapsed[table.state], states.way[table.state], states.pattern[table.state],
                     np.where(table.since < 0, -1, table.line)], axis=1)
     _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True,
                                        return_counts=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from itertools import combinations
 from math import exp, inf, isclose, log
 from string import Formatter
 from typing import Any, Literal, get_type_hints
@@ -19,10 +20,32 @@ from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.effects.prior import HeavyTail
 
 
+class Place(Enum):
+    """What an effect happens to; its value is the argument's annotation, in words."""
+
+    EVERYTHING = "all specimens, or the rig"
+    SPECIMEN = "one specimen"
+    SEGMENT = "one segment of an electrode"
+    PAIR = "two segments of an electrode"
+
+
+#: Between a segment's name, which has no blanks, and that of its specimen.
+_OF = " of "
+#: Between the names of two segments.
+_AND = " and "
+
+
+def segments_in(which: str) -> tuple[str, tuple[str, ...]]:
+    """Split the name of a place, "A of disc" or "A and B of disc": specimen and segments."""
+    segments, _, specimen = which.partition(_OF)
+    return specimen, tuple(segments.split(_AND))
+
+
 class Observable(Enum):
     """Kind of readings without which some effects cannot be seen, by the column that holds it.
 
-    ``TIME`` is the course of readings, by a transient's times or by the time states were held.
+    ``TIME`` is the course of readings, by a transient's times or by the time states were held;
+    ``SLOPE`` is that of the plate along x or y.
     """
 
     ELAPSED = "elapsed_s"
@@ -30,6 +53,7 @@ class Observable(Enum):
     TIME = "t_s or dwell_s"
     FREQUENCY = "frequency_Hz"
     SHAPE = "x_mm"
+    SLOPE = "tilt_x_mrad"
     FORCE = "force_mN"
     STRESS = "nominal_stress_kPa"
     TEMPERATURE = "temperature_C"
@@ -84,7 +108,8 @@ class EffectParameter:
     belongs to a number that is no effect by itself but describes how another one acts, such as a
     time: its size is the logarithm of the value over ``width``, and this is its typical size.
     Sentences give ``tell(value)`` in ``told_in``, or the unit to show if that is left out, or "%"
-    for plain numbers. ``name`` is that of the argument it annotates.
+    for plain numbers. ``name`` is that of the argument it annotates. A ``switch`` is 1 where the
+    effect is present, and nothing between: no size is fitted.
     """
 
     meaning: str
@@ -100,6 +125,7 @@ class EffectParameter:
     told_in: str = ""
     tell: Callable[[float], float] = float
     name: str = ""
+    switch: bool = False
 
     @cached_property
     def _unit(self) -> tuple[float, str]:
@@ -182,13 +208,14 @@ class Effect:
     """A pure change of a :class:`Setup` by some parameters.
 
     ``edit(setup, *values)`` returns a new setup; values of size 0 must change no number of the
-    solution. ``on_one``: it affects one specimen, which must be named, ``edit(setup, *values,
-    which=name)``, rather than all or the rig. ``explanation`` is one sentence for someone in the
-    laboratory. ``finding`` is the sentence where the effect is found, as
-    :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to see
-    it directly; both have the specimen as ``{which}``. The effect shows only in the observables
-    ``shows_in`` or, if there are none, wherever it changes something. ``family`` is that of effects
-    with the same readings, if any. ``twice``: it may be present twice, with different sizes.
+    solution. ``place``: whether it affects one specimen, one segment or two, which must be named,
+    ``edit(setup, *values, which=name)``, rather than all or the rig. ``explanation`` is one
+    sentence for someone in the laboratory. ``finding`` is the sentence where the effect is found,
+    as :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` is what to do to
+    see it directly; both have the place as ``{which}``. The effect shows in the observables
+    ``shows_in`` alone, each of which is enough, or, if there are none, wherever it changes
+    something. ``family`` is that of effects with the same readings, if any. ``twice``: it may be
+    present twice, with different sizes.
     """
 
     name: str
@@ -197,19 +224,40 @@ class Effect:
     check: str
     parameters: tuple[EffectParameter, ...]
     edit: Callable[..., Setup]
-    on_one: bool = False
+    place: Place = Place.EVERYTHING
     shows_in: tuple[Observable, ...] = ()
     family: EffectFamily | None = None
     twice: bool = False
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of files without which it cannot be seen."""
+        """Columns of files, without all of which it cannot be seen."""
         return tuple(quantity.value for quantity in self.shows_in)
+
+    def shown_by(self, read: Collection[Observable]) -> bool:
+        """Check whether readings of some observables may show it."""
+        return not self.shows_in or any(quantity in read for quantity in self.shows_in)
+
+    @property
+    def on_one(self) -> bool:
+        """Whether it affects a place that must be named."""
+        return self.place is not Place.EVERYTHING
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
         """List the choices of ``which``."""
-        return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
+        if self.place is Place.EVERYTHING:
+            return (None,)
+        if self.place is Place.SPECIMEN:
+            return tuple(specimen.name for specimen in setup.specimens)
+        count = 1 if self.place is Place.SEGMENT else 2
+        return tuple(_OF.join([_AND.join(names), specimen.name]) for specimen in setup.specimens
+                     for names in combinations(specimen.electrode.names, count))
+
+    def specimen_of(self, which: str | None) -> str | None:
+        """Find the specimen of a choice of ``which``; None if it affects all of them."""
+        if which is None or self.place is Place.SPECIMEN:
+            return which
+        return segments_in(which)[0]
 
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:
         """Apply the effect to a setup: ``values`` in SI, ``which`` for an effect on one specimen.
@@ -222,7 +270,7 @@ class Effect:
                 raise InputError(f"must be from {parameter.low:g} to {parameter.high:g} (SI)",
                                  key=f"{self.name}.{parameter.name}", given=value)
         if (which is not None) != self.on_one:
-            raise InputError("needs the specimen it happens to" if self.on_one
+            raise InputError(f"needs the place it happens to, {self.place.value}" if self.on_one
                              else "happens to no single specimen", key=self.name, given=which)
         return self.edit(setup, *values, **{"which": which} if self.on_one else {})
 
@@ -244,7 +292,8 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Observ
            ) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
-    An edit with an argument ``which`` is on one specimen.
+    An edit with an argument ``which`` is on one specimen, or on a :class:`Place` that annotates
+    the argument.
     """
     def registered(edit: Callable[..., Setup]) -> Effect:
         hints = get_type_hints(edit, include_extras=True)
@@ -260,13 +309,20 @@ def effect(explanation: str, *, finding: str, check: str, shows_in: tuple[Observ
             raise TypeError(f"the finding of {edit.__name__} speaks of {', '.join(unknown)}, which "
                             "is no argument of it")
         made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
-                      on_one="which" in hints, shows_in=shows_in, family=family,
-                      twice=twice)
+                      _place(hints.get("which")), shows_in, family, twice)
         EFFECTS.register(made)
         edit.__doc__ = edit.__doc__ or explanation  # for help() of the edit
         return made
 
     return registered
+
+
+def _place(hint: Any) -> Place:
+    """Find the place of an effect by the annotation of its argument ``which``."""
+    if hint is None:
+        return Place.EVERYTHING
+    notes = [note for note in getattr(hint, "__metadata__", ()) if isinstance(note, Place)]
+    return notes[0] if notes else Place.SPECIMEN
 
 
 def extended(setup: Setup, uses: Iterable[Use]) -> Setup:

@@ -6,6 +6,11 @@ from math import isinf
 from typing import Any
 
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter
+from tympan.studies.effects.effect import Place
+
+#: Words for the place of an effect that is not known yet.
+_SOME = {Place.EVERYTHING: "", Place.SPECIMEN: "the specimen", Place.SEGMENT: "A of the specimen",
+         Place.PAIR: "A and B of the specimen"}
 
 #: Words before a value for its size, by its power, and for one with a spread.
 _SIZES = {1: "", -1: "1 over ", -2: "1/square of "}
@@ -16,7 +21,8 @@ def listing() -> dict[str, Any]:
     """List every effect as a JSON object by its name; limits that are infinite are None."""
     return {effect.name: {
         "explanation": effect.explanation, "check": direct_check(effect),
-        "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
+        "on_one_specimen": effect.on_one,
+        "needs_columns": list(effect.columns),
         "parameters": {item.name: _parameter(item) for item in effect.parameters}}
         for effect in EFFECTS.whole().values()}
 
@@ -39,7 +45,7 @@ def _distribution(item: EffectParameter) -> str:
 
 def direct_check(effect: Effect) -> str:
     """Advise how to see an effect directly, on any specimen."""
-    return effect.check.format(which="the specimen")
+    return effect.check.format(which=_SOME[effect.place])
 
 
 def named(item: EffectParameter) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from tympan.base.arrays import Array, Numbers
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.segment_columns import shares_of
 from tympan.studies.diagnosis.evidence.kind import (
     CHANNEL,
     FilmsUnderLoads,
@@ -32,7 +33,7 @@ class Frequencies(PlateEvidence):
         share = np.maximum(CHANNEL, 0.25 / quality**2)
         sigma = np.where(np.isnan(read.sigma), share * read.frequency, read.sigma)
         states = States.of(numbers_of(setup, read.specimen), read.mass, read.voltage,
-                           run=np.arange(len(read)))
+                           run=np.arange(len(read)), shares=shares_of(read, setup.specimens))
         return [rows(states, "frequency", sigma, read.frequency, file=read.file.name,
                      line=read.line, given=~np.isnan(read.sigma))], []
 

@@ -10,6 +10,7 @@ import numpy as np
 from tympan.base.arrays import Array, Numbers
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.segment_columns import shares_of
 from tympan.studies.diagnosis.evidence.kind import (
     CHANNEL,
     FilmsUnderLoads,
@@ -41,7 +42,7 @@ class Held(PlateEvidence):
             return [], []
         sigma = np.where(np.isnan(read.sigma), CHANNEL * np.abs(read.force).max(), read.sigma)
         states = States.of(numbers_of(setup, read.specimen), np.zeros(len(read)), read.voltage,
-                           direction=_ways(read))
+                           direction=_ways(read), shares=shares_of(read, setup.specimens))
         return [rows(replace(states, deflection=read.displacement), "force", sigma, read.force,
                      run=read.run, file=read.file.name, line=read.line,
                      given=~np.isnan(read.sigma))], []
@@ -78,8 +79,8 @@ def _ways(read: Sheet) -> Array:
     if written.any():
         return np.asarray(written)
     ways = np.zeros(len(read))
-    runs = np.unique([f"{name}/{run}/{voltage}" for name, run, voltage in zip(
-        read.specimen, read.run, read.voltage, strict=True)], return_inverse=True)[1]
+    runs = np.unique([f"{name}/{run}/{voltage}/{drive}" for name, run, voltage, drive in zip(
+        read.specimen, read.run, read.voltage, read.drive, strict=True)], return_inverse=True)[1]
     for number in range(runs.max(initial=-1) + 1):
         rows = np.flatnonzero(runs == number)
         steps = np.sign(np.diff(read.displacement[rows]))

@@ -198,10 +198,11 @@ class FilmsUnderLoads(Protocol):
     """Films under loads as kinds of evidence see them; values of every state, shape (states,).
 
     ``behind``: share of the last jump by which the reading lags; ``moving``: mass that moves with
-    the plate [kg]. At deflections [m]: ``capacitance`` [F]; ``tilt``, its size [rad]; ``force``
-    that holds the plate [N]; ``stiffness`` of film and rig [N/m]; ``swing``: complex stiffness of
-    an oscillating plate over that; ``scanned``: displacements at the places of a scan, by its
-    number, in one state [m], shape (3, places).
+    the plate [kg]. At deflections [m]: ``capacitance`` [F]; ``tilt``, its size [rad]; ``slope``
+    of the plate along x (0) or y (1); ``segment_capacitance`` at the lead of a segment [F];
+    ``force`` that holds the plate [N]; ``stiffness`` of film and rig [N/m]; ``swing``: complex
+    stiffness of an oscillating plate over that; ``scanned``: displacements at the places of a scan,
+    by its number, in one state [m], shape (3, places).
     """
 
     @property
@@ -214,6 +215,8 @@ class FilmsUnderLoads(Protocol):
     def moving(self) -> Array: ...
     def capacitance(self, deflection: Array) -> Array: ...
     def tilt(self, deflection: Array) -> Array: ...
+    def slope(self, axis: int, deflection: Array) -> Array: ...
+    def segment_capacitance(self, specimen: int, segment: int, deflection: Array) -> Array: ...
     def force(self, deflection: Array) -> Array: ...
     def stiffness(self, deflection: Array) -> Array: ...
     def swing(self, stiffness: Array) -> Array: ...
@@ -290,20 +293,20 @@ class PreparedReadings:
         others, read = () if self.coupons is None else self.coupons.causes, self.observables
         return tuple(cause for name, effect in EFFECTS.items()
                      for cause in (Cause(name, which) for which in effect.choices(self.setup))
-                     if cause in others or (read.issuperset(effect.shows_in) and all(
+                     if cause in others or (effect.shown_by(read) and all(
                          kind.feels(cause, self.setup, self.table) for kind in self.evidence)
                          and _has_place(cause, self.setup)))
 
 
 def _has_place(cause: Cause, setup: Setup) -> bool:
-    """Check whether a setup has what an effect acts on: some act on a plate."""
-    if any(specimen.plate is not None for specimen in setup.specimens):
-        return True
+    """Check whether a setup has what an effect acts on: some act on a plate, or on a sector."""
     sizes = [parameter.deviation for parameter in cause.effect.parameters]
     try:
         edited = cause.effect.at(setup, sizes, cause.which)
     except InputError as error:
-        return error.key != "plate"
+        return error.key not in ("plate", "electrode.segment")
+    if any(specimen.plate is not None for specimen in setup.specimens):
+        return True
     try:
         edited.rig.require_no_plate_loads()
     except InputError:

@@ -11,6 +11,7 @@ from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import clock_runs_back, findings
 from tympan.studies.data.dataset import CHANNELS, Dataset
 from tympan.studies.data.noise import range_sigma, reading_sigma
+from tympan.studies.data.segment_columns import capacitances_of, shares_of
 from tympan.studies.diagnosis.evidence.kind import (
     CHANNEL,
     FilmsUnderLoads,
@@ -19,7 +20,14 @@ from tympan.studies.diagnosis.evidence.kind import (
     numbers_of,
 )
 from tympan.studies.diagnosis.history import staircase
-from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable, States, rows
+from tympan.studies.diagnosis.reading_table import (
+    LENGTHS,
+    OF_SEGMENTS,
+    SLOPES,
+    ReadingTable,
+    States,
+    rows,
+)
 from tympan.studies.effects import Setup
 from tympan.studies.effects.effect import Observable
 
@@ -37,7 +45,7 @@ class Rest(PlateEvidence):
     """
 
     files = ("static.csv", "range.csv")
-    kinds = (*LENGTHS, *CHANNELS)
+    kinds = (*LENGTHS, *CHANNELS, *OF_SEGMENTS)
     alone = True
 
     def read(self, dataset: Dataset, setup: Setup) -> tuple[list[ReadingTable], list[str]]:
@@ -58,6 +66,10 @@ class Rest(PlateEvidence):
             return films.capacitance(deflection)[at]
         if kind == "tilt":
             return films.tilt(deflection)[at]
+        if kind in SLOPES:
+            return films.slope(SLOPES.index(kind), deflection)[at]
+        if kind in OF_SEGMENTS:
+            return self._of_segments(films, OF_SEGMENTS.index(kind), at, deflection)
         if kind == "film_voltage":
             # A probe reads what the supply gives, without the film's lag.
             return np.asarray(rig.film_voltage(table.states.voltage))[at]
@@ -65,6 +77,16 @@ class Rest(PlateEvidence):
         late = since >= 0
         jump = deflection[at[late]] - deflection[since[late]]
         shown[late] -= rig.sensor_slope * films.behind[at[late]] * jump
+        return shown
+
+    def _of_segments(self, films: FilmsUnderLoads, number: int, at: Numbers, deflection: Array
+                     ) -> Array:
+        """Predict the capacitance at the lead of the segment of this number."""
+        shown = np.full(len(at), np.nan)
+        specimens = films.table.states.specimen[at]
+        for specimen in np.unique(specimens).tolist():
+            rows = specimens == specimen
+            shown[rows] = films.segment_capacitance(specimen, number, deflection)[at[rows]]
         return shown
 
     def shares(self, films: FilmsUnderLoads, rows: Mask) -> tuple[Array, Array]:
@@ -100,7 +122,8 @@ class Rest(PlateEvidence):
         states = table.states
         there = {Observable.ELAPSED: np.ptp(states.elapsed) > 0,
                  Observable.DIRECTION: np.any(states.voltage_direction != 0),
-                 Observable.TIME: len(states.in_time)}
+                 Observable.TIME: len(states.in_time),
+                 Observable.SLOPE: np.isin(table.kind, SLOPES).any()}
         return {quantity for quantity, told in there.items() if told}
 
 
@@ -109,21 +132,27 @@ def _static(readings: Sheet, setup: Setup, sigma: Array, used: Mask
     direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
     elapsed = np.nan_to_num(readings.elapsed) * (clock_runs_back(readings) is None)
     states = States.of(numbers_of(setup, readings.specimen), readings.mass, readings.voltage,
-                       elapsed, direction, np.unique(readings.run, return_inverse=True)[1])
+                       elapsed, direction, np.unique(readings.run, return_inverse=True)[1],
+                       shares_of(readings, setup.specimens))
     ordered = np.isfinite(readings.order).all()
     turn = np.argsort(readings.order, kind="stable") if ordered else np.arange(len(readings))
     states = _held(states, readings.dwell, turn)
     origin = readings.order, readings.run, readings.file.name, readings.line
     tables = [rows(states, "displacement", sigma, readings.displacement, *origin)[used]]
-    for kind in CHANNELS:
-        values = readings[kind]
+    read = {kind: readings[kind] for kind in CHANNELS}
+    read |= dict(zip(OF_SEGMENTS, capacitances_of(readings, setup.specimens), strict=False))
+    for kind, values in read.items():
         if (seen := np.isfinite(values)).any():
             noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
-            if kind == "tilt":
+            given = np.zeros(len(readings), bool)
+            if kind in ("tilt", *SLOPES):
                 noise = max(noise, TILT)
                 # Sizes without sign; noise about 0 keeps its sign, or it would look like a tilt.
-                values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
-            tables.append(rows(states, kind, noise, values, *origin)[seen])
+                if kind == "tilt":
+                    values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
+                given = np.isfinite(readings.sigma_tilt)
+            sigmas = np.where(given, readings.sigma_tilt, noise)
+            tables.append(rows(states, kind, sigmas, values, *origin, given=given)[seen])
     if ordered:
         tables = [table.reached(turn) for table in tables]
     return tables

@@ -89,7 +89,7 @@ class Scans(PlateEvidence):
     def feels(self, cause: Cause, setup: Setup, table: ReadingTable) -> bool:
         scanned = np.unique(table.specimen[table.scan >= 0])
         names = {setup.specimens[number].name for number in scanned}
-        return Observable.SHAPE not in cause.effect.shows_in or cause.which in (None, *names)
+        return Observable.SHAPE not in cause.effect.shows_in or cause.specimen in (None, *names)
 
 
 def film_patterns(table: ReadingTable, predicted: Array) -> Array:

@@ -33,16 +33,24 @@ def evidence(fit: Fit, widen: float = 1.0) -> float:
     by quadrature within their limits over the sizes with their own priors.
     """
     parabola = _Parabola.of(fit)
-    if not fit.hypothesis:
+    sizes = _fitted(fit)
+    if not sizes:
         return parabola.top
-    sizes = list(range(len(fit.unknowns) - SIZES.start))
     _, logs = parabola.quadrature(fit, fit.bounds, widen, sizes)
     return parabola.top + float(logsumexp(logs))
+
+
+def _fitted(fit: Fit) -> list[int]:
+    """List the places of sizes that are fitted: all but switches, which are on."""
+    return [place for place, parameter in enumerate(parameters_of(fit.hypothesis))
+            if not parameter.switch]
 
 
 def interval(fit: Fit, number: int) -> tuple[float, float, float]:
     """Find an unknown's best value and 95 % limits; a bound that the value lies on is a limit."""
     centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
+    if number >= SIZES.start and number - SIZES.start not in _fitted(fit):
+        return centre, centre, centre
     low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
     parts = ((0.0, 0.95) if low >= -_AT_BOUND else (0.05, 1.0) if high <= _AT_BOUND
              else (0.025, 0.975))
@@ -61,8 +69,7 @@ def quantiles(fit: Fit, number: int, shares: Sequence[float]) -> Array:
     and covers the full range of sizes, so a size that the readings hardly determine has the prior's
     limits.
     """
-    sizes = list(range(len(fit.unknowns) - SIZES.start))
-    first = number - SIZES.start
+    sizes, first = _fitted(fit), number - SIZES.start
     places, logs = _Parabola.of(fit).quadrature(
         fit, fit.limits, fit.widen, [first, *(size for size in sizes if size != first)], _FINE)
     weight = np.exp(logs - logs.max()).reshape(_FINE, -1).sum(1)

@@ -58,7 +58,7 @@ def fit(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable,
 def _fit_from(simulation: Predicts, hypothesis: Hypothesis, table: ReadingTable, start: Array,
               widen: float, beside: Noise | None) -> Fit:
     bounds, limits = simulation.bounds(hypothesis), simulation.limits(hypothesis)
-    scales = np.array([parameter.prior.widened(widen).scale
+    scales = np.array([np.inf if parameter.switch else parameter.prior.widened(widen).scale
                        for parameter in parameters_of(hypothesis)])
 
     def prior(unknowns: Array) -> tuple[Array, Array]:

@@ -156,7 +156,7 @@ class Exploration:
             return [np.r_[none[: SIZES.start], way] for way in product(*ends) if any(way)]
         starts = [none]
         for number, parameter in enumerate(parameters, SIZES.start):
-            for bound in bounds[:, number]:
+            for bound in () if parameter.switch else bounds[:, number]:
                 size = np.sign(bound) * _SHARE * min(abs(bound), _USUAL * parameter.deviation)
                 if size:
                     starts.append(none.copy())

@@ -98,7 +98,7 @@ def _size(model: ReadingModel, fitted: Fit, cause: Cause) -> FoundSize:
         found = model.extended(fitted.hypothesis, unknowns)
         pairs = zip(found.specimens, without.specimens, strict=True)
         return float(np.mean([family.of(there, found.rig) - family.of(before, without.rig)
-                              for there, before in pairs if cause.which in (None, there.name)]))
+                              for there, before in pairs if cause.specimen in (None, there.name)]))
 
     every = [at(number, size) for number in range(place.start, place.stop)
              for size in interval(fitted, number)]

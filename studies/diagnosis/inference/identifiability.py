@@ -134,6 +134,8 @@ def detectable_effects(signs: Signatures) -> list[Knowable]:
 
 def _reached(parameter: EffectParameter, needed: float, have: float) -> float | None:
     """Find the value at which χ² is as needed, from the χ² that it has at the typical size."""
+    if parameter.switch:
+        return 1.0 if have >= needed else None
     power = 0.25 if parameter.sign == "even" else 0.5
     typical = TYPICAL * parameter.deviation
     size = typical * (needed / have) ** power if have > 1e-9 else np.inf

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, product
+
+import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.fem.membrane.loading import Loading
@@ -44,7 +46,7 @@ class Axis:
     are the smallest and the largest size at which it could be sampled, as far as known; ``ends``
     say why not beyond, "" where the parameter's own limits do. On a ``folded`` axis a sign changes
     nothing and the film depends on the square. A ``modulus`` is relative to the film's stiffness
-    scale.
+    scale. ``which``: the specimen or segment that the effect acts on, if it acts on one.
     """
 
     effect: str
@@ -53,6 +55,7 @@ class Axis:
     reachable: tuple[float, float]
     ends: tuple[str, str]
     folded: bool
+    which: str | None = None
 
     @property
     def parameter(self) -> EffectParameter:
@@ -128,6 +131,7 @@ class HeldFilm:
         at rest.
         """
         specimen, loading = setup.specimen(name), replace(setup.rig.loading, biases=())
+        specimen = with_shares(specimen)
         if specimen.electrode.mass:
             specimen = replace(specimen, electrode=replace(specimen.electrode, mass=0.0))
         specimen = replace(specimen, membrane=replace(specimen.membrane, branches=(),
@@ -141,6 +145,11 @@ class HeldFilm:
         return cls(specimen, loading, setup.rig.gas_pressure if plate else 0.0, setup.formula)
 
     @property
+    def segments(self) -> int:
+        """Number of U² that it depends on."""
+        return max(1, len(self.specimen.electrode.segments))
+
+    @property
     def odd(self) -> bool:
         """Whether its force is odd in the deflection: no weight, no gas, no mass off the centre."""
         return not self.loading.gravity and not self.gas_pressure and self.loading.arm == (0.0, 0.0)
@@ -151,31 +160,52 @@ def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) 
 
     An :class:`InputError` where it cannot be built.
     """
-    together: dict[str, list[float]] = {}
+    together: dict[tuple[str, str | None], list[float]] = {}
     for number, size in sample:
         axis = axes[number]
-        sizes = together.setdefault(axis.effect, [0.0] * len(EFFECTS[axis.effect].parameters))
+        sizes = together.setdefault((axis.effect, axis.which),
+                                    [0.0] * len(EFFECTS[axis.effect].parameters))
         sizes[axis.index] = size
-    for effect in EFFECTS.values():
-        if effect.name in together:
-            setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
+    order = list(EFFECTS)
+    for effect, which in sorted(together, key=lambda use: order.index(use[0])):
+        setup = EFFECTS[effect].at(setup, together[effect, which], which)
     return HeldFilm.of(setup, name)
 
 
-def film_axes(setup: Setup, name: str, shapes: bool = False) -> tuple[Axis, ...]:
+def with_shares(specimen: Specimen, shares: Iterable[float] | None = None) -> Specimen:
+    """Set what voltages reach the segments of an electrode, over the film's, by these numbers.
+
+    By default all differ, so that no film is its own mirror image where its voltages need not be.
+    """
+    segments = specimen.electrode.segments
+    if not segments:
+        return specimen
+    every = 1 - np.arange(len(segments)) / (2 * len(segments)) if shares is None else shares
+    return replace(specimen, electrode=replace(specimen.electrode, segments=tuple(
+        replace(segment, share=float(share), lead=None)
+        for segment, share in zip(segments, every, strict=True))))
+
+
+def film_axes(setup: Setup, name: str, shapes: bool = False, slopes: bool = False
+              ) -> tuple[Axis, ...]:
     """Find the axes of a specimen's film, with their first places.
 
-    With ``shapes`` effects that only the film's shape shows are included; then no axis is folded,
-    since every sign changes the shape.
+    With ``shapes`` effects that only the film's shape shows are included, with ``slopes`` those
+    that the plate's slopes show; then no axis is folded, since every sign changes these.
     """
     nominal = HeldFilm.of(setup, name)
+    shown = {Observable.SHAPE} if shapes else set()
+    shown |= {Observable.SLOPE} if slopes else set()
+    unread = {Observable.SHAPE, Observable.SLOPE} - shown
     axes = [axis for effect in EFFECTS.values()
-            if shapes or Observable.SHAPE not in effect.shows_in
+            if not effect.shows_in or not unread.issuperset(effect.shows_in)
+            for which in effect.choices(setup)
+            if effect.specimen_of(which) in (None, name)
             for index in range(len(effect.parameters))
-            if (axis := _axis(setup, name, effect, index, shapes)).places]
-    acting = {axis.effect for axis in axes
+            if (axis := _axis(setup, name, effect, index, which, bool(shown))).places]
+    acting = {(axis.effect, axis.which) for axis in axes
               if sampled_film(setup, name, (axis,), ((0, axis.places[-1]),)) != nominal}
-    return tuple(axis for axis in axes if axis.effect in acting)
+    return tuple(axis for axis in axes if (axis.effect, axis.which) in acting)
 
 
 def acting_together(axes: Sequence[Axis]) -> list[tuple[Sample, ...]]:
@@ -185,8 +215,10 @@ def acting_together(axes: Sequence[Axis]) -> list[tuple[Sample, ...]]:
     two together.
     """
     groups: list[tuple[Sample, ...]] = []
-    for effect in dict.fromkeys(axis.effect for axis in axes if axis.parameter.spread):
-        members = [number for number, axis in enumerate(axes) if axis.effect == effect]
+    for effect in dict.fromkeys(
+            (axis.effect, axis.which) for axis in axes if axis.parameter.spread):
+        members = [number for number, axis in enumerate(axes)
+                   if (axis.effect, axis.which) == effect]
         how = [number for number in members if axes[number].parameter.spread]
         acting = {number: [place for sense in (1, -1) for place in axes[number].side(sense)[:1]]
                   for number in members if number not in how}
@@ -203,12 +235,16 @@ def _ascending(*places: tuple[int, float]) -> Sample:
     return tuple(sorted(places))
 
 
-def _axis(setup: Setup, name: str, effect: Effect, index: int, shapes: bool) -> Axis:
-    """Make the axis of a parameter, as far as the specimen can be built."""
+def _axis(setup: Setup, name: str, effect: Effect, index: int, which: str | None, signs: bool
+          ) -> Axis:
+    """Make the axis of a parameter, as far as the specimen can be built.
+
+    ``signs``: no sign is without consequence.
+    """
     parameter = effect.parameters[index]
-    planes = frozenset() if shapes else setup.specimen(name).mirror_planes
+    planes = frozenset() if signs else HeldFilm.of(setup, name).specimen.mirror_planes
     folded = parameter.sign == "even" and parameter.name[-1] in planes
-    axis = Axis(effect.name, index, (), (0.0, 0.0), ("", ""), folded)
+    axis = Axis(effect.name, index, (), (0.0, 0.0), ("", ""), folded, which)
 
     def buildable(size: float, sign: int = 1) -> bool:
         try:
@@ -218,10 +254,10 @@ def _axis(setup: Setup, name: str, effect: Effect, index: int, shapes: bool) -> 
         return True
 
     low, high = parameter.limits
-    signs = (1,) if folded or low >= 0 else (-1, 1)
-    first = _FIRST if len(signs) == 1 else _FIRST_SIGNED
+    senses = (1,) if folded or low >= 0 else (-1, 1)
+    first = _FIRST if len(senses) == 1 else _FIRST_SIGNED
     places, reachable, ends = [], [0.0, 0.0], ["", ""]
-    for sign in signs:
+    for sign in senses:
         limit = max(high, -low) if folded else high if sign > 0 else -low
         limit = min(limit, _FAR * parameter.deviation)
         largest = _largest(partial(buildable, sign=sign), limit, parameter.deviation)

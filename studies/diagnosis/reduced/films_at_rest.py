@@ -17,6 +17,7 @@ from tympan.studies.diagnosis.hypothesis import (
     SIZES,
     STIFFNESS,
     Hypothesis,
+    parameters_of,
     sizes_of,
 )
 from tympan.studies.diagnosis.reading_table import States
@@ -152,8 +153,21 @@ class FilmsAtRest:
     def _powers(self, voltage_squared: Array) -> Array:
         powers = np.empty((len(self.low), self.films.laws[0].grid.deflections))
         for rows, surface in self.surfaces:
-            powers[rows] = continued(surface, voltage_squared[rows])
+            powers[rows] = continued(surface, self.of_segments(rows, voltage_squared[rows]))
         return (powers @ in_powers(powers.shape[1])).T
+
+    def of_segments(self, rows: Numbers, voltage_squared: Array) -> Array:
+        """Compute U² [V²] of the segments of states of one film from that of each state.
+
+        The shape is (states, segments); it is (states,) for an electrode in one piece.
+        """
+        electrode = self.setup.specimens[int(self.states.specimen[rows[0]])].electrode
+        if not electrode.segments:
+            return voltage_squared
+        shares = self.states.shares_of(electrode)[rows]
+        reaching = np.stack(electrode.arriving(list(shares.T)), 1)
+        squared = voltage_squared[:, None] * reaching**2
+        return squared if len(electrode.segments) > 1 else squared[:, 0]
 
     @cached_property
     def powers_by_voltage(self) -> Array:
@@ -164,6 +178,8 @@ class FilmsAtRest:
 
     def changes_films(self, number: int) -> bool:
         """Check whether an unknown changes the films' force laws, not only through the voltage."""
+        if number >= SIZES.start and parameters_of(self.hypothesis)[number - SIZES.start].switch:
+            return True
         if number == STIFFNESS:
             return any(parameter.dimension == "stress" for cause in self.hypothesis
                        if cause.name not in self.films.outer_effects
@@ -249,8 +265,7 @@ class FilmsAtRest:
         """Stiffness of the flat film without voltage [N/m], positive, shape (states,)."""
         stiffness = np.empty(len(self.low))
         for rows, surface in self.surfaces:
-            none = np.zeros(1)
-            stiffness[rows] = surface.force(none, surface.by_deflection(none))[1]
+            stiffness[rows] = surface.flat_stiffness
         return np.maximum(self.stiffness * stiffness, _LEAST)
 
     @property

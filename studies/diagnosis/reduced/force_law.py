@@ -22,6 +22,7 @@ from numpy.polynomial import chebyshev
 
 from tympan.base.arrays import Array, Numbers
 from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, Sample
+from tympan.studies.diagnosis.reduced.segment_voltages import segment_voltages
 
 #: Indices of the nominal film's nodes by deflection that serve effects, whose changes are smooth.
 _SOME_HEAVES = np.array([0, 2, 4])
@@ -47,8 +48,11 @@ CAPACITANCE = 1
 #: Index of the square of the plate's tilt [rad²].
 TILT = 2
 
-#: First index of displacements of a film's lattice, if they are sampled, component by component.
-SHAPE = 3
+#: Indices of the plate's slopes along x and y.
+SLOPES = (3, 4)
+#: Index of the capacitance of the first of several segments [F]; the others follow. Where there is
+#: one electrode, displacements of a film's lattice may begin here, component by component.
+SEGMENTS = 5
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ class Grid:
     """Chebyshev points up to a ``deflection`` [m] and a ``voltage_squared`` [V²].
 
     An ``odd`` force (without weight and gas) is sampled over the deflection, as a function of its
-    square. With ``some`` not all of the points are nodes.
+    square. With ``some`` not all of the points are nodes. Several ``segments`` have a U² each, up
+    to ``voltage_squared``; U² then has the shape (n, segments) instead of (n,).
     """
 
     deflection: float
@@ -65,26 +70,37 @@ class Grid:
     deflections: int = 5
     voltages: int = 6
     some: bool = False
+    segments: int = 1
 
     @property
     def numbers(self) -> tuple[Numbers, Numbers]:
-        """Indices of the Chebyshev points that are nodes, by deflection and by U²."""
-        if self.some:
-            return _SOME_HEAVES, _SOME_VOLTAGES
-        return np.arange(self.deflections), np.arange(self.voltages)
+        """Indices of the points that are nodes, by deflection and by U²."""
+        rows = _SOME_HEAVES if self.some else np.arange(self.deflections)
+        if self.segments > 1:
+            several = segment_voltages(self.segments)
+            return rows, several.few if self.some else np.arange(len(several.nodes))
+        return rows, _SOME_VOLTAGES if self.some else np.arange(self.voltages)
 
-    @cached_property
-    def points(self) -> tuple[Array, Array]:
-        """The nodes as numbers from -1 to 1."""
-        deflections, voltages = self.numbers
-        return _points(self.deflections)[deflections], _points(self.voltages)[voltages]
+    @property
+    def first_of_shape(self) -> int:
+        """First index of displacements of a film's lattice, where they are sampled."""
+        return SEGMENTS + (self.segments if self.segments > 1 else 0)
 
     @cached_property
     def nodes(self) -> tuple[Array, Array]:
         """Deflections [m] and U² [V²] of the nodes."""
-        shares, squares = ((1 + points) / 2 for points in self.points)
+        rows, columns = self.numbers
+        shares = (1 + _points(self.deflections)[rows]) / 2
+        squares = (segment_voltages(self.segments).nodes if self.segments > 1
+                   else (1 + _points(self.voltages)) / 2)
         deflections = self.deflection * (np.sqrt(shares) if self.odd else shares)
-        return deflections, self.voltage_squared * squares
+        return deflections, self.voltage_squared * squares[columns]
+
+    @property
+    def highest(self) -> Array:
+        """Highest U² of each node [V²], of all segments, shape (voltages,)."""
+        squares = self.nodes[1]
+        return np.asarray(squares if squares.ndim == 1 else squares.max(1))
 
     @property
     def coarse(self) -> Grid:
@@ -99,9 +115,11 @@ class Grid:
 
     def coefficients(self, values: Array) -> Array:
         """Compute Chebyshev coefficients of nodal values, shape (..., deflections, voltages)."""
-        rows, columns = (np.linalg.inv(chebyshev.chebvander(points, len(points) - 1))
-                         for points in self.points)
-        full = np.zeros((*values.shape[:-2], self.deflections, self.voltages))
+        numbers, squares = self.numbers[0], self.nodes[1]
+        rows = np.linalg.inv(_polynomials(_points(self.deflections)[numbers], len(numbers)))
+        columns = self.of_voltage(squares)
+        full = np.zeros((*values.shape[:-2], self.deflections, columns.shape[1]))
+        columns = np.linalg.inv(columns[:, : len(squares)])
         full[..., : len(rows), : len(columns)] = rows @ values @ columns.T
         return full
 
@@ -121,16 +139,19 @@ class Grid:
         return in_deflection @ coefficients @ self.of_voltage(voltages_squared).T
 
     def of_voltage(self, voltage_squared: Array) -> Array:
-        """Evaluate Chebyshev polynomials of U² [V²], shape (n, count)."""
+        """Evaluate the polynomials of U² [V²], shape (n, count)."""
+        if self.segments > 1:
+            return segment_voltages(self.segments).terms(voltage_squared / self.voltage_squared)
         return _polynomials(2 * voltage_squared / self.voltage_squared - 1, self.voltages)
 
 
 class Solver(Protocol):
     """Solver of films with their plates held.
 
-    Results have the shape (3, deflections, voltages) of a grid's nodes: force [N], capacitance [F],
-    squared tilt [rad²]; nan where there is none. Displacements [m] of a
-    :class:`~tympan.studies.diagnosis.reduced.film_shape.Lattice` may follow.
+    Results have the shape (5, deflections, voltages) of a grid's nodes: force [N], capacitance [F],
+    squared tilt [rad²], slopes of the plate along x and y; nan where there is none. Capacitances of
+    several segments [F] follow, then maybe displacements [m] of a
+    :class:`~tympan.studies.diagnosis.reduced.film_shape.Lattice`.
     """
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
@@ -171,10 +192,7 @@ def _rounded(value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class SampledForce:
-    """Force [N], capacitance [F], squared tilt [rad²] of a film and, if requested, its shape.
-
-    ``values`` have the shape (3, deflections, voltages) or more.
-    """
+    """Values of a film at the nodes of a grid, as a :class:`Solver` gives them."""
 
     grid: Grid
     values: Array
@@ -186,17 +204,18 @@ class SampledForce:
         """
         values = self.values.copy()
         if self.grid.odd:
-            values[odd_values(len(values))] /= self.grid.nodes[0][:, None]
+            values[odd_values(self.grid, len(values))] /= self.grid.nodes[0][:, None]
         if less is not None:
             values -= grid.values(less, self.grid)
         full = replace(grid, some=False)
         return full.coefficients(self.grid.values(self.grid.coefficients(values), full))
 
 
-def odd_values(count: int) -> Numbers:
+def odd_values(grid: Grid, count: int) -> Numbers:
     """List the indices of the values, of ``count``, that change sign with the deflection."""
-    deflections = np.arange(SHAPE + 2 * (count - SHAPE) // 3, count)
-    return np.append(FORCE, deflections)
+    first = grid.first_of_shape
+    deflections = np.arange(first + 2 * (count - first) // 3, count)
+    return np.r_[FORCE, SLOPES, deflections]
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +237,7 @@ class ForceLaw:
 
     @cached_property
     def nominal(self) -> Array:
-        """Coefficients of the film without effects, shape (3, deflections, voltages)."""
+        """Coefficients of the film without effects, shape (values, deflections, voltages)."""
         return self.samples[()].coefficients(self.grid)
 
     @cached_property
@@ -255,7 +274,7 @@ class ForceTerm:
     """Term that depends on all axes of a ``group`` together, through samples.
 
     ``at`` are their coordinates, shape (samples, axes); ``added`` are coefficients there, shape
-    (samples, 3, deflections, voltages).
+    (samples, values, deflections, voltages).
     """
 
     group: tuple[int, ...]
@@ -263,7 +282,7 @@ class ForceTerm:
     added: Array
 
     def value(self, coordinates: Sequence[float]) -> Array:
-        """Interpolate the coefficients, shape (3, deflections, voltages)."""
+        """Interpolate the coefficients, shape (values, deflections, voltages)."""
         at = np.asarray(coordinates)
         weights = self._along(float(at[0])) if len(self.group) == 1 else self._among(at)
         return np.tensordot(weights, self.added, 1)
@@ -355,9 +374,30 @@ class ForceSurface:
         value, rate = (v * by_deflection).sum(1), (slope * by_deflection).sum(1)
         return (deflection * value, value + deflection * rate) if self.grid.odd else (value, rate)
 
+    @property
+    def uncharged(self) -> Array:
+        """U² of one state without voltage [V²]."""
+        return np.zeros((1, self.grid.segments) if self.grid.segments > 1 else 1)
+
+    @property
+    def flat_stiffness(self) -> float:
+        """Stiffness of the flat film without voltage [N/m]."""
+        return float(self.force(np.zeros(1), self.by_deflection(self.uncharged))[1][0])
+
     def capacitance(self, deflection: Array, voltage_squared: Array) -> Array:
-        """Compute the capacitance [F] at deflections [m] and U² [V²]."""
+        """Compute the capacitance of all electrodes [F] at deflections [m] and U² [V²]."""
         return self._value(CAPACITANCE, deflection, voltage_squared)
+
+    def of_segment(self, number: int, deflection: Array, voltage_squared: Array) -> Array:
+        """Compute the capacitance of one segment [F] at deflections [m] and U² [V²]."""
+        several = self.grid.segments > 1
+        return self._value(SEGMENTS + number if several else CAPACITANCE, deflection,
+                           voltage_squared)
+
+    def slope(self, axis: int, deflection: Array, voltage_squared: Array) -> Array:
+        """Compute the plate's slope along x (0) or y (1) at deflections [m] and U² [V²]."""
+        slope = self._value(SLOPES[axis], deflection, voltage_squared)
+        return deflection * slope if self.grid.odd else slope
 
     def tilt_squared(self, deflection: Array, voltage_squared: Array) -> Array:
         """Compute the square of the angle between the plate's normal and the load [rad²].
@@ -366,11 +406,12 @@ class ForceSurface:
         """
         return self._value(TILT, deflection, voltage_squared)
 
-    def shape(self, deflection: float, voltage_squared: float) -> Array:
+    def shape(self, deflection: float, voltage_squared: float | tuple[float, ...]) -> Array:
         """Compute the lattice's displacements [m] at a deflection [m], a U² [V²], (3, points)."""
         v, _ = self.grid.of_deflection(np.array([deflection]))
         u = self.grid.of_voltage(np.array([voltage_squared]))
-        values = np.asarray(v[0] @ (self.coefficients[SHAPE:] @ u[0]).T).reshape(3, -1)
+        shape = self.coefficients[self.grid.first_of_shape:]
+        values = np.asarray(v[0] @ (shape @ u[0]).T).reshape(3, -1)
         if self.grid.odd:
             values[2] *= deflection
         return values
@@ -408,10 +449,11 @@ def in_powers(count: int) -> Array:
 def continued(surface: ForceSurface, voltage_squared: Array) -> Array:
     """Compute the force's coefficients by the deflection's polynomials, linear in high U²."""
     top = (1 + BEYOND) * surface.grid.voltage_squared
-    within = np.minimum(voltage_squared, top)
+    highest = voltage_squared if voltage_squared.ndim == 1 else voltage_squared.max(1)
+    share = np.maximum(highest / top, 1.0)
+    within = voltage_squared / (share if voltage_squared.ndim == 1 else share[:, None])
     coefficients = surface.by_deflection(within)
-    if np.all(voltage_squared <= top):
+    if np.all(share <= 1):
         return coefficients
-    ends = surface.by_deflection(top * np.array([1 - _NEAR, 1.0]))
-    share = (voltage_squared - within) / (_NEAR * top)
-    return np.asarray(coefficients + share[:, None] * (ends[1] - ends[0]))
+    before = surface.by_deflection((1 - _NEAR) * within)
+    return np.asarray(coefficients + ((share - 1) / _NEAR)[:, None] * (coefficients - before))

@@ -133,10 +133,10 @@ class Chain:
             failing = np.flatnonzero(np.isnan(values[FORCE]).any(axis=0))
             if not len(failing):
                 return SampledForce(grid, values)
-            squares = grid.nodes[1]
+            squares = grid.highest
             reached = squares[failing[0] - 1] if failing[0] else 0.0
             # The next attempt ends half way to the failure; the nodes end somewhat below the grid.
-            top = (reached + squares[failing[0]]) / 2 * grid.voltage_squared / squares[-1]
+            top = (reached + squares[failing[0]]) / 2 * grid.voltage_squared / squares.max()
             grid = replace(grid, voltage_squared=min(top, 0.9 * grid.voltage_squared))
             if grid.voltage_squared < max(least, 1.0):
                 raise ArithmeticError("the film could not be solved with its plate held at "
@@ -204,13 +204,14 @@ def extended_law(law: ForceLaw, solved: Iterable[SolvedGrid]) -> ForceLaw:
 
 
 def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: PartsDone = lambda done, all_of_them: None, shapes: bool = False
-               ) -> tuple[ForceLaw, ...]:
+               progress: PartsDone = lambda done, all_of_them: None, shapes: bool = False,
+               slopes: bool = False) -> tuple[ForceLaw, ...]:
     """Sample the force law of every specimen of a setup, each effect alone at its first sizes.
 
-    With ``shapes`` the axes include effects that only the films' shapes show.
+    With ``shapes`` the axes include effects that only the films' shapes show, with ``slopes``
+    those that the plates' slopes show.
     """
-    laws = [ForceLaw(solver, grid, film_axes(setup, specimen.name, shapes), {})
+    laws = [ForceLaw(solver, grid, film_axes(setup, specimen.name, shapes, slopes), {})
             for specimen, grid in zip(setup.specimens, grids, strict=True)]
     return _sampled(setup, laws, [acting_together(law.axes) for law in laws], workers, progress)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tympan.base.arrays import Array, Mask
 from tympan.studies.diagnosis.evidence.registry import BY_ROWS, REST
-from tympan.studies.diagnosis.hypothesis import Hypothesis, parameters_of
+from tympan.studies.diagnosis.hypothesis import SIZES, Hypothesis, parameters_of
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.film_shape import Lattice
 from tympan.studies.diagnosis.reduced.films_at_rest import FilmsAtRest
@@ -86,7 +86,10 @@ class Prediction:
         """Derivatives of the extended rows by the unknowns, shape (rows, unknowns)."""
         columns, most = [], bounds_of(self.films, self.hypothesis)[1]
         deviations = [parameter.deviation for parameter in parameters_of(self.hypothesis)]
-        for number, step in enumerate(_STEP * np.array([1.0, 1.0, *deviations])):
+        steps = _STEP * np.array([1.0, 1.0, *deviations])
+        switches = [parameter.switch for parameter in parameters_of(self.hypothesis)]
+        steps[SIZES][switches] = 1.0  # a switch is on or off, nothing between
+        for number, step in enumerate(steps.tolist()):
             step = -step if self.unknowns[number] + step > most[number] else step
             moved = self.unknowns.copy()
             moved[number] += step
@@ -120,10 +123,32 @@ class Prediction:
         return shown
 
     def capacitance(self, deflection: Array) -> Array:
-        return self.rest.permittivity * self._of_films(ForceSurface.capacitance, deflection)
+        whole = self.rest.permittivity * self._of_films(ForceSurface.capacitance, deflection)
+        for number, specimen in enumerate(self.rest.setup.specimens):
+            if not specimen.electrode.wired_as_named:
+                states = self.table.states.specimen == number
+                connected = [self.segment_capacitance(number, segment, deflection)
+                             for segment in range(len(specimen.electrode.segments))]
+                whole[states] = np.sum(connected, axis=0)[states]
+        return whole
 
     def tilt(self, deflection: Array) -> Array:
         return np.sqrt(np.maximum(self._of_films(ForceSurface.tilt_squared, deflection), 0.0))
+
+    def slope(self, axis: int, deflection: Array) -> Array:
+        return self._of_films(lambda surface, *at: surface.slope(axis, *at), deflection)
+
+    def segment_capacitance(self, specimen: int, segment: int, deflection: Array) -> Array:
+        deflection, voltage_squared = self._within(deflection)
+        values = np.zeros(len(deflection))
+        electrode = self.rest.setup.specimens[specimen].electrode
+        for states, surface in self.rest.surfaces:
+            if int(self.table.states.specimen[states[0]]) == specimen:
+                squared = self.rest.of_segments(states, voltage_squared[states])
+                for number, lead in enumerate(electrode.leads):
+                    if lead == electrode.names[segment]:
+                        values[states] += surface.of_segment(number, deflection[states], squared)
+        return self.rest.permittivity * values
 
     def force(self, deflection: Array) -> Array:
         return self.rest.balance(deflection, 0.0)[0] + self.rest.load
@@ -134,14 +159,17 @@ class Prediction:
     def scanned(self, number: int, state: int, deflection: Array) -> Array:
         deflection, voltage_squared = self._within(deflection)
         film = self._scanned_films[int(self.table.states.specimen[state])]
+        squared = self.rest.of_segments(np.array([state]), voltage_squared[[state]])[0]
         return scanned(*film, self.table.scans[number], float(deflection[state]),
-                       float(voltage_squared[state]), float(self._pressure[state]))
+                       tuple(squared.tolist()) if squared.ndim else float(squared),
+                       float(self._pressure[state]))
 
     def _of_films(self, quantity: OfFilms, deflection: Array) -> Array:
         deflection, voltage_squared = self._within(deflection)
         values = np.empty(len(deflection))
         for states, surface in self.rest.surfaces:
-            values[states] = quantity(surface, deflection[states], voltage_squared[states])
+            squared = self.rest.of_segments(states, voltage_squared[states])
+            values[states] = quantity(surface, deflection[states], squared)
         return values
 
     def _within(self, deflection: Array) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from tympan.studies.diagnosis.reduced.axes import Axis
 from tympan.studies.diagnosis.reduced.film_memory import FilmMemory
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
 from tympan.studies.diagnosis.reduced.scans import FlatLattices
-from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, mass_effects
+from tympan.studies.diagnosis.reduced.swinging import SwingingMasses, outer_effects_on_specimens
 from tympan.studies.effects import EFFECTS, Setup, extended
 
 #: Logarithm of the largest factor on stiffness or permittivity.
@@ -50,18 +50,14 @@ class ReducedFilms:
     @cached_property
     def capacitance(self) -> Array:
         """Capacitances of the flat nominal films [F], shape (specimens,)."""
-        none = np.zeros(1)
-        return np.array([float(law.at(np.zeros(len(law.axes))).capacitance(none, none)[0])
-                         for law in self.laws])
+        surfaces = [law.at(np.zeros(len(law.axes))) for law in self.laws]
+        return np.array([float(surface.capacitance(np.zeros(1), surface.uncharged)[0])
+                         for surface in surfaces])
 
     @cached_property
     def flat_stiffness(self) -> Array:
         """Stiffness of the flat nominal films without voltage [N/m], shape (specimens,)."""
-        none, stiffness = np.zeros(1), []
-        for law in self.laws:
-            surface = law.at(np.zeros(len(law.axes)))
-            stiffness.append(float(surface.force(none, surface.by_deflection(none))[1][0]))
-        return np.array(stiffness)
+        return np.array([law.at(np.zeros(len(law.axes))).flat_stiffness for law in self.laws])
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
@@ -82,8 +78,8 @@ class ReducedFilms:
 
     @cached_property
     def outer_effects(self) -> frozenset[str]:
-        """Effects that change no film with its plate held: those of the rig, and of masses."""
-        return self.rig_effects | mass_effects(self.setup)
+        """Effects that change no film with its plate held: those of rig, masses and leads."""
+        return self.rig_effects | outer_effects_on_specimens(self.setup)
 
     def outer(self, hypothesis: Hypothesis, unknowns: Array) -> Setup:
         """Apply the effects that change no film with its plate held."""
@@ -97,15 +93,14 @@ class ReducedFilms:
 
     def axis_sizes(self, number: int, hypothesis: Hypothesis, unknowns: Array) -> Array:
         """Find the sizes of a law's axes on the nominal film from the unknowns."""
-        law, name = self.laws[number], self.setup.specimens[number].name
+        law = self.laws[number]
         stiffness = float(np.exp(unknowns[STIFFNESS]))
         sizes = np.zeros(len(law.axes))
         for cause in hypothesis:
             values = unknowns[sizes_of(hypothesis, cause)].tolist()
-            if cause.which in (None, name):
-                for place, axis in enumerate(law.axes):
-                    if axis.effect == cause.name:
-                        sizes[place] = axis.nominal_size(values[axis.index], stiffness)
+            for place, axis in enumerate(law.axes):
+                if (axis.effect, axis.which) == (cause.name, cause.which):
+                    sizes[place] = axis.nominal_size(values[axis.index], stiffness)
         return sizes
 
 
@@ -115,9 +110,9 @@ def affected(films: ReducedFilms, cause: Cause, index: int) -> list[tuple[int, i
         return []
     return [(number, place) for number, (specimen, law)
             in enumerate(zip(films.setup.specimens, films.laws, strict=True))
-            if cause.which in (None, specimen.name)
+            if cause.specimen in (None, specimen.name)
             for place, axis in enumerate(law.axes)
-            if (axis.effect, axis.index) == (cause.name, index)]
+            if (axis.effect, axis.which, axis.index) == (cause.name, cause.which, index)]
 
 
 def bounds_of(films: ReducedFilms, hypothesis: Hypothesis) -> Array:
@@ -142,6 +137,8 @@ def _bounds(films: ReducedFilms, hypothesis: Hypothesis,
             most = min([most, *(largest(axis, 1) for axis in axes)])
             # The sign of such a parameter changes nothing on any specimen.
             folded = parameter.sign == "even" and all(axis.folded for axis in axes)
+            if parameter.switch:
+                least = most
             low.append(max(least, 0.0) if folded else least)
             high.append(most)
     return np.array([low, high])

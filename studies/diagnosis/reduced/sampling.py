@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +22,19 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.places import Places
+from tympan.fem.results.segments import segment_capacitances
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Outline
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import HeldFilm
+from tympan.studies.diagnosis.reduced.axes import HeldFilm, with_shares
 from tympan.studies.diagnosis.reduced.film_shape import ALONG, AROUND, COUNT, lattice_of
-from tympan.studies.diagnosis.reduced.force_law import SHAPE, ForceLaw, Grid, SampledForce
+from tympan.studies.diagnosis.reduced.force_law import (
+    SEGMENTS,
+    ForceLaw,
+    Grid,
+    SampledForce,
+)
 from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 from tympan.studies.kept.store import Store, digest
@@ -50,6 +57,9 @@ def fine(formula: str | None) -> Settings:
 
 #: Newton steps from node to node, with forces to 1e-6; where they fail there is rarely a state.
 _NEAR = NewtonSettings(correction=1e-5, residual=1e-6, iterations=12, damping=0.05)
+
+#: Numbers of steps from the nearest state, where Newton's method fails in one.
+_STEPS = (2, 5)
 
 #: Path steps where Newton's method fails at once; shorter ones are rarely worth their time.
 _BOLD = PathSettings(shortest=0.1)
@@ -82,13 +92,13 @@ class NotSampled(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A film's model, force [N], capacitance [F] and squared tilt [rad²], and its states.
+    """A film's model, its values as a force law's solver gives them, and its states.
 
     Without a plate the force is the pressure [Pa] that holds its centre.
 
-    ``values`` have the shape (3, deflections, voltages), nan beyond the voltage at which it could
-    not be solved; where shapes are wanted the lattice's displacements follow. ``states`` have the
-    numbers of the grid's Chebyshev points.
+    ``values`` have the shape (values, deflections, voltages), nan beyond the voltage at which it
+    could not be solved; where shapes are wanted the lattice's displacements follow. ``states`` have
+    the numbers of the grid's points.
     """
 
     model: Model
@@ -110,27 +120,43 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
         model = build_model(film.specimen, coarse(film.formula), film.loading)
     deflections, voltages_squared = grid.nodes
     rows, columns = grid.numbers
-    nodes = Nodes(model, np.full((SHAPE, len(deflections), len(voltages_squared)), np.nan))
+    nodes = Nodes(model, np.full((grid.first_of_shape, len(deflections), len(voltages_squared)),
+                                 np.nan))
+    nearest = _nearest_before(voltages_squared)
     row_numbers, column_numbers = rows.tolist(), columns.tolist()
     reached = len(voltages_squared)
+    several = grid.first_of_shape - SEGMENTS
     for i, deflection in enumerate(deflections.tolist()):
-        for j, voltage_squared in enumerate(voltages_squared[:reached].tolist()):
-            guess = _guess(nodes, near, row_numbers[: i + 1], column_numbers[: j + 1])
-            last = nodes.states.get((row_numbers[i], column_numbers[j - 1])) if j else None
-            solution = _solved(model, guess, last, deflection, voltage_squared, film.gas_pressure)
+        for j, squared in enumerate(voltages_squared[:reached]):
+            steps = [column_numbers[nearest[j]], column_numbers[j]] if j else column_numbers[:1]
+            guess = _guess(nodes, near, row_numbers[: i + 1], steps)
+            last = nodes.states.get((row_numbers[i], steps[0])) if j else None
+            way = voltages_squared[[nearest[j], j]]
+            solution = _solved(model, guess, last, deflection, way, film.gas_pressure)
             if solution is None:
                 if strict:
-                    raise NotSampled(voltage_squared)
+                    raise NotSampled(float(np.max(squared)))
                 reached = max(j, _FEWEST)
                 break
             state = solution.state
             push = state.force if film.specimen.plate is not None else -state.pressure
-            nodes.values[:, i, j] = push, model.capacitance(state), state.plate.tilt**2
+            under = _driven(model, squared)[0]
+            of_segments = (segment_capacitances(under, [state])[0] if under.specimen.electrode.names
+                           else np.array([model.capacitance(state)]))
+            nodes.values[:, i, j] = (push, of_segments.sum(), state.plate.tilt**2,
+                                     *state.plate.slope, *of_segments[: several])
             nodes.states[row_numbers[i], column_numbers[j]] = state
     fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
     if fewest.sum() < _FEWEST:
-        raise NotSampled(voltages_squared[_FEWEST - 1])
+        raise NotSampled(float(grid.highest[_FEWEST - 1]))
     return with_shapes(nodes, grid) if shapes else nodes
+
+
+def _nearest_before(voltages_squared: Array) -> list[int]:
+    """Find the nearest earlier one of each U² [V²], of one electrode or of segments; 0 at first."""
+    points = voltages_squared.reshape(len(voltages_squared), -1)
+    return [int(np.argmin(((points[:number] - point) ** 2).sum(1))) if number else 0
+            for number, point in enumerate(points)]
 
 
 def with_shapes(nodes: Nodes, grid: Grid) -> Nodes:
@@ -156,8 +182,18 @@ def _lattice_places(mesh: Discretisation, frame: Outline, plate: Plate) -> Place
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
     """Collect everything that a specimen's mesh depends on."""
     electrode = specimen.electrode
+    regions = tuple(replace(segment, share=1.0) for segment in electrode.segments)
     return (specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate,
-            electrode.outline, specimen.mirror_planes)
+            electrode.outline, regions, electrode.gap, specimen.mirror_planes)
+
+
+def _driven(model: Model, squared: Any) -> tuple[Model, float]:
+    """Apply U² [V²], one or one of each segment, to a film's model; return the highest, too."""
+    segments, highest = model.specimen.electrode.segments, float(np.max(squared))
+    if not segments:
+        return model, highest
+    every = np.broadcast_to(squared, len(segments)) / (highest or 1.0)
+    return replace(model, specimen=with_shares(model.specimen, np.sqrt(every))), highest
 
 
 def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]) -> State | None:
@@ -186,34 +222,48 @@ def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]
 
 
 def _solved(model: Model, guess: State | None, last: State | None, deflection: float,
-            voltage_squared: float, pressure: float) -> Solution | None:
-    """Solve from a guess, else half way from this row's ``last`` state, else from the flat film."""
+            way: Array, pressure: float) -> Solution | None:
+    """Solve from a guess, else in steps from this row's ``last`` state, else from the flat film.
+
+    ``way``: U² [V²] of the last state, and the one to solve for.
+    """
     guess = model.mounted() if guess is None else guess
 
     free = (model.pushed_by,)
 
-    def at(state: State, squared: float) -> Solution:
-        return newton(model, state.under(voltage=squared, pressure=pressure), free,
+    def at(state: State, squared: Any) -> Solution:
+        under, highest = _driven(model, squared)
+        return newton(under, state.under(voltage=highest, pressure=pressure), free,
                       (held_plate(deflection),), _NEAR)
 
-    solution = at(guess, voltage_squared)
-    if not solution.converged and last is not None:
-        solution = at(last, (last.voltage_squared + voltage_squared) / 2)
+    solution = at(guess, way[1])
+    for count in _STEPS if last is not None else ():
         if solution.converged:
-            further = 2 * solution.state.positions - last.positions
-            solution = at(replace(solution.state, positions=further), voltage_squared)
+            break
+        before = state = last
+        for share in np.linspace(0, 1, count + 1)[1:]:
+            further = 2 * state.positions - before.positions
+            solution = at(replace(state, positions=further), way[0] + share * (way[1] - way[0]))
+            if not solution.converged:
+                break
+            before, state = state, solution.state
     if solution.converged or last is not None:
         return solution if solution.converged else None
-    start = newton(model, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
-    outcome = held(model, deflection, voltage_squared**0.5, start, _BOLD)
+    under, highest = _driven(model, way[1])
+    start = newton(under, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
+    outcome = held(under, deflection, highest**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """The solver of films by finite elements, with ``shapes``; solutions are kept on disk."""
+    """The solver of films by finite elements, with ``shapes``; solutions are kept on disk.
+
+    ``slopes``: the signs of the plates' slopes are read, so that no effect has an even sign.
+    """
 
     shapes: bool = False
+    slopes: bool = False
 
     @property
     def store(self) -> Store:
@@ -221,7 +271,7 @@ class FiniteElements:
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
         key = _key(film, grid)
-        shape = (SHAPE + self.shapes * COUNT, *map(len, grid.numbers))
+        shape = (grid.first_of_shape + self.shapes * COUNT, *map(len, grid.numbers))
         return None if key is None else self.store.read(
             key, lambda content: np.frombuffer(content).reshape(shape))
 
@@ -281,7 +331,7 @@ def nominal_law(setup: Setup, name: str, deflection: float, voltage_squared: flo
     It may reach a little further: the grid is :attr:`Grid.rounded`.
     """
     film = HeldFilm.of(setup, name)
-    grid = Grid(deflection, voltage_squared, film.odd).rounded
+    grid = Grid(deflection, voltage_squared, film.odd, segments=film.segments).rounded
     while True:
         try:
             values = solver.stored(film, grid)
@@ -299,10 +349,11 @@ def nominal_law(setup: Setup, name: str, deflection: float, voltage_squared: flo
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
                progress: PartsDone = lambda done, all_of_them: None,
-               shapes: bool = False) -> tuple[ForceLaw, ...]:
+               solver: FiniteElements = FiniteElements()) -> tuple[ForceLaw, ...]:
     """Sample the force law of every specimen, with the axes of every effect in the library.
 
-    With ``shapes`` displacements are included, and the axes of effects that only they show.
+    With a ``solver`` of shapes displacements are included, and the axes of effects that only they
+    show; with one of slopes those of effects that they show.
 
     Each effect is sampled alone, at sizes about its prior's; :mod:`growth` adds larger ones and
     several together.
@@ -312,4 +363,4 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     NotSampled
         Where a film has no solution within its grid.
     """
-    return first_laws(FiniteElements(shapes), setup, grids, workers, progress, shapes)
+    return first_laws(solver, setup, grids, workers, progress, solver.shapes, solver.slopes)

@@ -69,7 +69,7 @@ def _lattice(lattices: FlatLattices, sample: Sample) -> Lattice:
 
 @lru_cache(maxsize=1024)
 def scanned(surface: ForceSurface, lattice: Lattice, sag: Sag | None, scan: Scan, deflection: float,
-            voltage_squared: float, pressure: float) -> Array:
+            voltage_squared: float | tuple[float, ...], pressure: float) -> Array:
     """Compute displacements at a scan's places [m], shape (3, n), deflections last.
 
     They are nan without equilibrium.

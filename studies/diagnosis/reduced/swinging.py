@@ -117,13 +117,14 @@ def _grease(specimen: Specimen) -> float:
     return specimen.membrane.layers * specimen.electrode.mass
 
 
-def mass_effects(setup: Setup) -> frozenset[str]:
-    """List effects that change specimens, but no film with its plate held."""
+def outer_effects_on_specimens(setup: Setup) -> frozenset[str]:
+    """List effects that change specimens, but no film with its plate held: masses, leads."""
     return frozenset(name for name, effect in EFFECTS.items()
-                     if any(_only_masses(setup, effect, which) for which in effect.choices(setup)))
+                     if any(_changes_no_film(setup, effect, which)
+                            for which in effect.choices(setup)))
 
 
-def _only_masses(setup: Setup, effect: Effect, which: str | None) -> bool:
+def _changes_no_film(setup: Setup, effect: Effect, which: str | None) -> bool:
     sizes = [parameter.deviation for parameter in effect.parameters]
     with suppress(InputError):
         edited = effect.at(setup, sizes, which)

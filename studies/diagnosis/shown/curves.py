@@ -8,6 +8,7 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.base.arrays import Array
 from tympan.studies.diagnosis.evidence.kind import ReadingModel
@@ -16,13 +17,20 @@ from tympan.studies.diagnosis.fits.fit import Fit
 from tympan.studies.diagnosis.inference.predictive import Predictive
 from tympan.studies.diagnosis.inference.smooth_misfit import Discrepancy
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import LENGTHS, UNITS, ReadingTable
+from tympan.studies.diagnosis.reading_table import (
+    LENGTHS,
+    OF_SEGMENTS,
+    SLOPES,
+    UNITS,
+    ReadingTable,
+)
+from tympan.studies.effects import Setup
 
 #: Points of a curve.
 _POINTS = 41
 
 #: Kinds of readings other than lengths that have curves.
-OTHERS = ("force", "capacitance", "tilt", "film_voltage")
+OTHERS = ("force", "capacitance", "tilt", *SLOPES, *OF_SEGMENTS, "film_voltage")
 
 
 def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
@@ -47,10 +55,10 @@ def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
     noise = table.sigma if beyond or judged.verdict != "unexplained" else table.sigma * np.array(
         [_missed(fits[0], judged.table, kind) for kind in table.kind.tolist()])
     low, high = Predictive.of(simulation, fits, weights, table, beyond).band(noise)
-    names = np.array([specimen.name for specimen in simulation.setup.specimens])
     baseline, extended = (simulation.predict(fit.hypothesis, fit.unknowns, table)
                           for fit in (nominal, chosen or nominal))
-    columns = {"kind": table.kind, "specimen": names[table.specimen], "mass": table.mass,
+    columns = {"kind": table.kind, "specimen": driven_names(simulation.setup, table),
+               "mass": table.mass,
                "voltage": table.voltage, "direction": table.states.direction[table.state],
                "baseline": baseline, "extended": extended, "low": low, "high": high}
     if kinds is LENGTHS:
@@ -60,6 +68,19 @@ def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
     return columns | {"displacement": table.states.deflection[table.state],
                       "unit": np.array([unit.name for unit in units], str)} | {
         name: per_si * columns[name] for name in ("baseline", "extended", "low", "high")}
+
+
+def driven_names(setup: Setup, table: ReadingTable) -> NDArray[np.str_]:
+    """Name the specimen of each row, with the voltages of its segments over the highest one."""
+    names, states, given = [], table.states, np.isfinite(table.states.shares).any(1)
+    for specimen in setup.specimens:
+        shares = states.shares_of(specimen.electrode)
+        names.append([", ".join([specimen.name, *(
+            name if share == 1 else f"{share:.4g} {name}" for name, share in zip(
+                specimen.electrode.names, row, strict=True) if share and driven)])
+            for row, driven in zip(shares.tolist(), given.tolist(), strict=True)])
+    every = np.array(names)
+    return np.asarray(every[states.specimen[table.state], table.state])
 
 
 def _missed(fit: Fit, table: ReadingTable, kind: str) -> float:

@@ -14,6 +14,7 @@ from scipy.interpolate import LinearNDInterpolator
 
 from tympan.base.errors import InputError
 from tympan.studies.case import Case, Settings, solve
+from tympan.studies.diagnosis.calibration import read_film
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.result import LoadedFilm
@@ -34,9 +35,9 @@ def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFi
     nominal = judged.simulation.extended((), judged.nominal.unknowns)
     setups = nominal, extended or nominal
     for number in np.unique(judged.table.specimen).tolist()[:_MOST]:
-        for mass, voltage in _loads(judged.table, number)[:_TRIED]:
-            films = [_film(Case(setup.specimens[number], mass=mass, voltage=voltage,
-                                rig=setup.rig), Settings(formula=setup.formula))
+        for mass, voltage, state in _loads(judged.table, number)[:_TRIED]:
+            films = [_film(Case(read_film(setup, judged.table.states, state), mass=mass,
+                                voltage=voltage, rig=setup.rig), Settings(formula=setup.formula))
                      for setup in setups]
             if films[0] is not None and films[1] is not None:
                 yield LoadedFilm(nominal.specimens[number].name, mass, voltage,
@@ -44,11 +45,16 @@ def loaded_films(judged: Judgement, extended: Setup | None) -> Iterator[LoadedFi
                 break
 
 
-def _loads(table: ReadingTable, number: int) -> list[tuple[float, float]]:
-    """List masses [kg] and voltages [V] under which a specimen was read, largest first."""
+def _loads(table: ReadingTable, number: int) -> list[tuple[float, float, int]]:
+    """List masses [kg] and voltages [V] under which a specimen was read, largest first.
+
+    Each has the number of a state.
+    """
     rows = table.specimen == number
-    loads = zip(table.mass[rows].tolist(), table.voltage[rows].tolist(), strict=True)
-    return sorted(set(loads), reverse=True)
+    loads = zip(table.mass[rows].tolist(), table.voltage[rows].tolist(),
+                table.state[rows].tolist(), strict=True)
+    states = {(mass, voltage): state for mass, voltage, state in loads}
+    return sorted(((*load, state) for load, state in states.items()), reverse=True)
 
 
 def _film(case: Case, settings: Settings) -> FilmSurface | None:

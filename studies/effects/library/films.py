@@ -117,7 +117,7 @@ def _uneven(axis: str) -> EffectParameter:
         finding="The films are thicker on one side than in the middle, by {gx} where x ends at the "
                 "frame and by {gy} where y does",
         check="measure the film's thickness at both ends of the frame, or weigh pieces cut there",
-        shows_in=(Observable.SHAPE,))
+        shows_in=(Observable.SHAPE, Observable.SLOPE))
 def thickness_gradient(setup: Setup, gx: Annotated[float, _uneven("x")],
                        gy: Annotated[float, _uneven("y")]) -> Setup:
     """Make all films thicker on one side of the frame."""

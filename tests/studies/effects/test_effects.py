@@ -21,13 +21,14 @@ from tympan.fem.film.laws import Gent, MooneyRivlin, MooneyShare, NeoHooke, Stif
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
+from tympan.geometry.electrode import Electrode, Segment
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen, ViscousBranch
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.diagnosis.evidence.coupons import CouponTests
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
-from tympan.studies.effects.effect import Observable
+from tympan.studies.effects.effect import Observable, Place
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
 from tympan.studies.modes import heave_frequency, modes
 from tympan.studies.signals import step
@@ -44,6 +45,20 @@ TAKEN = Setup(
      circular(MATERIAL, branches=BRANCH)),
     Rig(gravity=9.81, unaccounted_mass=1e-3, spring=4.0, amplifier_gain=0.03, sag_voltage=30e3,
         sensor_gain=-0.02, sensor_zero=20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
+
+#: A quarter and a half of the electrode, at two voltages, for effects on segments.
+DIVIDED = Electrode(segments=(
+    Segment(name="A", sector=(0.2, 1.8), share=0.9),
+    Segment(name="B", sector=(2.0, 5.0), share=0.5)))
+
+
+def divided(setup: Setup, effect: Effect) -> Setup:
+    """The setup, with segments on its first specimen for an effect on segments."""
+    if effect.place not in (Place.SEGMENT, Place.PAIR):
+        return setup
+    first, *others = setup.specimens
+    return replace(setup, specimens=(replace(first, electrode=DIVIDED), *others))
+
 
 #: Columns that only coupons have.
 COUPONS_ALONE = frozenset({Observable.STRESS, Observable.TEMPERATURE})
@@ -151,24 +166,27 @@ def sizes(effect: Effect, number: int, size: float) -> list[float]:
 
 def changed(effect: Effect, number: int, size: float, setup: Setup = NOMINAL) -> Setup:
     """The setup with one parameter of an effect at a size, on the first specimen if on one."""
+    setup = divided(setup, effect)
     return effect.at(setup, sizes(effect, number, size), effect.choices(setup)[0])
 
 
 def unchanged(effect: Effect, number: int) -> Setup:
     """The nominal setup, with the effect if the parameter only says how that acts."""
-    return changed(effect, number, 0.0) if effect.parameters[number].spread else NOMINAL
+    return (changed(effect, number, 0.0) if effect.parameters[number].spread
+            else divided(NOMINAL, effect))
 
 
 @each_effect
 def test_no_effect_changes_no_number(effect: Effect) -> None:
     """Bit for bit, also where the setup has some of it already."""
-    for which in effect.choices(TAKEN):
-        none = effect.at(TAKEN, [0.0] * len(effect.parameters), which)
+    taken = divided(TAKEN, effect)
+    for which in effect.choices(taken):
+        none = effect.at(taken, [0.0] * len(effect.parameters), which)
         if Observable.TIME in effect.shows_in:
-            assert none == TAKEN
+            assert none == taken
             continue
         assert np.array_equal(readings_for(effect, none, COARSE),
-                              readings_for(effect, TAKEN, COARSE))
+                              readings_for(effect, taken, COARSE))
 
 
 @each_parameter
@@ -188,6 +206,8 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
     """Central differences about a typical size agree at two steps: no jump, no kink, no noise of
     the mesh."""
     item = effect.parameters[number]
+    if item.switch:
+        pytest.skip("a switch is on or off")
     middle = max(item.deviation, 2 * item.least)
     slopes = []
     # What fades in time bends more, and so does what moves over the film.
@@ -204,6 +224,8 @@ def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
 @each_parameter
 def test_readings_tend_to_those_without_it(effect: Effect, number: int) -> None:
     item = effect.parameters[number]
+    if item.switch:
+        pytest.skip("a switch is on or off")
     near = max(1e-3 * item.deviation, item.least)
     full, small = (np.abs(readings_for(effect, changed(effect, number, size))
                           - readings_for(effect, unchanged(effect, number))).max()
@@ -218,8 +240,9 @@ def test_sign_rule(effect: Effect, number: int) -> None:
     low, high = item.limits
     if item.sign == "positive":
         assert low == 0
+        setup = divided(NOMINAL, effect)
         with pytest.raises(InputError, match="must be from"):
-            effect.apply(NOMINAL, [-1.0] * len(effect.parameters), effect.choices(NOMINAL)[0])
+            effect.apply(setup, [-1.0] * len(effect.parameters), effect.choices(setup)[0])
         return
     assert low < 0 < high
     up, down = (readings_for(effect, changed(effect, number, sign * size)) for sign in (1, -1))
@@ -238,10 +261,11 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
     """Written as TOML and read back: equal, and ``tympan solve`` on the files finds what is found
     in memory."""
     values = [max(item.deviation, item.least) for item in effect.parameters]
-    setup = effect.at(TAKEN, values, effect.choices(TAKEN)[-1])
+    taken = divided(TAKEN, effect)
+    setup = effect.at(taken, values, effect.choices(taken)[-1])
     films, rig = tmp_path / "specimen.toml", tmp_path / "rig.toml"
     # The last one has mirror planes: the command finds its limits in a tenth of the first's time.
-    for specimen in setup.specimens:
+    for specimen in setup.specimens[:1 if taken is not TAKEN else None]:
         films.write_text(specimen_to_toml(specimen), encoding="utf-8")
         assert load_specimen(films) == specimen
     rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
@@ -258,7 +282,7 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
         return
     if (COUPONS_ALONE | {Observable.TIME, Observable.FORCE}) & set(effect.shows_in):
         # Equal specimens and rigs do the same in time, in coupon tests and in a tester.
-        assert setup != TAKEN
+        assert setup != taken
         return
     command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV",
                "--elapsed", "30 min",
@@ -269,32 +293,35 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
     here = solve(case_of(setup, specimen, load), HALF).reading_m
     # The command comes from its walk to the limits.
     assert printed == pytest.approx(here, rel=1e-10)
-    assert here != taken_alone(specimen.name, load)
+    assert here != taken_alone(taken, specimen.name, load)
 
 
 @cache
-def taken_alone(name: str, load: Reading) -> float:
+def taken_alone(taken: Setup, name: str, load: Reading) -> float:
     """What is read of a specimen that has been taken without any further effect [m]."""
-    return solve(case_of(TAKEN, TAKEN.specimen(name), load), HALF).reading_m
+    return solve(case_of(taken, taken.specimen(name), load), HALF).reading_m
 
 
 @each_effect
 def test_edits_are_pure_and_refuse_what_is_out_of_range(effect: Effect) -> None:
-    which, before = effect.choices(NOMINAL)[0], repr(NOMINAL)
+    nominal = divided(NOMINAL, effect)
+    which, before = effect.choices(nominal)[0], repr(nominal)
     values = [item.width for item in effect.parameters]
-    assert effect.apply(NOMINAL, values, which) == effect.apply(NOMINAL, values, which) != NOMINAL
-    assert repr(NOMINAL) == before
+    assert effect.apply(nominal, values, which) == effect.apply(nominal, values, which) != nominal
+    assert repr(nominal) == before
     with pytest.raises(InputError, match=effect.name):
-        effect.apply(NOMINAL, [float("nan")] * len(values), which)
-    with pytest.raises(InputError, match="specimen it happens to" if effect.on_one
+        effect.apply(nominal, [float("nan")] * len(values), which)
+    with pytest.raises(InputError, match="place it happens to" if effect.on_one
                        else "no single specimen"):
-        effect.apply(NOMINAL, values, None if effect.on_one else "circle")
+        effect.apply(nominal, values, None if effect.on_one else "circle")
 
 
 @each_parameter
 def test_priors(effect: Effect, number: int) -> None:
     """Draws and density go together, the usual size is that of the width, tails are heavy."""
     item = effect.parameters[number]
+    if item.switch:
+        pytest.skip("a switch has no size")
     low, high = item.limits
     assert item.prior.logpdf(high * 1.001) == -np.inf
     shares = np.random.default_rng(3).random(400)

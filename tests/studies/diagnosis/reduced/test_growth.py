@@ -147,7 +147,7 @@ class Yielding:
         deflections, squares = grid.nodes[0], 1e-6 * grid.nodes[1]
         force = deflections[:, None] * (stretch**2 - squares)
         force[:, squares > self.top * stretch] = np.nan
-        return np.stack([force, force, force])
+        return np.stack(5 * [force])
 
 
 def _circle(solver: Yielding) -> Simulation:
