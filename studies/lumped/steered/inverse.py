@@ -11,7 +11,7 @@ from tympan.base.errors import Failure
 from tympan.studies.lumped.steered.model import SteeredModel, powers_of
 
 #: Total degree of the polynomials, and places to which they are fitted.
-_DEGREE, _PLACES = 4, 300
+_DEGREE, _PLACES = 4, 120
 #: Reach of the polynomials beyond the wanted places, over their range: feedback asks for more.
 _BEYOND = 0.6
 #: Least reach of the polynomials, over half the range of all equilibria: films differ by a tenth.
