@@ -44,8 +44,9 @@ _BALANCE = 1.0
 #: Order of the plate's freedoms among the amplitudes: those that are steered first.
 STEERED = tuple(map(FREEDOMS.index, ("z", "rx", "ry")))
 _ORDER = (*STEERED, *map(FREEDOMS.index, ("x", "y", "rz")))
-#: Amplitude of a freedom, over the largest one, below which it is rounding.
-_STILL = 1e-4
+#: Amplitude of a freedom, over the largest one, below which the plate is taken to stay still in it.
+#: With so small a twist as one freedom more, the choice of points would serve it alone.
+_STILL = 3e-3
 #: Shares of the supply's voltage at which segments are driven.
 _LEVELS = (0.55, 1.0)
 #: Number of random drives, and of those whose states at once are taken, too.
