@@ -197,16 +197,15 @@ def small_film() -> ReducedFilm:
     for drive in ({}, {"A": 2e3}, {"B": 2e3}, {"A": 2e3, "D": 1e3}, dict.fromkeys("ABCD", 2e3)):
         wired, top = driven_model(whole, drive)
         shots.append(Snapshot(wired, equilibrium(wired, LOAD, top).state))
-    return Reduction.of(shots, 1e-3, 1e-2, 10, turning=True, freedoms=(2, 3, 4, 0, 1),
-                        balance=1.0).film(whole)
+    return Reduction.of(shots, 1e-3, 1e-2, 10, turning=True, freedoms=(2, 3, 4)).film(whole)
 
 
 def test_a_films_stiffness_is_the_derivative_of_its_pull() -> None:
     film, _ = small_film().driven({"A": 2e3, "B": 500.0})
-    assert film.led == 5
+    assert film.led == 3
     assert len(film.bends)
     q = np.zeros(film.count)
-    q[:5] = 2.6e-3, 5e-4, -3e-4, 2e-4, 1e-4
+    q[:3] = 2.6e-3, 5e-4, -3e-4
     _, stiffness = film.pull(q, 4e6)
     for number, step in enumerate(1e-6 * np.eye(film.count)):
         slope = (film.pull(q + step, 4e6)[0] - film.pull(q - step, 4e6)[0]) / 2e-6
@@ -218,7 +217,7 @@ def test_a_films_plate_has_the_inertia_of_its_freedoms() -> None:
     film = small_film()
     plate = RigidPlate.uniform(film.specimen.needed_plate().outline, 0.02)
     turning = 0.02 * 1e-4 / 4 / 0.045**2
-    np.testing.assert_allclose(film.inertia(plate), np.diag([0.02, turning, turning, 0.02, 0.02]),
+    np.testing.assert_allclose(film.inertia(plate), np.diag([0.02, turning, turning]),
                                rtol=1e-6, atol=1e-12)
 
 
