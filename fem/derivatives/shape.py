@@ -185,7 +185,7 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
 def _any_edge(discretisation: Discretisation, specimen: Specimen) -> Mask:
     """Select the nodes on edges, (nodes,)."""
     on_edge: Mask = _incidence(discretisation, specimen).any(axis=1)
-    return on_edge
+    return np.asarray(on_edge)
 
 
 @lru_cache(maxsize=8)

@@ -113,14 +113,16 @@ class CollocatedStep:
         """
         motion, x, size, tangent = self.motion, guess, np.inf, None
         film, flow, (constant, slope) = motion.tabulated, self.flow, self._drive
-        every = np.arange(len(self.stages))
+        force = np.asarray(motion.force)[..., None]
+        every, led = np.arange(len(self.stages)), motion.led
+        square = slope.reshape(len(every) * led, len(every) * led)
         for _ in range(ITERATIONS):
             fresh = tangent is None
             q, squared = x[..., :film.count], self.squared(x)
             _, push, bend = acting(motion.biases, q[..., 0])
             if tangent is None:
                 pull, stiffness, flow = film.staged_pull(q, squared, flow)
-                stiffness[..., :, 0, :, 0] += slope
+                stiffness[..., :, :led, :, :led] += slope
                 stiffness[..., every, 0, every, 0] += bend
                 matrix = stiffness
                 if self.charging is not None:
@@ -128,7 +130,10 @@ class CollocatedStep:
                 tangent = factorised(matrix)
             else:
                 pull, flow = film.staged_forces(q, squared, flow)
-            pull[..., 0] += q[..., 0] @ slope.T - constant + push
+            pull[..., 0] += push - force
+            if led:
+                dragged = q[..., :led].reshape(*q.shape[:-2], -1) @ square.T
+                pull[..., :led] += dragged.reshape(constant.shape) - constant
             if self.charging is not None:
                 pull = np.concatenate([pull, self.charging.missing(x)[..., None]], -1)
             change, before = tangent(pull), size
@@ -167,26 +172,28 @@ class CollocatedStep:
         # charge.
         if self.motion.charges:
             return
-        led = int(self.motion.leads)
+        led = self.motion.led
         for stage in (-1,) if self.jump is None else (0, -1):
             require_stable(stiffness[..., stage, led:, stage, led:])
 
     @cached_property
     def _drive(self) -> tuple[Array, Array]:
-        """c and K of the force K y - c [N] of damper and inertia against the deflections.
+        """c and K of the force K p - c [N] of damper and inertia against the plate's amplitudes.
 
-        Shapes (..., stages) and (stages, stages).
+        Shapes (..., stages, led) and (stages, led, stages, led).
         """
-        motion, moment = self.motion, self.moment
-        force = np.asarray(motion.force)[..., None]
-        if not motion.leads:
-            return force, np.zeros((len(self.stages), len(self.stages)))
+        motion, moment, led = self.motion, self.moment, self.motion.led
+        if not led:
+            count = len(self.stages)
+            return np.zeros(0), np.zeros((count, 0, count, 0))
         rate = motion.rule.inverse / self.duration
-        moving = motion.damper * rate + (motion.mass or 0.0) * rate @ rate
-        flown = np.multiply.outer(moment.deflection, np.ones(len(rate))) @ moving.T
-        if motion.mass is not None:
-            flown = flown + motion.mass * np.multiply.outer(moment.velocity, rate.sum(1))
-        return flown + force, moving
+        moving = np.multiply.outer(rate @ rate, motion.inertia)
+        moving[..., 0, 0] += motion.damper * rate
+        flown = (moment.q[..., None, None, :led] * moving.sum(1)).sum(-1)
+        if motion.plate is not None:
+            momentum = (moment.velocity + np.zeros(led)) @ motion.inertia
+            flown = flown + rate.sum(1)[:, None] * momentum[..., None, :]
+        return flown, np.ascontiguousarray(moving.swapaxes(1, 2))
 
     def states(self, x: Array) -> Array:
         """Collect the unknowns at the start and at the stages."""
@@ -198,7 +205,7 @@ class CollocatedStep:
         """Estimate the error of unknowns at the stages, relative to the gap."""
         motion = self.motion
         tail = np.abs(_TAILS @ (motion.rule.tail @ self.states(x)))
-        closer = 1.0 if motion.mass is None else PHASES
+        closer = 1.0 if motion.plate is None else PHASES
         return closer * float(np.maximum.reduce(tail, None)) / motion.gap
 
 
@@ -234,15 +241,14 @@ class StepSolution:
     def moments(self) -> list[ReducedMoment]:
         """Moments at the stages, without the start."""
         motion, step = self.step.motion, self.step
-        velocities = np.zeros(self.q.shape[:-1])
-        if motion.mass is not None:
-            moved = self.q[..., 0] - np.asarray(step.moment.deflection)[..., None]
-            velocities = moved @ motion.rule.inverse.T / step.duration
-        voltages = step.charging.voltage(self.x) if step.charging else np.zeros_like(velocities)
+        led = motion.led if motion.plate is not None else 0
+        moved = self.q[..., :led] - step.moment.q[..., None, :led]
+        velocities = motion.rule.inverse @ moved / step.duration if led else moved
+        voltages = step.charging.voltage(self.x) if step.charging else np.zeros(self.q.shape[:-1])
         first = len(step.stages) - len(step.times)
         return [ReducedMoment(time, self.q[..., stage, :],
                               FilmLoads(motion.force, self.squared[..., stage], motion.biases),
-                              partial(self._memory, stage), velocities[..., stage],
+                              partial(self._memory, stage), velocities[..., stage, :],
                               voltages[..., stage])
                 for stage, time in enumerate(step.times.tolist(), first)]
 

@@ -14,6 +14,7 @@ from tympan.fem.circuit import Circuit, highest_voltage
 from tympan.fem.equilibrium.newton import Budget
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.biases import Bias
+from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.transient.collocation import CollocationRule, radau
 from tympan.studies.films.film import FilmLoads, ReducedFilm
 from tympan.studies.signals import JointSignal, Signal, Supplied
@@ -40,7 +41,7 @@ _CHARGE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class ReducedMoment:
-    """A reduced film at a time [s]: q, loads, memory, velocity of a plate with mass.
+    """A reduced film at a time [s]: q, loads, memory, velocity of the amplitudes of its plate.
 
     ``voltage``: signed voltage across a film that charges through a resistance [V]. Values belong
     to one run, or are arrays of several runs.
@@ -71,7 +72,7 @@ class DrivenFilm:
     Several runs have forces of shape (runs,), or signals
     :class:`~tympan.studies.signals.JointSignal`; all runs have the same steps.
 
-    ``biases``: mechanisms on the plate. ``mass``: mass of the plate [kg]; None if the plate has no
+    ``biases``: mechanisms on the plate. ``plate``: the rigid plate; None if it has no
     inertia. ``damper``: damper on the plate [N s/m]. ``error``: error of a step, relative to the
     gap between plate and frame. ``budget``: work left to the motion; None sets no limit.
     ``circuit``: circuit between source and film; without a resistance the film has the source's
@@ -82,7 +83,7 @@ class DrivenFilm:
     force: Any
     signal: Signal | Supplied | JointSignal
     biases: tuple[Bias, ...] = ()
-    mass: float | None = None
+    plate: RigidPlate | None = None
     damper: float = 0.0
     error: float = ERROR
     budget: Budget | None = None
@@ -124,7 +125,7 @@ class DrivenFilm:
     def rule(self) -> CollocationRule:
         """Collocation rule of a step."""
         several = np.ndim(self.force) or np.ndim(self.signal.first)
-        return radau(_FEWER if several or self.leads else _STAGES)
+        return radau(_FEWER if several or self.led else _STAGES)
 
     @property
     def charges(self) -> bool:
@@ -153,9 +154,15 @@ class DrivenFilm:
         return highest_voltage(self.signal)
 
     @cached_property
-    def leads(self) -> bool:
-        """Whether inertia or a damper control the plate's motion."""
-        return self.mass is not None or self.damper > 0
+    def led(self) -> int:
+        """Number of amplitudes whose motion inertia or a damper control."""
+        return int(self.damper > 0) if self.plate is None else self.film.led
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Mass matrix of the amplitudes that are led [kg]."""
+        return (np.zeros((self.led, self.led)) if self.plate is None
+                else self.film.inertia(self.plate))
 
     @cached_property
     def gap(self) -> float:
@@ -170,4 +177,4 @@ class DrivenFilm:
     @cached_property
     def closeness(self) -> float:
         """Error of a step, relative to the gap; smaller for a plate with mass."""
-        return self.error / (1.0 if self.mass is None else PHASES)
+        return self.error / (1.0 if self.plate is None else PHASES)

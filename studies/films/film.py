@@ -1,11 +1,14 @@
 """A film reduced to its plate's deflection, a few shapes, and a few representative points.
 
-The film moves as x = X + Σ q_k φ_k(X). The amplitude q_1 is the deflection; the other shapes do not
-move the plate. C is therefore a quadratic function of q at every point. The stored energy is Σ V_p
-ψ(C_p(q)) over a few points, whose virgin volumes V_p represent all points (a reduced basis with
-empirical cubature: Hernández, Caicedo and Ferrer, Comput. Methods Appl. Mech. Eng. 313, 2017). Law,
-voltage and viscous branches are the film's own at these points (:mod:`tympan.fem.film`); nothing of
-them is fitted.
+The film moves as x = X + Σ q_k φ_k(X). The first amplitudes are the plate's freedoms, q_1 the
+deflection; the other shapes do not move the plate. C is therefore a quadratic function of q at
+every point. The stored energy is Σ V_p ψ(C_p(q)) over a few points, whose virgin volumes V_p
+represent all points (a reduced basis with empirical cubature: Hernández, Caicedo and Ferrer,
+Comput. Methods Appl. Mech. Eng. 313, 2017). Law, voltage and viscous branches are the film's own at
+these points (:mod:`tympan.fem.film`); nothing of them is fitted.
+
+A plate that tilts also moves its edge in the plane, by the squares of the tilts, so that it stays
+rigid. The film's tension works on this way, so it belongs to the resistance against tilts.
 """
 
 from __future__ import annotations
@@ -35,6 +38,8 @@ from tympan.fem.film.memory import (
 )
 from tympan.fem.film.staged_memory import StagedFlow
 from tympan.fem.membrane.biases import Bias, acting
+from tympan.fem.membrane.rigid_plate import RigidPlate
+from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion
 from tympan.geometry.specimen import Specimen
 
 #: Largest number of corrections of a state. Newton's method needs a few from a good guess.
@@ -51,6 +56,10 @@ _MARGIN = 0.2
 
 #: Shortest part of a change of loads that is tried.
 _PART = 1e-3
+
+
+#: Quantities of a film that its shapes and points alone determine.
+_OF_SHAPES = ("_slope", "_bend", "_pairs", "_works", "arms")
 
 
 class NoBalance(ArithmeticError):
@@ -93,7 +102,10 @@ class ReducedFilm:
     2). ``errors``: largest error of the deflection over its range in the field model, by the names
     of test runs. ``table``: table of this specimen's law and charge, or None; outside it the law
     itself is evaluated. ``gas_area`` [m²]: area on which gas below film and plate lifts the plate,
-    if known.
+    if known. ``freedoms``: numbers of the plate's freedoms that the first amplitudes are, the
+    deflection first. A rotation's amplitude is its angle times the frame's half extent [m].
+    ``bends``: second derivatives of the amplitudes of further shapes, at the end of ``gradients``,
+    by those of the plate, (bends, led, led) [1/m].
     """
 
     specimen: Specimen
@@ -104,6 +116,44 @@ class ReducedFilm:
     table: EnergyTable | None = None
     gas_area: float | None = None
     segments: Any = 0
+    freedoms: tuple[int, ...] = (HEAVE,)
+    bends: Array = field(default_factory=lambda: np.zeros((0, 1, 1)))
+
+    @property
+    def led(self) -> int:
+        """Number of amplitudes that move the plate."""
+        return len(self.freedoms)
+
+    @cached_property
+    def arms(self) -> Array:
+        """Amplitude of each of the plate's freedoms over the freedom: 1, or a length [m]."""
+        return arms_of(self.specimen)[list(self.freedoms)]
+
+    def plate(self, q: Array) -> Array:
+        """Compute the plate's six freedoms [m, rad] from amplitudes; shape (..., 6)."""
+        motion = np.zeros((*q.shape[:-1], len(FREEDOMS)))
+        motion[..., self.freedoms] = q[..., :self.led] / self.arms
+        return motion
+
+    def inertia(self, plate: RigidPlate) -> Array:
+        """Compute the mass matrix of the plate's amplitudes [kg], for small rotations."""
+        some = np.ix_(self.freedoms, self.freedoms)
+        matrix: Array = plate.matrix(PlateMotion.rest())[some] / np.outer(self.arms, self.arms)
+        return matrix
+
+    def driven(self, voltages: Mapping[str, float]) -> tuple[ReducedFilm, float]:
+        """Set the voltages of segments [V] by their names, as :meth:`Electrode.driven` does.
+
+        Returns the film with their shares, and the highest voltage.
+        """
+        electrode, top = self.specimen.electrode.driven(voltages)
+        film = replace(self, specimen=replace(self.specimen, electrode=electrode))
+        if self.table is not None:
+            charged = self.covered * film._shares**2
+            film = replace(film, table=replace(self.table, charged=charged))
+        # The shapes are the same, and so is what is made of them.
+        vars(film).update({name: getattr(self, name) for name in _OF_SHAPES})
+        return film, top
 
     @property
     def _shares(self) -> Any:
@@ -112,8 +162,8 @@ class ReducedFilm:
 
     @property
     def count(self) -> int:
-        """Number of shapes, the deflection's included."""
-        return len(self.gradients)
+        """Number of amplitudes q, the deflection's included."""
+        return len(self.gradients) - len(self.bends)
 
     @cached_property
     def flat(self) -> Array:
@@ -129,7 +179,7 @@ class ReducedFilm:
         """
         g = self.gradients
         parts = np.stack([g[:, :, 0, 0], g[:, :, 1, 1], g[:, :, 0, 1] + g[:, :, 1, 0]], -2)
-        return (parts * self._scale[:, None]).reshape(self.count, -1)
+        return (parts * self._scale[:, None]).reshape(len(g), -1)
 
     @cached_property
     def _bend(self) -> Array:
@@ -139,7 +189,7 @@ class ReducedFilm:
                  for pair in ((first, first), (second, second), (first, second))]
         parts[2] = parts[2] + parts[2].swapaxes(0, 1)
         bend = np.stack(parts, -2) * self._scale[:, None]
-        return bend.reshape(self.count, self.count, -1)
+        return bend.reshape(len(first), len(first), -1)
 
     @cached_property
     def _scale(self) -> Array:
@@ -153,7 +203,7 @@ class ReducedFilm:
 
         Shapes (pairs,) twice and (3, pairs, points).
         """
-        points, size = len(self.volumes), self.count + 1
+        points, size = len(self.volumes), len(self.gradients) + 1
         by_shear = np.repeat([1.0, 1.0, 0.5], points)
         whole = np.zeros((size, size, 3 * points))
         whole[0, 0] = np.repeat(self._scale * [1.0, 1.0, 0.0], points)
@@ -174,15 +224,32 @@ class ReducedFilm:
     def strain(self, q: Array) -> Array:
         """Compute C₁₁, C₂₂, C₁₂ of the virgin film at the points, shape (3, ..., points)."""
         first, second, by_pair = self._pairs
-        along = np.ones((q.size // self.count, self.count + 1))
-        along[:, 1:] = q.reshape(-1, self.count)
+        every = self._every(q)
+        along = np.ones((q.size // self.count, every.shape[-1] + 1))
+        along[:, 1:] = every.reshape(-1, every.shape[-1])
         pairs = along.take(first, 1) * along.take(second, 1)
         return np.asarray((pairs @ by_pair).reshape(3, *q.shape[:-1], -1))
 
+    def _every(self, q: Array) -> Array:
+        """Add the amplitudes of the bends to q."""
+        if not len(self.bends):
+            return q
+        return np.concatenate([q, (self._levers(q) @ q[..., :self.led, None])[..., 0] / 2], -1)
+
+    def _levers(self, q: Array) -> Array:
+        """Compute the derivatives of the bends' amplitudes by the plate's, (..., bends, led)."""
+        return np.asarray(np.einsum("bkl,...l->...bk", self.bends, q[..., :self.led]))
+
     def _slopes(self, q: Array) -> Array:
         """Compute ∂E/∂q, shape (..., shapes, 3 × points)."""
-        bent = q.reshape(-1, self.count) @ self._bend.reshape(self.count, -1)
-        return self._slope + bent.reshape(*q.shape, -1)
+        every, size = self._every(q), len(self.gradients)
+        bent = every.reshape(-1, size) @ self._bend.reshape(size, -1)
+        slopes = self._slope + bent.reshape(*every.shape, -1)
+        if not len(self.bends):
+            return slopes
+        by_bends = np.swapaxes(self._levers(q), -1, -2) @ slopes[..., self.count:, :]
+        slopes[..., :self.led, :] += by_bends
+        return np.ascontiguousarray(slopes[..., :self.count, :])
 
     def pull(self, q: Array, voltage_squared: Any, flow: Flow | None = None
              ) -> tuple[Array, Array]:
@@ -237,10 +304,23 @@ class ReducedFilm:
     def _forces(self, q: Array, stress: Array) -> tuple[Array, Array]:
         """Compute generalised forces [N] from S, and the geometric part of their derivatives."""
         work = stress.transpose(*range(1, q.ndim), 0, -1).reshape(-1, 3 * len(self.volumes))
-        both = work @ self._works
-        geometric = both[:, self.count:].reshape(*q.shape, self.count)
-        flat = both[:, :self.count].reshape(q.shape)
-        return flat + (geometric @ q[..., None])[..., 0], geometric
+        both, every = work @ self._works, self._every(q)
+        size = every.shape[-1]
+        geometric = both[:, size:].reshape(*every.shape, size)
+        flat = both[:, :size].reshape(every.shape)
+        forces = flat + (geometric @ every[..., None])[..., 0]
+        return (forces, geometric) if not len(self.bends) else self._led(q, forces, geometric)
+
+    def _led(self, q: Array, forces: Array, geometric: Array) -> tuple[Array, Array]:
+        """Take the bends' forces and their derivatives to the plate's amplitudes."""
+        some, led, levers = self.count, self.led, self._levers(q)
+        matrix = np.zeros((*geometric.shape[:-1], some))
+        matrix[..., :some, :] = np.eye(some)
+        matrix[..., some:, :led] = levers
+        back = np.swapaxes(matrix, -1, -2)
+        kept = back @ geometric @ matrix
+        kept[..., :led, :led] += np.einsum("...b,bkl->...kl", forces[..., some:], self.bends)
+        return (back @ forces[..., None])[..., 0], kept
 
     def _bent(self, slope: Array, tangent: Array) -> Array:
         """Compute the points' derivatives of forces for ∂S/∂E, (..., shapes, 3 × points)."""
@@ -280,6 +360,8 @@ class ReducedFilm:
 
         The table covers a good part of the gap.
         """
+        if self.table is not None:
+            return self
         deflections = np.multiply.outer(np.linspace(0.0, _TABULATED * self.specimen.gap, 9),
                                    np.eye(self.count)[0])
         c = self.strain(deflections)
@@ -310,8 +392,8 @@ class ReducedFilm:
         return Memory.relaxed(self.specimen.membrane, self.strain(self.flat))
 
     def balanced(self, q: Array, loads: FilmLoads, flow: Flow | None = None, *,
-                 clamped: bool = False, last: float = _LAST) -> Array:
-        """Solve for q in equilibrium near a guess; a ``clamped`` plate keeps its deflection.
+                 clamped: int = 0, last: float = _LAST) -> Array:
+        """Solve for q in equilibrium near a guess; the first ``clamped`` amplitudes are kept.
 
         ``last``: largest last correction, over the gap.
 
@@ -324,8 +406,9 @@ class ReducedFilm:
         for _ in range(ITERATIONS):
             pull, stiffness = self.pull(q, loads.voltage_squared, flow)
             if clamped:
-                pull[..., 0], stiffness[..., 0, :], stiffness[..., :, 0] = 0.0, 0.0, 0.0
-                stiffness[..., 0, 0] = 1.0
+                kept = np.arange(clamped)
+                pull[..., kept], stiffness[..., kept, :], stiffness[..., :, kept] = 0.0, 0.0, 0.0
+                stiffness[..., kept, kept] = 1.0
             else:
                 _, push, bend = acting(loads.biases, q[..., 0])
                 pull[..., 0] += push - loads.force
@@ -340,7 +423,7 @@ class ReducedFilm:
         raise NoBalance
 
     def carried(self, q: Array, before: FilmLoads, after: FilmLoads, flow: Flow | None = None, *,
-                clamped: bool = False, last: float = _LAST) -> Array:
+                clamped: int = 0, last: float = _LAST) -> Array:
         """Solve for q after a jump of the loads, in as many parts as needed."""
         share, step = 0.0, 1.0
         while share < 1:
@@ -364,6 +447,11 @@ class ReducedFilm:
         if not np.any(loads.voltage_squared):
             return q
         return self.carried(q, weight, loads, last=last)
+
+
+def arms_of(specimen: Specimen) -> Array:
+    """Amplitudes of the plate's six freedoms over the freedoms: 1, for rotations a length [m]."""
+    return np.where([name.startswith("r") for name in FREEDOMS], max(specimen.frame.semi_axes), 1.0)
 
 
 def _solved(stiffness: Array, pull: Array) -> Array:

@@ -93,7 +93,7 @@ class ReducedMotion(DrivenFilm):
 
     def _guess(self, step: CollocatedStep, past: StepSolution | None) -> Array:
         """Guess the unknowns at the stages of a step."""
-        if past is not None and not self.leads and not self.charges:
+        if past is not None and not self.led and not self.charges:
             return past.at_voltages(step)
         if past is not None and step.duration <= _FAR * past.step.duration:
             return past.beyond(step.times)
@@ -112,27 +112,28 @@ class ReducedMotion(DrivenFilm):
     def _times(self, moment: ReducedMoment) -> list[float]:
         """List relevant times [s]: of the branches, of the plate's motion, of charging."""
         times: list[float] = moment.memory.times.tolist()
-        if self.mass is not None:
-            times.append(float(np.sqrt(self.mass / self._stiffness(moment))))
+        if self.plate is not None:
+            times.append(float(np.sqrt(self.inertia.diagonal() / self._stiffness(moment)).min()))
         elif self.damper:
-            times.append(self.damper / self._stiffness(moment))
+            times.append(self.damper / float(self._stiffness(moment)[0]))
         if self.charges:
             capacitance = self.film.capacitance(moment.q, moment.loads.voltage_squared)
             times.append(float(np.min(self.circuit.time(capacitance))))
         return times
 
-    def _stiffness(self, moment: ReducedMoment) -> float:
-        """Compute the stiffness against deflection [N/m] of the stiffest run."""
+    def _stiffness(self, moment: ReducedMoment) -> Array:
+        """Compute the stiffness against each amplitude that is led [N/m] of the stiffest run."""
         flow = moment.memory.step(self.film.strain(moment.q), 0.0)
         _, stiffness = self.film.pull(moment.q, moment.loads.voltage_squared, flow)
-        return float(np.abs(stiffness[..., 0, 0]).max())
+        own = np.abs(np.einsum("...kk->...k", stiffness)[..., :self.led])
+        return np.asarray(own.reshape(-1, self.led).max(0))
 
     def after_jump(self, moment: ReducedMoment, loads: FilmLoads) -> ReducedMoment:
         """Compute the moment immediately after a jump of the loads.
 
         Inertia or a damper hold the plate.
         """
-        film, clamped = self.tabulated, self.leads
+        film, clamped = self.tabulated, self.led
         flow = moment.memory.step(film.strain(moment.q), 0.0)
         try:
             q = film.carried(moment.q, moment.loads, loads, flow, clamped=clamped, last=self.last)
@@ -178,13 +179,13 @@ class _InMotion:
         loads = FilmLoads(motion.force, squared, motion.biases)
         jumps = loads.differ(self.moment.loads)
         self.piece, self.failures = piece, 0
-        if jumps and motion.leads:
+        if jumps and motion.led:
             self.moment = motion.after_jump(self.moment, loads)
         anew = jumps or motion.charges
         step = motion.first_step(self.moment, piece, end) if anew or first else None
         if anew:
             self.past = None
-        self.jump = loads if jumps and not motion.leads else None
+        self.jump = loads if jumps and not motion.led else None
         return [] if self.jump is not None else [self.moment], step
 
     def attempt(self, duration: float, end: float | None) -> float:

@@ -28,7 +28,7 @@ from tympan.fem.transient.ends import Stopped
 from tympan.fem.transient.film_memory import first_memory, virgin_strain
 from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
-from tympan.studies.films.film import NoBalance, ReducedFilm
+from tympan.studies.films.film import NoBalance, ReducedFilm, arms_of
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.films.tilting import TURNS, Tilting, motions_by_tilt, slides_of
 from tympan.studies.motion import Trace
@@ -232,7 +232,8 @@ class Reduction:
     numbers of quadrature points that represent all points; each represents ``shares`` times its own
     volume. ``bends``: motions of the nodes that keep tilted plates rigid, (bends, nodes, 3); the
     array may be empty. ``arms``: nodes on the edge of the plate that shapes and bends belong to,
-    relative to its centre [m], (nodes, 3). ``slides``: those of :func:`slides_of`.
+    relative to its centre [m], (nodes, 3). ``slides``: those of :func:`slides_of`. ``freedoms``:
+    numbers of the plate's freedoms that the first shapes are.
     """
 
     shapes: Array
@@ -241,6 +242,7 @@ class Reduction:
     bends: Array
     arms: Array
     slides: Array
+    freedoms: tuple[int, ...] = (HEAVE,)
 
     @property
     def every(self) -> Array:
@@ -250,12 +252,16 @@ class Reduction:
     @classmethod
     def of(cls, snapshots: Sequence[Snapshot], motion_left_out: float = _MOTION_LEFT_OUT,
            work_left_out: float = _WORK_LEFT_OUT, most: int = _MOST_SHAPES,
-           softening: float = 0.0, turning: bool = False) -> Reduction:
+           softening: float = 0.0, turning: bool = False,
+           freedoms: tuple[int, ...] = (HEAVE,), balance: float = 0.0) -> Reduction:
         """Create a reduction that reproduces snapshots of moving films with a small error.
 
         With ``softening`` the points also reproduce each snapshot's forces against the motion of
         least resistance, to ``work_left_out`` over ``softening`` of the remaining resistance. With
-        ``turning`` plates that tilt stay rigid to second order.
+        ``turning`` plates that tilt stay rigid to second order. ``freedoms``: numbers of the
+        plate's freedoms that get a shape each, the deflection first; all others are parts of
+        shapes. With ``balance`` the points also reproduce where the plate of each snapshot is in
+        equilibrium, to ``work_left_out`` over ``balance`` of the range of each of these freedoms.
         """
         arms = snapshots[0].model.arms
         slides = slides_of(arms[:, :2], [shot.model.arms[:, :2] for shot in snapshots])
@@ -267,8 +273,9 @@ class Reduction:
             rest = _rigid(shot.model, motion, bends, tilting)
             others = (_rigid(shot.model, motion + rate, bends, tilting) for rate in shot.rates)
             motions += [rest, *((there - rest[0], lifted - rest[1]) for there, lifted in others)]
-        moved, deflection = (np.array(part) for part in zip(*motions, strict=True))
-        shares = _shapes(snapshots, moved, deflection, motion_left_out, most)
+        moved, plates = (np.array(part) for part in zip(*motions, strict=True))
+        amplitudes = (plates * arms_of(snapshots[0].model.specimen))[:, freedoms]
+        shares = _shapes(snapshots, moved, amplitudes, motion_left_out, most)
         shapes = np.tensordot(shares, moved, 1)
         squared = max(shot.state.voltage_squared for shot in snapshots)
         every = np.concatenate([shapes, bends])
@@ -276,7 +283,15 @@ class Reduction:
         if softening:
             works = np.concatenate([works, *(softening * _softest(shapes, shot, softening)
                                              for shot in snapshots)])
-        return cls(shapes, *_cubature(works, work_left_out), bends, arms, slides)
+        every = np.arange(works.shape[1])
+        whole = cls(shapes, every, np.ones(len(every)), bends, arms, slides, freedoms)
+        if balance:
+            weights = balance / np.ptp(amplitudes, axis=0)[:, None]
+            works = np.concatenate([works, *(
+                weights * whole._resting(shot, plate)[:len(freedoms)]
+                for shot, plate in zip(snapshots, amplitudes, strict=True))])
+        points, by_point = _cubature(works, work_left_out)
+        return replace(whole, points=points, shares=by_point)
 
     def along(self, other: Reduction) -> Array:
         """Express the shapes of another reduction by these, as nearly as possible, (other, own)."""
@@ -290,9 +305,51 @@ class Reduction:
         volumes = model.volumes.ravel()[self.points] * mesh.mirrored
         covered = np.broadcast_to(mesh.covered, model.volumes.shape).ravel()[self.points]
         segments = np.broadcast_to(mesh.segments[:, None], model.volumes.shape).ravel()
+        bends = self._bends(model)
+        shapes = self.every if len(bends) else self.shapes
         return ReducedFilm(model.specimen, self.shares * volumes, covered,
-                           _gradients(model, self.shapes)[:, self.points],
-                           segments=segments[self.points])
+                           _gradients(model, shapes)[:, self.points],
+                           segments=segments[self.points], freedoms=self.freedoms, bends=bends)
+
+    def _resting(self, snapshot: Snapshot, plate: Array) -> Array:
+        """Compute the change of q in equilibrium by each point's share, (shapes, points).
+
+        ``plate``: the plate's amplitudes in the snapshot.
+        """
+        model, bends = snapshot.model, self._bends(snapshot.model)
+        if snapshot.memory is not None:
+            flow = snapshot.memory.step(virgin_strain(model, snapshot.state), 0.0)
+            model = replace(model, flow=flow)
+        density = model.density(snapshot.state.voltage_squared)(
+            model.cauchy_green(snapshot.state.positions))
+        volumes = model.volumes.ravel() * model.discretisation.mirrored
+        gradients = _gradients(model, self.every)
+        count, led = len(self.shapes), len(self.freedoms)
+        levers = np.zeros((len(gradients) - count, count))
+        levers[:, :led] = np.einsum("bkl,l->bk", bends, plate) if len(bends) else 0.0
+        along = gradients[:count] + np.tensordot(levers, gradients[count:], (0, 0))
+        f = model.discretisation.deformation(snapshot.state.positions)
+        stress = np.asarray(density.stress).reshape(-1, 3)
+        work, tangent = _resistances(along, _slopes(along, f), density)
+        whole = (tangent * volumes).sum(-1)
+        if len(bends):
+            held = np.einsum("bip,pi,p->b", _slopes(gradients[count:], f), stress, volumes)
+            whole[:led, :led] += np.tensordot(held, bends, 1)
+        return np.asarray(np.linalg.solve(whole, work * volumes))
+
+    def _bends(self, model: Model) -> Array:
+        """Compute the bends' second derivatives by the plate's amplitudes; none without tilts."""
+        led, turns = len(self.freedoms), range(6)[TURNS]
+        at = [self.freedoms.index(turn) for turn in turns if turn in self.freedoms]
+        if not at or not len(self.bends):
+            return np.zeros((0, led, led))
+        some = [turn - TURNS.start for turn in turns if turn in self.freedoms]
+        tilting = Tilting.of(self.arms[:, :2], model.arms[None, :, :2], self.slides)
+        bends = np.zeros((len(self.bends), led, led))
+        for row, turn in zip(at, some, strict=True):
+            bends[:, row, at] = tilting.bends[0][:, turn, some]
+        arms = arms_of(model.specimen)[list(self.freedoms)]
+        return np.asarray(bends / np.outer(arms, arms))
 
 
 def _gradients(model: Model, shapes: Array) -> Array:
@@ -303,15 +360,15 @@ def _gradients(model: Model, shapes: Array) -> Array:
                      for shape in shapes])
 
 
-def _rigid(model: Model, motion: Array, bends: Array, tilting: Tilting) -> tuple[Array, float]:
-    """Make the plate's edge rigid to first order in a motion [m]; return its deflection, too.
+def _rigid(model: Model, motion: Array, bends: Array, tilting: Tilting) -> tuple[Array, Array]:
+    """Make the plate's edge rigid to first order in a motion [m]; return its freedoms, too.
 
     Without a plate the deflection is that of the film's centre. The ``bends`` due to the plate's
     tilts are subtracted. Otherwise the square of a tilt would be a shape of its own, in which the
     plate stretches.
     """
     if model.specimen.plate is None:
-        return motion, float(motion[model.centre_node, HEAVE])
+        return motion, motion[model.centre_node, HEAVE] * np.eye(6)[HEAVE]
     edge, freedoms = model.discretisation.plate_nodes, plate_freedoms(model, motion)
     moved = motion.copy()
     rigid = PlateMotion.rest().gradient(model.arms) @ freedoms
@@ -320,7 +377,7 @@ def _rigid(model: Model, motion: Array, bends: Array, tilting: Tilting) -> tuple
         moved -= np.tensordot(tilting.amplitudes(_ALONE, turns[None])[0], bends, 1)
         rigid -= np.tensordot(tilting.leans[0] @ turns, bends[:, edge], 1)
     moved[edge] = rigid
-    return moved, float(freedoms[HEAVE])
+    return moved, freedoms
 
 
 def plate_freedoms(model: Model, motion: Array, arms: Array | None = None) -> Array:
@@ -333,26 +390,27 @@ def plate_freedoms(model: Model, motion: Array, arms: Array | None = None) -> Ar
     return np.asarray(np.linalg.lstsq(rigid, motion[edge].ravel(), rcond=None)[0])
 
 
-def _shapes(snapshots: Sequence[Snapshot], displaced: Array, deflection: Array, precision: float,
+def _shapes(snapshots: Sequence[Snapshot], displaced: Array, plates: Array, precision: float,
             most: int) -> Array:
-    """Compute the deflection's shape and the deviations from it, as sums of snapshots.
+    """Compute the shapes of the plate's amplitudes and the deviations, as sums of snapshots.
 
-    Their shape is (shapes, snapshots). Deviations are measured by the deformation of the first
-    film. They are scaled to the size of the deflection's shape, so that all q are of similar size.
+    ``plates``: the amplitudes, (snapshots, amplitudes). The result is (shapes, snapshots).
+    Deviations are measured by the deformation of the first film. They are scaled to the size of the
+    deflection's shape, so that all q are of similar size.
     """
     root = np.sqrt(snapshots[0].model.volumes)[..., None, None]
     mesh = snapshots[0].model.discretisation
     flat = mesh.deformation(mesh.reference)
     deformed = np.array([(root * (mesh.deformation(mesh.reference + moved) - flat)).ravel()
                          for moved in displaced])
-    first = deflection / (deflection @ deflection)
-    apart = np.eye(len(deflection)) - np.multiply.outer(deflection, first)
+    first = np.linalg.pinv(plates)
+    apart = np.eye(len(plates)) - plates @ first
     ways, sizes = _principal(apart @ deformed)
     largest = np.linalg.norm(deformed, axis=1).max()
-    count = min(int((sizes > precision * largest).sum()), most - 1)
-    unit = np.linalg.norm(first @ deformed)
+    count = min(int((sizes > precision * largest).sum()), most - len(first))
+    unit = np.linalg.norm(first[0] @ deformed)
     others = (ways[:, :count] * (unit / sizes[:count])).T @ apart
-    return np.concatenate([first[None], others])
+    return np.concatenate([first, others])
 
 
 def _works(shapes: Array, snapshot: Snapshot, voltage_squared: float) -> Array:
@@ -390,18 +448,26 @@ def _softest(shapes: Array, snapshot: Snapshot, least: float) -> Array:
         model.cauchy_green(snapshot.state.positions))
     gradients = _gradients(model, shapes)
     slope = _slopes(gradients, model.discretisation.deformation(snapshot.state.positions))
-    bent = np.einsum("kip,pij->kjp", slope, np.asarray(density.tangent).reshape(-1, 3, 3))
-    pulled = np.einsum("kpca,pab->kpcb", gradients,
-                       np.asarray(density.stress).reshape(-1, 3)[:, _MATRIX])
-    tangent = np.einsum("kjp,ljp->klp", bent, slope) + np.einsum("kpcb,lpcb->klp", pulled,
-                                                                 gradients)
-    tangent *= model.volumes.ravel()
+    tangent = _resistances(gradients, slope, density)[1] * model.volumes.ravel()
     # Parts are relative to their sums of absolute values.
     sizes = np.sqrt(np.abs(np.einsum("kkp->kp", tangent)).sum(1))
     tangent /= np.multiply.outer(sizes, sizes)[..., None]
     resistances, motions = np.linalg.eigh(tangent.sum(2))
     cancelled = (1 - resistances[0]) / max(resistances[0], least)
     return np.asarray(cancelled * np.einsum("klp,l->kp", tangent, motions[:, 0]))
+
+
+def _resistances(gradients: Array, slope: Array, density: Any) -> tuple[Array, Array]:
+    """Compute work and its derivative in each shape at points, per volume.
+
+    ``slope`` is ∂E/∂q. Shapes (shapes, points) and (shapes, shapes, points).
+    """
+    stress = np.asarray(density.stress).reshape(-1, 3)
+    bent = np.einsum("kip,pij->kjp", slope, np.asarray(density.tangent).reshape(-1, 3, 3))
+    pulled = np.einsum("kpca,pab->kpcb", gradients, stress[:, _MATRIX])
+    tangent = np.einsum("kjp,ljp->klp", bent, slope) + np.einsum("kpcb,lpcb->klp", pulled,
+                                                                 gradients)
+    return np.einsum("kip,pi->kp", slope, stress), tangent
 
 
 #: Numbers of the components of S in Voigt form, as a matrix.

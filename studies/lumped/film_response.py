@@ -12,6 +12,7 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.progress import ShareDone
 from tympan.fem.equilibrium.newton import WORK, Budget
+from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.rig import Rig, checked_load
 from tympan.fem.transient.ends import Followed, Stopped, status_of
 from tympan.studies.case import Case, Settings, solved_loading
@@ -87,8 +88,14 @@ def film_motion(film: ReducedFilm, signal: Signal, mass: float, rig: Rig = Rig()
     force = float(rig.force(mass, plate)) - rig.gas_pressure * (film.gas_area or 0.0)
     # Where the film charges through a resistance, the circuit includes the leak.
     supplied = Supplied(signal, rig.source if rig.series_resistance else rig)
-    return ReducedMotion(film, force, supplied, biases, moved if inertia else None,
+    return ReducedMotion(film, force, supplied, biases, _plate(film, moved) if inertia else None,
                          rig.plate_damping, error, budget, rig.circuit)
+
+
+def _plate(film: ReducedFilm, moved: float) -> RigidPlate:
+    """Make the rigid plate of a moving mass [kg], uniform over the plate's outline."""
+    plate = film.specimen.plate
+    return RigidPlate(moved) if plate is None else RigidPlate.uniform(plate.outline, moved)
 
 
 def film_response(model: LumpedModel, signal: Signal, mass: float, rig: Rig, interval: float,

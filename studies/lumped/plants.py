@@ -170,11 +170,25 @@ class FilmPlant:
             loads = replace(loads, voltage_squared=squared)
         return bool(film.carried(moment.q, moment.loads, loads, flow)[0] >= deflection)
 
-    def after(self, voltage: float, duration: float) -> FilmPlant:
-        motion = film_motion(self.film, _held(float(voltage), duration), self.mass, self.rig,
-                             inertia=True)
-        *_, last = motion.moments(replace(self.moment, time=0.0))
+    def after(self, voltage: Any, duration: float) -> FilmPlant:
+        """Move the plant under a held voltage, or under one of each segment, (segments,) [V]."""
+        film, top = self.film, voltage
+        if np.ndim(voltage):
+            named = zip(film.specimen.electrode.names, voltage.tolist(), strict=True)
+            film, top = film.tabulated.driven(dict(named))
+        motion = film_motion(film, _held(float(top), duration), self.mass, self.rig, inertia=True)
+        moment = replace(self.moment, time=0.0)
+        if np.ndim(voltage):
+            # Other shares of the same voltage are a jump, too.
+            squared = float(self.rig.film_voltage(top)) ** 2
+            moment = motion.after_jump(moment, replace(moment.loads, voltage_squared=squared))
+        *_, last = motion.moments(moment)
         return replace(self, moment=last)
+
+    @property
+    def plate(self) -> Array:
+        """The plate's six freedoms [m, rad]."""
+        return self.film.plate(self.moment.q)
 
 
 def _held(voltage: float, duration: float) -> Pieces:

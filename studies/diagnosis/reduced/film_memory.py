@@ -286,7 +286,7 @@ class RememberingFilm:
         for _ in range(_ROUNDS):
             q[:, 0] = deflection
             under = FilmLoads(0.0, squared / (1 + eta))
-            q = film.balanced(q, under, clamped=True)
+            q = film.balanced(q, under, clamped=1)
             pull = film.pull(q, under.voltage_squared)[0][:, 0]
             capacitive = film.pull(q, 0.0 * squared)[0][:, 0]
             # (1 + η) F(y, U²/(1 + η)) = load; F is nearly a line in U².

@@ -101,9 +101,8 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
         sources = {each.name: each.read_text(encoding="utf-8") for each in (header, source)}
     title, states = header.stem, ["y", "speed", *(f"strain[{circle + 1}]"
                                                   for circle in range(len(model.radii)))]
-    template = resources.files("tympan.studies.lumped.export").joinpath("fmu.txt")
-    part = Template(template.read_text(encoding="utf-8")).substitute(
-        name=title, prefix=title.upper(), mass=repr(mass))
+    part = in_steps("tympan.studies.lumped.export", "fmu.txt", name=title, prefix=title.upper(),
+                    mass=repr(mass))
     file = folder / f"{title}.fmu"
     # The value references are those of the C code.
     write_fmu(file, title, sources, part, (
@@ -118,6 +117,16 @@ def export_fmu(model: LumpedModel, folder: Path, mass: float) -> Path:
         Variable("sensed_deflection", "output")),
         identity=f"{sources[source.name]}{mass!r}")
     return file
+
+
+def in_steps(package: str, file: str, **words: str) -> str:
+    """Fill in the C code of a model with states, and add its steps of co-simulation.
+
+    The code defines STATES, ``Model``, ``nominal`` and RATES(model, x, rates).
+    """
+    own = resources.files(package).joinpath(file).read_text(encoding="utf-8")
+    steps = resources.files("tympan.studies.lumped.export").joinpath("fmu_steps.txt")
+    return Template(own).substitute(words) + steps.read_text(encoding="utf-8")
 
 
 def require_compiler() -> str:
