@@ -154,7 +154,8 @@ class Superellipse(AnySuperellipse):
 class Electrode(AnyElectrode):
     def __init__(self, margin_frame: Quantity = ..., margin_plate: Quantity = ..., stiffness:
                  Quantity = ..., outline: AnyRegion | None = ..., mass: Quantity
-                 = ..., patches: Sequence[AnyPatch] = ...) -> None: ...
+                 = ..., patches: Sequence[AnyPatch] = ..., segments:
+                 Sequence[Segment] = ..., gap: Quantity = ...) -> None: ...
 
 class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: float | tuple[float, float], material:
