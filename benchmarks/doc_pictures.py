@@ -335,9 +335,22 @@ def force(scene: Scene) -> None:
     scene.look(15, 14)
 
 
+def four_quarters(scene: Scene) -> None:
+    """A film with one of four quarters driven: the plate leans towards it."""
+    segments = tuple(tympan.Segment(name=name, sector=(f"{start} deg", f"{start + 90} deg"))
+                     for name, start in zip("ABCD", (-75, 15, 105, 195), strict=True))
+    film = tympan.Film("1 mm", 5**0.5, tympan.NeoHooke("20 kPa"), relative_permittivity=4.7)
+    driven = tympan.Specimen("quarters", tympan.Circle("4.5 cm"),
+                             tympan.Plate(tympan.Circle("1 cm")), film,
+                             tympan.Electrode(segments=segments, gap="1.5 mm"))
+    solved_film = tympan.solve(driven, mass="60 g", voltage="A = 5.2 kV").film
+    scene.film(solved_film, values=1e-6 * solved_film.values["electric_field"])
+    scene.look(25, 34)
+
+
 #: What shows each tutorial, by the number in the name of its script.
 TUTORIALS = (first_actuator, shape_from_drawing, sweep, alpha, diagnosed, lumped, hysteresis,
-             force)
+             force, four_quarters)
 
 
 def thumbnails(folder: Path) -> None:

@@ -127,9 +127,8 @@ def capacitances(model: Model, state: State) -> Iterator[float]:
     """Yield the capacitance of each segment [F], with only that one charged."""
     electrode = model.specimen.electrode
     for number in range(len(electrode.segments)):
-        alone = tuple(replace(segment, share=float(place == number))
-                      for place, segment in enumerate(electrode.segments))
-        charged = replace(model.specimen, electrode=replace(electrode, segments=alone))
+        alone = [float(place == number) for place in range(len(electrode.segments))]
+        charged = replace(model.specimen, electrode=electrode.with_shares(alone))
         yield float(replace(model, specimen=charged).capacitance(state))
 
 

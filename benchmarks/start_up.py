@@ -57,6 +57,14 @@ radius = "45 mm"
 shape = "circle"
 radius = "1 cm"
 """ + MEMBRANE
+HALVES = """
+[[electrode.segment]]
+name = "A"
+sector = ["-90 deg", "90 deg"]
+[[electrode.segment]]
+name = "B"
+sector = ["90 deg", "270 deg"]
+"""
 BRANCH = """
 [[membrane.branch]]
 modulus = "31.2 kPa"
@@ -91,7 +99,7 @@ TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
                 for stretch in (1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8))
 FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "film.toml": FILM, "STUDY.toml": STUDY,
          "SWEEP.toml": SWEEP, "REQUIREMENTS.toml": REQUIREMENTS,
-         "viscous.toml": ROUND + BRANCH,
+         "viscous.toml": ROUND + BRANCH, "halves.toml": ROUND + HALVES,
          "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
          "readings/dataset.toml": DATASET,
          "readings/static.csv": f"specimen,mass_g,voltage_kV,displacement_mm\n{READINGS}"}
@@ -105,6 +113,7 @@ solve rounded.toml --mass 20g --voltage 3kV
 limits rounded.toml --mass 20g
 curve rounded.toml --mass 20g -o curve
 tolerance rounded.toml --mass 17.9g --voltage 2kV --films 100 -o tolerance
+steer halves.toml --mass 17.9g --voltage "A = 1 kV, 2 kV, B = 0 kV"
 sense rounded.toml --voltage 0kV,2kV --to 4mm --points 5 -o sense
 force rounded.toml --voltage 0kV,2kV --to 4mm --mass 20g -o force
 path rounded.toml --mass 20g

@@ -52,6 +52,7 @@ add_module_names = False
 sphinx_gallery_conf = {
     "examples_dirs": str(GALLERY), "gallery_dirs": "tutorials", "filename_pattern": r"plot_\d",
     "image_scrapers": ("matplotlib", "pyvista"), "download_all_examples": False,
+    "matplotlib_animations": True,
     "show_signature": False, "min_reported_time": 1e9, "within_subsection_order": "FileNameSortKey",
     "remove_config_comments": True, "abort_on_example_error": True,
     "capture_repr": ("_repr_html_",), "show_memory": False,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf, pi, prod
 from typing import Annotated, Any
@@ -22,9 +22,11 @@ from tympan.geometry.outlines.pieces import TURN, Line, Piece
 Pair = tuple[float, float]
 
 _ELECTRODE: Rule = (lambda x: 0 <= x <= 100, "must be from 0 (weightless) to 100 kg/m^2")
-_NAME: Rule = (lambda text: re.fullmatch(r"(?!none$)[^\W\d]\w{0,29}", text) is not None,
-               "must be a word: at most 30 letters, digits and _, a letter first, and "
-               "not `none`")
+#: Name of a segment: no word that leads and ranges have.
+_WORD = re.compile(r"(?!(?:none|from|to|count)$)[^\W\d]\w{0,29}")
+_NAME: Rule = (lambda text: _WORD.fullmatch(text) is not None,
+               "must be a word: at most 30 letters, digits and _, a letter first, and not `none`, "
+               "`from`, `to` or `count`")
 _DISTANCE: Rule = (lambda x: x >= 0, "must be 0 or positive; inf for the film's middle")
 _SHARE: Rule = (lambda x: 0 <= x <= 1, "must be from 0 (grounded) to 1")
 
@@ -337,8 +339,13 @@ class Electrode:
         """The electrode with the film's voltage on all segments."""
         if not self.segments:
             return self
-        return replace(self, segments=tuple(replace(segment, share=1.0)
-                                            for segment in self.segments))
+        return self.with_shares([1.0] * len(self.segments))
+
+    def with_shares(self, shares: Iterable[Any]) -> Electrode:
+        """Set the shares of all segments, in their order."""
+        return replace(self, segments=tuple(
+            replace(segment, share=share)
+            for segment, share in zip(self.segments, shares, strict=True)))
 
     def nearest(self, x: float, y: float, frame: Outline) -> tuple[str, ...]:
         """Name the segments nearest to a place of the film [m].
@@ -374,9 +381,7 @@ class Electrode:
         top = max(given)
         if top == 0:
             return self, 0.0
-        parts = zip(self.segments, given, strict=True)
-        return replace(self, segments=tuple(replace(segment, share=voltage / top)
-                                            for segment, voltage in parts)), top
+        return self.with_shares(voltage / top for voltage in given), top
 
     def voltages(self, top: float) -> dict[str, float]:
         """Compute the voltages of the segments [V] by their names, from that of the film [V]."""
@@ -398,9 +403,10 @@ class Electrode:
         kind, *rest = path
         if kind != "segments":
             return tuple(path), 1
-        regions = [segment.reflected(plane) for segment in self.segments]
+        regions = [segment.reflected(plane, segment.share) for segment in self.segments]
         number, *keys = rest
-        here = self.segments[int(number)].reflected("")
+        own = self.segments[int(number)]
+        here = own.reflected("", own.share)
         there = next((str(other) for other, region in enumerate(regions) if region == here), number)
         if keys[0] == "sector":
             return (kind, there, keys[0], str(1 - int(keys[1]))), -1

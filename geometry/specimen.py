@@ -54,7 +54,8 @@ _UNEVENNESS = 0.9
 
 #: Places across the frame, and around it, at which overlaps of segments are looked for: a hundredth
 #: of the frame apart.
-_ACROSS, _AROUND = 100, 360
+_ACROSS = 100
+_AROUND = 360
 
 #: Words on segments of a drawing that overlap.
 _OF_DRAWING = ("; segments keep their places in a drawing if the frame is read from it too, else "

@@ -18,7 +18,6 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key, Printed, asks, checks_types
 from tympan.base.toml_reader import NON_NEGATIVE
 from tympan.base.units import drive_words, place_text, segment_words
-from tympan.fem.derivatives.charges import charges_by_voltages
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.newton import Solution
@@ -537,11 +536,11 @@ def bare_film(specimen: Specimen, settings: Settings, planes: frozenset[str]) ->
 def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
     """Mesh a specimen with these mirror planes, without any actions on it."""
     even = replace(specimen, electrode=specimen.electrode.even)
-    return Model(_discretised(even, settings, planes), specimen)
+    return Model(discretised(even, settings, planes), specimen)
 
 
 @lru_cache(maxsize=32)
-def _discretised(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Discretisation:
+def discretised(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Discretisation:
     """Mesh a specimen, whose segments have equal voltages, with the mirror planes of any others.
 
     The whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
@@ -634,6 +633,8 @@ def _charges(model: Model, outcome: Outcome) -> tuple[tuple[float, ...], ...]:
     """Compute the capacitance matrix of a film's segments in equilibrium [F]; else ()."""
     if outcome.status != "equilibrium" or not model.specimen.electrode.segments or not model.meshed:
         return ()
+    from tympan.fem.derivatives.charges import charges_by_voltages
+
     return tuple(map(tuple, charges_by_voltages(model, outcome.solution).tolist()))
 
 

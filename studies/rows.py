@@ -97,9 +97,13 @@ def rows_of(records: Sequence[Any], **same: Any) -> dict[str, Array]:
 
 
 def lists_of(record: Any) -> dict[str, Array]:
-    """Collect the lists of numbers of a record by the names of their fields; None becomes nan."""
-    return {name: _column(list(getattr(record, name)))
-            for name, several in _kinds(record) if several}
+    """Collect the lists of numbers of a record by the names of their fields; None becomes nan.
+
+    Lists that the record does not have are left out beside those that it has.
+    """
+    lists = {name: _column(list(getattr(record, name)))
+             for name, several in _kinds(record) if several}
+    return {name: column for name, column in lists.items() if len(column)} or lists
 
 
 def named_apart(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -40,13 +40,15 @@ def segments_of(found: SolvedStates) -> Iterator[tuple[SegmentState, ...]]:
     if not segments or not model.meshed:
         yield from [()] * len(found.states)
         return
+    electrode = model.specimen.electrode
+    reaching = electrode.arriving([float(segment.share) for segment in segments])
     capacitances = segment_capacitances(model, found.states).tolist()
     for state, fields, each in zip(found.states, found.at_nodes, capacitances, strict=True):
         voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
         field, strained = (largest_in_segments(model, values).tolist()
                            for values in (fields.electric_field, fields.breakdown_share))
         yield tuple(SegmentState(
-            name=segment.name, share=float(segment.share), voltage_V=segment.share * voltage,
+            name=segment.name, share=float(segment.share), voltage_V=reaching[number] * voltage,
             capacitance_F=each[number], max_field_V_per_m=field[number],
             breakdown_margin=found.strength / strained[number] if strained[number] else None)
             for number, segment in enumerate(segments))

@@ -324,9 +324,7 @@ def steered_family(case: SteerCase, settings: Settings,
     top = max(each[-1] for each in values.values())
     ends = np.array([(each[0], each[-1]) for each in values.values()])
     low, high = _shares(rig, ends, top).T
-    electrode = replace(specimen.electrode, segments=tuple(
-        replace(segment, share=share) for segment, share in
-        zip(specimen.electrode.segments, high.tolist(), strict=True)))
+    electrode = specimen.electrode.with_shares(high.tolist())
     varied = np.flatnonzero(low < high)
     box = Box(replace(specimen, electrode=electrode),
               tuple(share_path(number) for number in varied.tolist()), low[varied], high[varied])

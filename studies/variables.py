@@ -120,12 +120,21 @@ def _margin(states: States) -> AnyArray:
     return np.asarray(1 / np.where(share > 0, share, np.nan))
 
 
+#: Slope [rad] and shift [m] below which they are rounding.
+_ROUNDING = 1e-13
+
+
 def _slope(axis: int) -> Callable[[States], AnyArray]:
-    return lambda states: states.slope[..., axis] + 0.0
+    return lambda states: _settled(states.slope[..., axis])
 
 
 def _shift(axis: int) -> Callable[[States], AnyArray]:
-    return lambda states: states.shift[..., axis] + 0.0
+    return lambda states: _settled(states.shift[..., axis])
+
+
+def _settled(values: AnyArray) -> AnyArray:
+    """Set what is rounding to 0: a plate that nothing moves aside is straight."""
+    return np.where(np.abs(values) < _ROUNDING, 0.0, values)
 
 
 def _weakest(axis: int) -> Callable[[States], AnyArray]:

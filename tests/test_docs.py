@@ -41,6 +41,7 @@ SAID = {
         r"the verdict: ambiguous\nunaccounted_mass: (1\.9|2\.0).*\nor .*electrode_mass",
     "6_lumped_model_to_a_controller": r"in the end 0\.\d+ µm/V",
     "7_time_and_hysteresis": r"at rest \d",
+    "9_four_quarters": r"tilt 4\.3\d mrad along x(.|\n)*round to 0\.\d%",
     "8_force_and_bias": r"20 g: stroke 1\.\d+ mm\nwith beams: stroke 4\.\d+ mm(.|\n)*not stable",
 }
 
@@ -57,7 +58,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 #: Processor seconds of the tutorials that take longest.
-DEAR = {"plot_5_own_data_diagnosed": 30}
+DEAR = {"plot_5_own_data_diagnosed": 30, "plot_9_four_quarters": 20}
 
 
 @pytest.mark.parametrize("script", [

@@ -210,9 +210,8 @@ def public(more: Any = None, **formerly: Any) -> Callable[[F], F]:
     return listed
 
 
-#: Arguments whose voltages may be given by the names of an electrode's segments.
-_BY_SEGMENT = ("voltage", "high", "supply")
-
+#: Arguments and options whose voltages may be given by the names of an electrode's segments.
+BY_SEGMENT = frozenset({"voltage", "high", "supply"})
 
 #: Mark of a function that takes voltages by the names of segments itself.
 _COMBINES = "combines_voltages"
@@ -234,7 +233,7 @@ def _with_segments(function: F) -> F:
 
     @wraps(function)
     def called(*subjects: Any, **named: Any) -> Any:
-        for name in _BY_SEGMENT:
+        for name in BY_SEGMENT:
             if isinstance(named.get(name), str | Mapping | list | tuple):
                 from tympan.door import driven_together
 

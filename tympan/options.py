@@ -261,18 +261,17 @@ def read_mounted(options: argparse.Namespace, driven: bool = True) -> tuple[Spec
         return specimen, rig.pressed(pressure)
 
 
-#: Options whose voltages may be given by the names of an electrode's segments.
-_BY_SEGMENT = ("voltage", "high", "supply")
-
-
 def _driven(specimens: Sequence[Specimen], options: argparse.Namespace) -> Sequence[Specimen]:
     """Set the shares of the segments that a voltage names, which becomes that of the film."""
-    for name in _BY_SEGMENT:
-        given = getattr(options, name, None)
-        if not (isinstance(given, str) and "=" in given):
-            continue
-        from tympan.studies.driven import driven
+    named = {name: value for name, value in vars(options).items()
+             if isinstance(value, str) and "=" in value}
+    if not named:
+        return specimens
+    from tympan.grammar import BY_SEGMENT
+    from tympan.studies.driven import driven
 
+    for name in BY_SEGMENT & named.keys():
+        given = named[name]
         pairs = [driven(specimen, given, option_name(name)) for specimen in specimens]
         specimens, (voltage, *_) = zip(*pairs, strict=True)
         setattr(options, name, voltage if isinstance(voltage, str)
@@ -418,6 +417,10 @@ def _by_template(options: argparse.Namespace, **more: Any) -> str:
     return page.render(options=options, **more)
 
 
+#: Pair of numbers along x and y that is no place.
+_SHIFT = "shift"
+
+
 def _entries(record: dict[str, Any], *without: str) -> str:
     """Write one line for each entry with a value, in common units; a place takes one line."""
     from tympan.base.units import place_text
@@ -427,9 +430,9 @@ def _entries(record: dict[str, Any], *without: str) -> str:
         if key in without or value is None or key.endswith("_y_m"):
             continue
         if key.endswith("_x_m"):
-            y = record[f"{key.removesuffix('_x_m')}_y_m"]
-            rows.append((f"{key.removesuffix('_x_m')} place".replace("_", " "),
-                         place_text(value, y)))
+            what, y = key.removesuffix("_x_m"), record[f"{key.removesuffix('_x_m')}_y_m"]
+            named = what if what == _SHIFT else f"{what} place".replace("_", " ")
+            rows.append((named, place_text(value, y)))
             continue
         rows += [_entry(key, item) for item in (value if key == "warnings" else [value])]
     width = max(len(name) for name, _ in rows)

@@ -20,7 +20,8 @@ PLACES = {
         "Circle", "ClosedSpline", "Ellipse", "Polygon", "RegularPolygon", "Rotated",
         "RoundedRectangle", "Stadium", "Superellipse"),
     "tympan.geometry.specimen": (
-        "Electrode", "Film", "Patch", "Plate", "Region", "Specimen", "ViscousBranch"),
+        "Electrode", "Film", "Patch", "Plate", "Region", "Segment", "Specimen",
+        "ViscousBranch"),
     "tympan.studies.design.requirements": ("Requirements",),
     "tympan.studies.tolerance.given": ("LengthScatter", "Scatter", "StrengthScatter", "Tolerances"),
 }

@@ -39,6 +39,7 @@ from tympan.geometry.specimen import FlowLaw, Material, Strength
 from tympan.geometry.specimen import Patch as AnyPatch
 from tympan.geometry.specimen import Plate as AnyPlate
 from tympan.geometry.specimen import Region as AnyRegion
+from tympan.geometry.specimen import Segment as AnySegment
 from tympan.geometry.specimen import Specimen as Specimen
 from tympan.geometry.specimen import ViscousBranch as AnyViscousBranch
 from tympan.studies.design.requirements import Requirements as Requirements
@@ -155,7 +156,7 @@ class Electrode(AnyElectrode):
     def __init__(self, margin_frame: Quantity = ..., margin_plate: Quantity = ..., stiffness:
                  Quantity = ..., outline: AnyRegion | None = ..., mass: Quantity
                  = ..., patches: Sequence[AnyPatch] = ..., segments:
-                 Sequence[Segment] = ..., gap: Quantity = ...) -> None: ...
+                 Sequence[AnySegment] = ..., gap: Quantity = ...) -> None: ...
 
 class Film(AnyFilm):
     def __init__(self, thickness: Quantity, prestretch: float | tuple[float, float], material:
@@ -175,6 +176,10 @@ class Plate(AnyPlate):
 
 class Region(AnyRegion):
     def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
+
+class Segment(AnySegment):
+    def __init__(self, *, name: str, sector: Pair = ..., band: Pair = ..., outline: AnyRegion |
+                 None = ..., share: float = ..., lead: str | None = ...) -> None: ...
 
 class ViscousBranch(AnyViscousBranch):
     def __init__(self, modulus: Quantity, time: Quantity, flow: FlowLaw = ...) -> None: ...

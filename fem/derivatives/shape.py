@@ -184,8 +184,7 @@ def edge_nodes(discretisation: Discretisation, specimen: Specimen) -> dict[str, 
 @lru_cache(maxsize=8)
 def _any_edge(discretisation: Discretisation, specimen: Specimen) -> Mask:
     """Select the nodes on edges, (nodes,)."""
-    on_edge: Mask = _incidence(discretisation, specimen).any(axis=1)
-    return np.asarray(on_edge)
+    return np.asarray(_incidence(discretisation, specimen).any(axis=1), dtype=bool)
 
 
 @lru_cache(maxsize=8)

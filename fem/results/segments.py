@@ -16,9 +16,12 @@ def segment_capacitances(model: Model, states: Sequence[State]) -> AnyArray:
     """Compute −2 ∂E/∂U_i² of every segment in each state [F], shape (states, segments).
 
     It is the segment's charge over its own voltage. The film's capacitance, its charge at one
-    voltage U with the same energy, is the sum of these times the squares of the shares U_i/U.
+    voltage U with the same energy, is the sum of these times the squares of the shares U_i/U. An
+    electrode in one piece has no segments, nor has a film in closed form.
     """
     electrode, mesh = model.specimen.electrode, model.discretisation
+    if not electrode.segments or not model.meshed:
+        return np.zeros((len(states), 0))
     found = np.zeros((len(states), len(electrode.segments)))
     unit = maxwell(model.specimen, 1.0, model.covered / model.relative_thickness**2)
     for row, state in zip(found, states, strict=True):

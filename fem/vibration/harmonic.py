@@ -177,9 +177,7 @@ class Harmonic:
 
     def _with_shares(self, shares: Sequence[Any]) -> Model:
         specimen = self.model.specimen
-        segments = tuple(replace(segment, share=share) for segment, share in zip(
-            specimen.electrode.segments, shares, strict=True))
-        electrode = replace(specimen.electrode, segments=segments)
+        electrode = specimen.electrode.with_shares(shares)
         return replace(self.model, specimen=replace(specimen, electrode=electrode))
 
     @cached_property

@@ -44,7 +44,8 @@ _PLATE = "#4d5763"
 #: Height of a line of the legend of segments [mm].
 _LINE = 4.5
 #: Distances of that legend from what is above it, and from the page's lower edge [mm].
-_ABOVE, _BELOW = 1.5, 1.0
+_ABOVE = 1.5
+_BELOW = 1.0
 #: Segments in a line of their legend.
 _ABREAST = 4
 

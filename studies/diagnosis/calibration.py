@@ -377,9 +377,7 @@ def read_film(setup: Setup, states: States, number: int) -> Specimen:
     specimen = setup.specimens[int(states.specimen[number])]
     electrode = specimen.electrode
     shares = states[np.array([number])].shares_of(electrode)[0].tolist()
-    return replace(specimen, electrode=replace(electrode, segments=tuple(
-        replace(segment, share=share)
-        for segment, share in zip(electrode.segments, shares, strict=True))))
+    return replace(specimen, electrode=electrode.with_shares(shares))
 
 
 def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> Mask:

@@ -21,7 +21,7 @@ from tympan.studies.effects.prior import HeavyTail
 
 
 class Place(Enum):
-    """What an effect happens to; its value is the argument's annotation, in words."""
+    """Part of a setup that an effect changes; the value says it in words."""
 
     EVERYTHING = "all specimens, or the rig"
     SPECIMEN = "one specimen"

@@ -34,19 +34,19 @@ _PARTS = ("frame", "plate", "membrane", "electrode")
 _PLATE = "plate.outline"
 #: Paths of lengths that move the mesh.
 _OUTLINED = ("frame.", "plate.", "electrode.margin", "electrode.outline", "electrode.gap")
-#: Path of the electrode's segments, all of whose numbers but their shares move the mesh.
-_SEGMENTS, _SHARE = "electrode.segments.", ".share"
 #: Numbers that must be equal in all films: the formulas for many films do not support their
 #: variation.
 _SAME = ("membrane.law_range", "electrode.stiffness", "electrode.patches")
 
 #: Paths of the shares of an electrode's segments in the film's voltage. Films depend on the squares
 #: of these voltages, as they do on that of the film's.
-_SEGMENTS, _SHARE = "electrode.segments.", ".share"
+_SEGMENTS = "electrode.segments."
+_SHARE = ".share"
 
 #: Shares of the box's ranges at which a film is taken that has no symmetry of its own: the middle,
 #: and by this much beside it, in steps of the golden section.
-_OFF, _GOLDEN = 0.01, 0.6180339887498949
+_OFF = 0.01
+_GOLDEN = 0.6180339887498949
 
 #: Message about wrong limits.
 _BETWEEN = "must be two values, the smaller first"

@@ -50,7 +50,8 @@ _STILL = 3e-3
 #: Shares of the supply's voltage at which segments are driven.
 _LEVELS = (0.55, 1.0)
 #: Number of random drives, and of those whose states at once are taken, too.
-_DRAWN, _CHANGED = 10, 4
+_DRAWN = 10
+_CHANGED = 4
 #: Number of levels of the run that measures the error.
 LEVELS = 6
 #: Seed of random drives and levels; its value is arbitrary.

@@ -36,17 +36,20 @@ LEAST = 3
 _DEGREES = (2, 3, 4)
 #: Number of films that are fitted, twice the coefficients of the highest degree, and of films that
 #: test the fit.
-_FITTED, _TESTED = 70, 20
+_FITTED = 70
+_TESTED = 20
 #: Number of tested films whose prestretch is changed.
 _STRETCHED = 4
 #: Relative change of the prestretch whose effect is stated, and the one that is solved.
-_PERCENT, _STRETCH = 0.01, 1e-4
+_PERCENT = 0.01
+_STRETCH = 1e-4
 #: Lowest deflection over the highest one, if the range begins lower: a flat film has no inverse.
 _LOWEST = 0.2
 #: Largest slope by default: one that moves the plate's edge by this share of the last deflection.
 _LEANING = 0.1
 #: Steps of the least squares, and the last step over the range that ends them.
-_STEPS, _LAST = 50, 1e-10
+_STEPS = 50
+_LAST = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -270,7 +270,7 @@ TEXTS = ("status", "by", "why", "warnings")
 #: Fields of a case that are no columns: inputs, what depends on time, on other cases, or was not
 #: asked for; and the stroke, which a sweep's table adds from several of its rows.
 _LEFT_OUT = {"specimen", "mass_kg", "voltage_V", "stroke_m", "wall_s", "film", "limits", "limit",
-             "equilibria", "bands"}
+             "equilibria", "bands", "segments", "charge_by_voltage_F"}
 
 
 def of_case() -> tuple[str, ...]:

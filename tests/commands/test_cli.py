@@ -279,9 +279,10 @@ def test_a_slip_of_the_pen_is_asked_about(line: str, words: str, capsys) -> None
 
 def test_missing_system_library_is_named(monkeypatch, capsys) -> None:
     """As on a machine without libGLU: gmsh's import raises what the loader says."""
-    from tympan.studies.case import meshed
+    from tympan.studies.case import discretised, meshed
 
     meshed.cache_clear()
+    discretised.cache_clear()
     monkeypatch.setenv("TYMPAN_CACHE", "")
     monkeypatch.setitem(sys.modules, "gmsh", None)
 

@@ -125,6 +125,12 @@ def test_a_segment_without_region_is_refused(region: dict[str, tuple[float, floa
         Segment(name="A", **region)
 
 
+@pytest.mark.parametrize("name", ["none", "from", "count", "1A"])
+def test_words_of_voltages_and_leads_are_no_names(name: str) -> None:
+    with pytest.raises(InputError, match="must be a word"):
+        Segment(name=name, sector=(0.0, 1.0))
+
+
 def test_voltages_become_shares() -> None:
     electrode, top = quarters().electrode.driven({"A": 3e3, "C": 1.5e3})
     assert top == 3e3

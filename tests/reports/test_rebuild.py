@@ -51,6 +51,15 @@ def of_specimen(command: str, *options: str) -> Callable[[Path], None]:
     return run
 
 
+def steer(folder: Path) -> None:
+    specimen = folder.parent / "halves.toml"
+    halves = "".join(f'[[electrode.segment]]\nname = "{name}"\nsector = ["{start} deg", '
+                     f'"{start + 180} deg"]\n' for name, start in (("A", -90), ("B", 90)))
+    specimen.write_text(SPECIMEN + halves, encoding="utf-8")
+    assert main(["steer", str(specimen), "-o", str(folder), "--voltage",
+                 "A = 0 kV..2 kV in 3, B = 0 kV, 1 kV", *LOADED]) == 0
+
+
 def study(folder: Path) -> None:
     (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
     (folder.parent / "study.toml").write_text(STUDY, encoding="utf-8")
@@ -132,6 +141,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "curve": of_specimen("curve", "--voltage", "1 kV", *LOADED),
     "tolerance": of_specimen("tolerance", "--mass", "17.9 g", "--voltage", "2 kV", "--films",
                               "100", "--refine", "0.5"),
+    "steer": steer,
     "sense": of_specimen("sense", "--to", "4 mm", "--points", "5", "--refine", "0.5"),
     "force": of_specimen("force", "--to", "4 mm", "--mass", "20 g", "--refine", "0.5"),
     "outlines": outlines,

@@ -115,7 +115,10 @@ _BEYOND = argument("--beyond", action="store_true",
 
 @command("limits", SPECIMEN, argument("--mass", help='of plate, hook and weight, such as "17.9 g" '
                                       "(default: one that pulls the plate down a tenth of its "
-                                      "gap)"), PRESSURE,
+                                      "gap)"),
+         argument("--voltage", metavar="SEGMENTS",
+                  help="proportion in which the voltages of an electrode's segments rise, such as "
+                       '"A = 100 %%, B = 50 %%" (default: that of the file)'), PRESSURE,
          RIG, _BEYOND, MESH, JSON,
          example='oval.toml --mass "17.9 g"', also=("limit", "pull-in", "breakdown"))
 def limits(options: argparse.Namespace) -> None:
@@ -125,8 +128,13 @@ def limits(options: argparse.Namespace) -> None:
     voltage falls.
     """
     from tympan.studies.case import Case
+    from tympan.studies.driven import by_segment
     from tympan.studies.limits import LimitsResult
 
+    if options.voltage is not None and not by_segment(options.voltage):
+        raise InputError('must name the segments of an electrode, such as "A = 100 %, B = 50 %": '
+                         "the voltage itself is raised until the film ends", key="--voltage",
+                         given=options.voltage)
     only(options.mass, "--mass")  # by default there are several, of which the first one is asked
     specimen, rig, settings, (mass, *_) = _loaded(options)
     with waiting("limits"):
@@ -230,7 +238,7 @@ def force(options: argparse.Namespace) -> None:
          argument("--to", metavar="LENGTH", help='last deflection, such as "6 mm"'),
          argument("--points", type=int, default=21, metavar="N", within=(5, 1000),
                   help="rows of the table of each voltage"),
-         argument("--sensing", default="", metavar="NAMES",
+         argument("--sensing", metavar="NAMES",
                   help='segments whose capacitances give deflection and tilts, such as "A, B, C" '
                        "(default: all, if there are three)"),
          argument("--tilt", metavar="ANGLE",
@@ -261,7 +269,7 @@ def sense(options: argparse.Namespace) -> None:
             masses=parse_quantities(options.mass or "", "mass", "--mass"),
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
             to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
-            sensing=tuple(filter(None, map(str.strip, options.sensing.split(",")))),
+            sensing=tuple(filter(None, map(str.strip, (options.sensing or "").split(",")))),
             tilt=None if options.tilt is None else parse_quantity(options.tilt, "angle", "--tilt"),
             noise=options.noise)
         steps = len(voltages) + (len(voltages) > 1) + len(voltages) * bool(case.readers)

@@ -25,6 +25,10 @@ _BANDS = (("deflection_m", "deflection", "mm", 1e3), ("stroke_m", "stroke", "mm"
           ("capacitance_F", "capacitance", "pF", 1e12))
 #: Capacitance below which no digit is printed [F].
 _NO_CAPACITANCE = 1e-15
+#: Motions of a plate that loads, film and voltages may leave straight.
+_ASLANT = ("tilt_x_rad", "tilt_y_rad", "shift_x_m", "shift_y_m")
+#: Tilt [rad] and shift [m] below which a plate is straight: rounding.
+_NO_MOTION = 1e-11
 #: Half extents that differ by less [m] are shown as one.
 _ROUND = 1e-9
 
@@ -37,6 +41,8 @@ def solved_text(record: dict[str, Any], result: CaseResult, specimen: Specimen,
         hidden.append("reading_m")
     if not record["slack_area_m2"]:
         hidden.append("slack_area_m2")
+    if all(not record[key] or abs(record[key]) < _NO_MOTION for key in _ASLANT):
+        hidden += _ASLANT
     lines = [specimen_line(specimen), entries(record, *hidden), *_segment_lines(result)]
     lines += [f"stable at {1e3 * each['deflection_m']:.4g} mm"
               + " (reached from the mounted plate)" * each["reached"]

@@ -166,7 +166,7 @@ class FilmsAtRest:
             return voltage_squared
         shares = self.states.shares_of(electrode)[rows]
         reaching = np.stack(electrode.arriving(list(shares.T)), 1)
-        squared = voltage_squared[:, None] * reaching**2
+        squared: Array = voltage_squared[:, None] * reaching**2
         return squared if len(electrode.segments) > 1 else squared[:, 0]
 
     @cached_property

@@ -119,7 +119,7 @@ class Grid:
         rows = np.linalg.inv(_polynomials(_points(self.deflections)[numbers], len(numbers)))
         columns = self.of_voltage(squares)
         full = np.zeros((*values.shape[:-2], self.deflections, columns.shape[1]))
-        columns = np.linalg.inv(columns[:, : len(squares)])
+        columns = np.asarray(np.linalg.inv(columns[:, : len(squares)]))
         full[..., : len(rows), : len(columns)] = rows @ values @ columns.T
         return full
 
@@ -215,7 +215,7 @@ def odd_values(grid: Grid, count: int) -> Numbers:
     """List the indices of the values, of ``count``, that change sign with the deflection."""
     first = grid.first_of_shape
     deflections = np.arange(first + 2 * (count - first) // 3, count)
-    return np.r_[FORCE, SLOPES, deflections]
+    return np.asarray(np.r_[FORCE, SLOPES, deflections])
 
 
 @dataclass(frozen=True, eq=False)

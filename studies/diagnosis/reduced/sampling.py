@@ -237,9 +237,10 @@ def _solved(model: Model, guess: State | None, last: State | None, deflection: f
                       (held_plate(deflection),), _NEAR)
 
     solution = at(guess, way[1])
-    for count in _STEPS if last is not None else ():
+    for count in () if last is None else _STEPS:
         if solution.converged:
             break
+        assert last is not None
         before = state = last
         for share in np.linspace(0, 1, count + 1)[1:]:
             further = 2 * state.positions - before.positions

@@ -72,7 +72,8 @@ def curves(simulation: ReadingModel, judged: Judgement, chosen: Fit | None,
 
 def driven_names(setup: Setup, table: ReadingTable) -> NDArray[np.str_]:
     """Name the specimen of each row, with the voltages of its segments over the highest one."""
-    names, states, given = [], table.states, np.isfinite(table.states.shares).any(1)
+    names, states = [], table.states
+    given = np.asarray(np.isfinite(states.shares).any(axis=1))
     for specimen in setup.specimens:
         shares = states.shares_of(specimen.electrode)
         names.append([", ".join([specimen.name, *(

@@ -11,13 +11,15 @@ from tympan.base.errors import Failure
 from tympan.studies.lumped.steered.model import SteeredModel, powers_of
 
 #: Total degree of the polynomials, and places to which they are fitted.
-_DEGREE, _PLACES = 4, 120
+_DEGREE = 4
+_PLACES = 120
 #: Reach of the polynomials beyond the wanted places, over their range: feedback asks for more.
 _BEYOND = 0.6
 #: Least reach of the polynomials, over half the range of all equilibria: films differ by a tenth.
 _LEAST = 0.55
 #: Newton's corrections of a place, and the last one over the range.
-_CORRECTIONS, _LAST = 40, 1e-11
+_CORRECTIONS = 40
+_LAST = 1e-11
 #: Seed of the places; its value is arbitrary.
 _SEED = 2
 

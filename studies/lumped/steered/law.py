@@ -36,7 +36,8 @@ _BESIDE = 1.05
 #: Gain of the film on which laws are compared, over that of the design: a film is not known better.
 _GAIN = 0.9
 #: Frequencies of a loop, and the lowest over the highest.
-_FREQUENCIES, _LOWEST = 120, 1e-4
+_FREQUENCIES = 120
+_LOWEST = 1e-4
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,8 @@ _AWAY = 0.05
 #: Seed of the states; its value is arbitrary.
 _SEED = 11
 #: Newton's corrections of an equilibrium, and the last one over the range of the freedoms.
-_CORRECTIONS, _LAST = 40, 1e-12
+_CORRECTIONS = 40
+_LAST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)

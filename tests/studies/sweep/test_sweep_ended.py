@@ -152,7 +152,7 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(right, tmp_path)
 def test_no_room_for_the_table_is_one_message_and_what_was_finished_stays(right, tmp_path) -> None:
     """Files of some size are refused, as by a quota."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (45_000, before[1]))
     try:
         command = Command(written(tmp_path, MANY), tmp_path / "out")
     finally:
