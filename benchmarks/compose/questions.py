@@ -59,6 +59,7 @@ WAYS: Mapping[str, Mapping[str, str]] = {
 #: Options of :data:`COMMON` that a question does not take, though its command knows them.
 LEFT_OUT: Mapping[str, frozenset[str]] = {
     "export": frozenset({"mass", "voltage"}),
+    "limits": frozenset({"voltage"}),  # which are names of segments alone
     "lumped build": frozenset({"voltage"}),  # which needs a range
     "path in time": frozenset({"voltage"})}  # a loop begins at none
 
