@@ -97,6 +97,13 @@ class Grid:
         return deflections, self.voltage_squared * squares[columns]
 
     @property
+    def degrees(self) -> Numbers:
+        """Total degree of each of the polynomials of :meth:`of_voltage`."""
+        if self.segments > 1:
+            return np.asarray(segment_voltages(self.segments).powers.sum(1))
+        return np.arange(self.voltages)
+
+    @property
     def highest(self) -> Array:
         """Highest U² of each node [V²], of all segments, shape (voltages,)."""
         squares = self.nodes[1]

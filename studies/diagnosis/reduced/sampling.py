@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.base.arrays import Array
+from tympan.base.arrays import Array, Numbers
 from tympan.base.progress import PartsDone
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import held_plate
@@ -20,7 +20,7 @@ from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import PlateMotion, State, turned
 from tympan.fem.results.places import Places
 from tympan.fem.results.segments import segment_capacitances
 from tympan.geometry.mesher import MeshSettings
@@ -60,6 +60,13 @@ _NEAR = NewtonSettings(correction=1e-5, residual=1e-6, iterations=12, damping=0.
 
 #: Numbers of steps from the nearest state, where Newton's method fails in one.
 _STEPS = (2, 5)
+
+#: Largest error of polynomials that weights are to reproduce: that of rounding.
+_TOLD = 1e-8
+#: Largest sum of the weights' magnitudes: by so much the error of what is known may grow.
+_HEAVIEST = 4.0
+#: Where a plate is mounted; turns are counted from there.
+_MOUNTED = PlateMotion.rest()
 
 #: Path steps where Newton's method fails at once; shorter ones are rarely worth their time.
 _BOLD = PathSettings(shortest=0.1)
@@ -126,11 +133,13 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     row_numbers, column_numbers = rows.tolist(), columns.tolist()
     reached = len(voltages_squared)
     several = grid.first_of_shape - SEGMENTS
+    terms, degrees = grid.of_voltage(voltages_squared), grid.degrees
     for i, deflection in enumerate(deflections.tolist()):
+        behind = [_behind(nodes, near, row_numbers[: i + 1], column) for column in column_numbers]
+        found = dict[int, Array]()
         for j, squared in enumerate(voltages_squared[:reached]):
-            steps = [column_numbers[nearest[j]], column_numbers[j]] if j else column_numbers[:1]
-            guess = _guess(nodes, near, row_numbers[: i + 1], steps)
-            last = nodes.states.get((row_numbers[i], steps[0])) if j else None
+            guess = _guess(behind, found, terms, degrees, j)
+            last = nodes.states.get((row_numbers[i], column_numbers[nearest[j]])) if j else None
             way = voltages_squared[[nearest[j], j]]
             solution = _solved(model, guess, last, deflection, way, film.gas_pressure)
             if solution is None:
@@ -146,6 +155,8 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
             nodes.values[:, i, j] = (push, of_segments.sum(), state.plate.tilt**2,
                                      *state.plate.slope, *of_segments[: several])
             nodes.states[row_numbers[i], column_numbers[j]] = state
+            known = behind[j]
+            found[j] = _vector(state) - (0.0 if known is None else known.vector)
     fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
     if fewest.sum() < _FEWEST:
         raise NotSampled(float(grid.highest[_FEWEST - 1]))
@@ -196,29 +207,78 @@ def _driven(model: Model, squared: Any) -> tuple[Model, float]:
     return replace(model, specimen=with_shares(model.specimen, np.sqrt(every))), highest
 
 
-def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]) -> State | None:
-    """Guess a state from a similar film's, corrected by its last error, or from states before."""
-    i, j = rows[-1], columns[-1]
-    before = None
-    if len(columns) > 1:
-        before = i, columns[-2]
-    elif len(rows) > 1:
-        before = rows[-2], j
-    last = None if before is None else nodes.states.get(before)
-    if near is not None and (i, j) in near.states:
-        similar = near.states[i, j]
-        there = None if before is None else near.states.get(before)
-        if last is None or there is None:
-            return similar
-        return replace(similar, positions=similar.positions + last.positions - there.positions)
-    if last is None or before is None:
-        return last
-    # The change with voltage is that at the deflection before.
-    if len(columns) > 1 and len(rows) > 1:
-        end, start = (nodes.states.get((rows[-2], column)) for column in (j, columns[-2]))
-        if end is not None and start is not None:
-            return replace(last, positions=last.positions + end.positions - start.positions)
-    return last
+def _behind(nodes: Nodes, near: Nodes | None, rows: Sequence[int], column: int) -> _Behind | None:
+    """Add what is known to be near a state of the last row: a similar film's, the row's before.
+
+    None where neither is known; ``kind`` tells which of them are.
+    """
+    own = nodes.states.get((rows[-2], column)) if len(rows) > 1 else None
+    similar = None if near is None else near.states.get((rows[-1], column))
+    if near is None or similar is None:
+        return None if own is None else _Behind("row", _vector(own))
+    there = None if own is None else near.states.get((rows[-2], column))
+    if own is None or there is None:
+        return _Behind("film", _vector(similar))
+    return _Behind("both", _vector(similar) + _vector(own) - _vector(there))
+
+
+@dataclass(frozen=True, eq=False)
+class _Behind:
+    """A vector near that of a state, and the kind of states that it was made from."""
+
+    kind: str
+    vector: Array
+
+
+def _vector(state: State) -> Array:
+    """List a state's positions, the plate's motion and the force, all of which may be added."""
+    plate = state.plate
+    return np.concatenate([state.positions.ravel(), plate.translation, turned(plate, _MOUNTED),
+                           [state.force]])
+
+
+def _state(vector: Array) -> State:
+    """Make the state of a vector."""
+    *_, force = vector.tolist()
+    return State(vector[:-7].reshape(-1, 3), _MOUNTED.moved(vector[-7:-1]), force=force)
+
+
+def _guess(behind: Sequence[_Behind | None], found: Mapping[int, Array], terms: Array,
+           degrees: Numbers, column: int) -> State | None:
+    """Guess the state of a column: what is behind it, and what those ``found`` were beyond theirs.
+
+    That is a smooth function of the voltages: ``terms``, (columns, terms), have the ``degrees``.
+    None where nothing is known.
+    """
+    last = behind[column]
+    kind = None if last is None else last.kind
+    alike = [other for other in found
+             if kind == (None if (each := behind[other]) is None else each.kind)]
+    if last is None and not alike:
+        return None
+    vector = 0.0 if last is None else last.vector
+    if alike:
+        weights = _weights(terms[alike], terms[column], degrees)
+        vector = vector + weights @ np.array([found[other] for other in alike])
+    return _state(np.asarray(vector))
+
+
+def _weights(known: Array, wanted: Array, degrees: Numbers) -> Array:
+    """Weigh values at known terms so that they add up to that at wanted ones, to a degree.
+
+    It is the highest one whose polynomials they determine without large weights; else the value at
+    the nearest terms is taken.
+    """
+    for degree in range(int(degrees.max()), 0, -1):
+        low = degrees <= degree
+        if low.sum() <= len(known):
+            weights = np.linalg.lstsq(known[:, low].T, wanted[low])[0]
+            exact = np.abs(weights @ known[:, low] - wanted[low]).max() < _TOLD
+            if exact and np.abs(weights).sum() < _HEAVIEST:
+                return np.asarray(weights)
+    low = degrees <= 1
+    nearest = int(np.argmin(((known - wanted)[:, low] ** 2).sum(1)))
+    return np.asarray(np.arange(len(known)) == nearest, float)
 
 
 def _solved(model: Model, guess: State | None, last: State | None, deflection: float,

@@ -22,10 +22,10 @@ from tympan.base.arrays import Array, Numbers
 _HIGHEST = 5
 #: Degree for changes by effects, which are smoother.
 _FEW = 2
-#: Most terms. It limits the number of films that are solved; four segments have a degree of 3.
-#: At 5 kV on four quarters of the paper's film the force is then met to 0.1 mN of 180, slopes to
-#: 0.04 mrad; a degree of 4 and twice as many films make it 0.014 mN and 0.008 mrad.
-_MOST = 60
+#: Most terms. It limits the number of films that are solved; four segments have a degree of 4.
+#: At 5 kV on four quarters of the paper's film the force is then met to 0.014 mN of 180, slopes to
+#: 0.008 mrad; a degree of 3 takes half as many films and has five to eight times these errors.
+_MOST = 70
 #: Most places among which nodes are chosen. Those of many segments are drawn at random.
 _CANDIDATES = 20_000
 
