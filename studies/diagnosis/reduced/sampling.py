@@ -16,9 +16,10 @@ from tympan.base.arrays import Array, Numbers
 from tympan.base.progress import PartsDone
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import held_plate
-from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
+from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton, simplified_newton
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import PlateMotion, State, turned
 from tympan.fem.results.places import Places
@@ -134,6 +135,7 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     reached = len(voltages_squared)
     several = grid.first_of_shape - SEGMENTS
     terms, degrees = grid.of_voltage(voltages_squared), grid.degrees
+    tangents = dict[int, Tangent | None]()
     for i, deflection in enumerate(deflections.tolist()):
         behind = [_behind(nodes, near, row_numbers[: i + 1], column) for column in column_numbers]
         found = dict[int, Array]()
@@ -141,13 +143,15 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
             guess = _guess(behind, found, terms, degrees, j)
             last = nodes.states.get((row_numbers[i], column_numbers[nearest[j]])) if j else None
             way = voltages_squared[[nearest[j], j]]
-            solution = _solved(model, guess, last, deflection, way, film.gas_pressure)
+            # A row differs less from the one before than voltages within it do.
+            tangent = tangents.get(j) or tangents.get(nearest[j])
+            solution = _solved(model, guess, last, deflection, way, film.gas_pressure, tangent)
             if solution is None:
                 if strict:
                     raise NotSampled(float(np.max(squared)))
                 reached = max(j, _FEWEST)
                 break
-            state = solution.state
+            tangents[j], state = solution.tangent, solution.state
             push = state.force if film.specimen.plate is not None else -state.pressure
             under = _driven(model, squared)[0]
             of_segments = (segment_capacitances(under, [state])[0] if under.specimen.electrode.names
@@ -282,20 +286,25 @@ def _weights(known: Array, wanted: Array, degrees: Numbers) -> Array:
 
 
 def _solved(model: Model, guess: State | None, last: State | None, deflection: float,
-            way: Array, pressure: float) -> Solution | None:
+            way: Array, pressure: float, tangent: Tangent | None = None) -> Solution | None:
     """Solve from a guess, else in steps from this row's ``last`` state, else from the flat film.
 
-    ``way``: U² [V²] of the last state, and the one to solve for.
+    ``way``: U² [V²] of the last state, and the one to solve for. ``tangent``: that of a state that
+    is hardly another, which is tried first.
     """
-    guess = model.mounted() if guess is None else guess
-
-    free = (model.pushed_by,)
+    guess, free = model.mounted() if guess is None else guess, (model.pushed_by,)
 
     def at(state: State, squared: Any) -> Solution:
         under, highest = _driven(model, squared)
         return newton(under, state.under(voltage=highest, pressure=pressure), free,
                       (held_plate(deflection),), _NEAR)
 
+    under, highest = _driven(model, way[1])
+    simplified = None if tangent is None else simplified_newton(
+        under, guess.under(voltage=highest, pressure=pressure), free, (held_plate(deflection),),
+        _NEAR, tangent)
+    if simplified is not None:
+        return simplified
     solution = at(guess, way[1])
     for count in () if last is None else _STEPS:
         if solution.converged:
@@ -310,7 +319,6 @@ def _solved(model: Model, guess: State | None, last: State | None, deflection: f
             before, state = state, solution.state
     if solution.converged or last is not None:
         return solution if solution.converged else None
-    under, highest = _driven(model, way[1])
     start = newton(under, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
     outcome = held(under, deflection, highest**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
