@@ -219,7 +219,10 @@ def run(seed: int, number: int) -> Result:
 
 def _apart(simulation: Simulation, signs: Signatures, hidden: Hidden, unknowns: Array, table: Any
            ) -> tuple[float, str]:
-    """Compute the expected χ² to the nearest other explanation, and name that."""
+    """Compute the expected χ² to the nearest other explanation, and name that.
+
+    A lead is off or it is not: such a cause is fitted as it is. Others may have any size.
+    """
     cause = hidden.cause
     assert cause is not None
     moved = np.zeros(FACTORS.stop + len(hidden.values))
@@ -229,9 +232,15 @@ def _apart(simulation: Simulation, signs: Signatures, hidden: Hidden, unknowns: 
     moved = np.clip(moved, *simulation.bounds((cause,)))
     shown = table.with_values(simulation.predict((cause,), moved, table))
     left = fit(simulation, (), shown, unknowns).residual
-    others = {"nothing": float(left @ left)} | {
-        str(other): float(np.sum(without(orthonormal(columns), left[:, None]) ** 2))
-        for other, columns in signs.items() if other != cause}
+    others = {"nothing": float(left @ left)}
+    for other, columns in signs.items():
+        if other == cause:
+            continue
+        switches = [item.switch for item in other.effect.parameters]
+        others[str(other)] = (
+            fit(simulation, (other,), shown, np.r_[unknowns[FACTORS], 1.0]).chi_squared
+            if switches == [True]
+            else float(np.sum(without(orthonormal(columns), left[:, None]) ** 2)))
     nearest = min(others, key=lambda name: others[name])
     return others[nearest], nearest
 
