@@ -263,10 +263,11 @@ class ForceLaw:
               lower: Mapping[tuple[int, ...], ForceTerm]) -> ForceTerm:
         at = np.array([[self.axes[number].coordinate(size) for number, size in sample]
                        for sample in members])
-        added = np.array([self.samples[sample].coefficients(self.grid, self.nominal)
-                          for sample in members])
-        for row, coordinates in enumerate(at.tolist()):
-            added[row] -= _sum_of(lower, dict(zip(group, coordinates, strict=True)))
+        # What fewer effects add is subtracted at the nodes: what is left may have only few of them.
+        known = [self.nominal + _sum_of(lower, dict(zip(group, coordinates, strict=True)))
+                 for coordinates in at.tolist()]
+        added = np.array([self.samples[sample].coefficients(self.grid, less)
+                          for sample, less in zip(members, known, strict=True)])
         return ForceTerm(group, at, added)
 
     def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, SampledForce]) -> ForceLaw:

@@ -134,27 +134,28 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     row_numbers, column_numbers = rows.tolist(), columns.tolist()
     reached = len(voltages_squared)
     several = grid.first_of_shape - SEGMENTS
+    driven = [_Driven.of(model, squared) for squared in voltages_squared]
+    segmented = bool(model.specimen.electrode.names)
     terms, degrees = grid.of_voltage(voltages_squared), grid.degrees
     tangents = dict[int, Tangent | None]()
     for i, deflection in enumerate(deflections.tolist()):
         behind = [_behind(nodes, near, row_numbers[: i + 1], column) for column in column_numbers]
         found = dict[int, Array]()
-        for j, squared in enumerate(voltages_squared[:reached]):
+        for j in range(reached):
             guess = _guess(behind, found, terms, degrees, j)
             last = nodes.states.get((row_numbers[i], column_numbers[nearest[j]])) if j else None
-            way = voltages_squared[[nearest[j], j]]
             # A row differs less from the one before than voltages within it do.
             tangent = tangents.get(j) or tangents.get(nearest[j])
-            solution = _solved(model, guess, last, deflection, way, film.gas_pressure, tangent)
+            solution = _solved((driven[nearest[j]], driven[j]), guess, last, deflection,
+                               film.gas_pressure, tangent)
             if solution is None:
                 if strict:
-                    raise NotSampled(float(np.max(squared)))
+                    raise NotSampled(driven[j].highest)
                 reached = max(j, _FEWEST)
                 break
             tangents[j], state = solution.tangent, solution.state
             push = state.force if film.specimen.plate is not None else -state.pressure
-            under = _driven(model, squared)[0]
-            of_segments = (segment_capacitances(under, [state])[0] if under.specimen.electrode.names
+            of_segments = (segment_capacitances(driven[j].model, [state])[0] if segmented
                            else np.array([model.capacitance(state)]))
             nodes.values[:, i, j] = (push, of_segments.sum(), state.plate.tilt**2,
                                      *state.plate.slope, *of_segments[: several])
@@ -202,13 +203,22 @@ def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
             electrode.outline, regions, electrode.gap, specimen.mirror_planes)
 
 
-def _driven(model: Model, squared: Any) -> tuple[Model, float]:
-    """Apply U² [V²], one or one of each segment, to a film's model; return the highest, too."""
-    segments, highest = model.specimen.electrode.segments, float(np.max(squared))
-    if not segments:
-        return model, highest
-    every = np.broadcast_to(squared, len(segments)) / (highest or 1.0)
-    return replace(model, specimen=with_shares(model.specimen, np.sqrt(every))), highest
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """A film's model with U² [V²] applied, one or one of each segment, and the highest of them."""
+
+    model: Model
+    squared: Array
+    highest: float
+
+    @classmethod
+    def of(cls, model: Model, squared: Any) -> _Driven:
+        """Apply U² [V²] to a model."""
+        segments, highest = model.specimen.electrode.segments, float(np.max(squared))
+        if segments:
+            every = np.broadcast_to(squared, len(segments)) / (highest or 1.0)
+            model = replace(model, specimen=with_shares(model.specimen, np.sqrt(every)))
+        return cls(model, np.asarray(squared), highest)
 
 
 def _behind(nodes: Nodes, near: Nodes | None, rows: Sequence[int], column: int) -> _Behind | None:
@@ -285,27 +295,27 @@ def _weights(known: Array, wanted: Array, degrees: Numbers) -> Array:
     return np.asarray(np.arange(len(known)) == nearest, float)
 
 
-def _solved(model: Model, guess: State | None, last: State | None, deflection: float,
-            way: Array, pressure: float, tangent: Tangent | None = None) -> Solution | None:
+def _solved(ways: tuple[_Driven, _Driven], guess: State | None, last: State | None,
+            deflection: float, pressure: float, tangent: Tangent | None = None) -> Solution | None:
     """Solve from a guess, else in steps from this row's ``last`` state, else from the flat film.
 
-    ``way``: U² [V²] of the last state, and the one to solve for. ``tangent``: that of a state that
-    is hardly another, which is tried first.
+    ``ways``: how the last state is driven, and the one to solve for. ``tangent``: that of a state
+    that is hardly another, which is tried first.
     """
+    start, driven = ways
+    model = driven.model
     guess, free = model.mounted() if guess is None else guess, (model.pushed_by,)
 
-    def at(state: State, squared: Any) -> Solution:
-        under, highest = _driven(model, squared)
-        return newton(under, state.under(voltage=highest, pressure=pressure), free,
+    def at(state: State, driven: _Driven) -> Solution:
+        return newton(driven.model, state.under(voltage=driven.highest, pressure=pressure), free,
                       (held_plate(deflection),), _NEAR)
 
-    under, highest = _driven(model, way[1])
     simplified = None if tangent is None else simplified_newton(
-        under, guess.under(voltage=highest, pressure=pressure), free, (held_plate(deflection),),
-        _NEAR, tangent)
+        model, guess.under(voltage=driven.highest, pressure=pressure), free,
+        (held_plate(deflection),), _NEAR, tangent)
     if simplified is not None:
         return simplified
-    solution = at(guess, way[1])
+    solution = at(guess, driven)
     for count in () if last is None else _STEPS:
         if solution.converged:
             break
@@ -313,14 +323,15 @@ def _solved(model: Model, guess: State | None, last: State | None, deflection: f
         before = state = last
         for share in np.linspace(0, 1, count + 1)[1:]:
             further = 2 * state.positions - before.positions
-            solution = at(replace(state, positions=further), way[0] + share * (way[1] - way[0]))
+            between = start.squared + share * (driven.squared - start.squared)
+            solution = at(replace(state, positions=further), _Driven.of(model, between))
             if not solution.converged:
                 break
             before, state = state, solution.state
     if solution.converged or last is not None:
         return solution if solution.converged else None
-    start = newton(under, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
-    outcome = held(under, deflection, highest**0.5, start, _BOLD)
+    begin = newton(model, model.mounted().under(pressure=pressure), free, (held_plate(0.0),))
+    outcome = held(model, deflection, driven.highest**0.5, begin, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 
 

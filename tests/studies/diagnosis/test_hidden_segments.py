@@ -8,7 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.trials.hidden_segments import HIDDEN, QUARTERS, Hidden, Result, page
+from benchmarks.trials.hidden_segments import (
+    HIDDEN,
+    PUBLISHED,
+    QUARTERS,
+    SEED,
+    SETS,
+    Hidden,
+    Result,
+    kept,
+    page,
+)
 from tympan.fem.rig import Rig
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import with_effects
@@ -45,6 +55,13 @@ def test_outcomes() -> None:
         "right", "wrong", "wrong", "among", "unexplained", "nothing", "right", "alarm", "wrong"]
     assert not found[6].identifiable
     assert "Named where identifiable: 1 of 6. Named wrongly: 3 of 9." in page(found, 1, 9)
+
+
+def test_the_page_tells_the_published_sets() -> None:
+    results = kept(PUBLISHED)
+    assert [each.number for each in results] == list(range(SETS))
+    text = Path("docs/hidden-effects-segments.md").read_text(encoding="utf-8")
+    assert text == page(results, SEED, SETS)
 
 
 #: The first two sets of a seed, not that of the published page, whose leads are off or exchanged.
