@@ -323,6 +323,7 @@ def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
 
 
 @public(former={"voltages": "voltage", "loads": "mass"})
+@combining
 @one_thread()
 def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
@@ -343,7 +344,8 @@ def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     from tympan.studies.force import ForceCase, force
 
     (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
-    case = ForceCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
+    volts = Voltages.read(voltage)
+    case = ForceCase(specimen, voltages=volts.film or (0.0,), segment_voltages=volts.segments,
                      start=from_, to=to, points=points, masses=several(mass, "mass", "mass"),
                      rate=rate, cycles=cycles, rig=on)
     return Result(_banded(force(case, settings), specimen, tolerances, case.rig, settings))

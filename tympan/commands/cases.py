@@ -31,6 +31,7 @@ from tympan.options import (
     read_case,
     read_mounted,
     read_settings,
+    read_voltages,
 )
 from tympan.progress import waiting
 
@@ -214,16 +215,17 @@ def force(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.force import ForceCase, force
 
-    specimen, rig = read_mounted(options)
-    voltages = parse_quantities(options.voltage, "voltage", "--voltage")
+    specimen, rig = read_mounted(options, driven=False)
+    voltages = read_voltages(options)
     with naming_options(options):
         case = ForceCase(
-            specimen, voltages=voltages, rig=rig, points=options.points,
+            specimen, voltages=voltages.film, segment_voltages=voltages.segments, rig=rig,
+            points=options.points,
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
             to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
             masses=parse_quantities(options.mass or "", "mass", "--mass"), cycles=options.cycles,
             rate=None if options.rate is None else parse_quantity(options.rate, "speed", "--rate"))
-        with bar(len(voltages) * (1 if case.rate is None else 2)) as progress:
+        with bar(len(voltages.film) * (1 if case.rate is None else 2)) as progress:
             result = force(case, read_settings(options), progress)
     finish(options, _banded(options, result, specimen, rig))
 
