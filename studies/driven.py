@@ -29,7 +29,7 @@ _NAMED = re.compile(r"(?:^|,)\s*([^\W\d]\w*)\s*=")
 _RANGE = {"from", "to", "count"}
 
 #: Digits of shares in which proportions that are the same agree: rounding changes later ones.
-_DIGITS = 9
+_DIGITS = 6
 
 
 def by_segment(given: Any) -> bool:
@@ -102,19 +102,30 @@ def in_proportion(specimen: S, voltages: Sequence[float],
     """List specimens with the shares of each proportion of voltages, and their voltages [V].
 
     ``segments``: voltages of the segments by name, a set for each voltage; without them there is
-    one specimen, as it is. Voltages ascend. A set without voltage has no proportion: it is with the
-    first one.
+    one specimen, as it is. Voltages ascend.
+    """
+    return [(film, tuple(sorted(voltages[number] for number in numbers)))
+            for film, numbers in grouped(specimen, voltages, segments)]
+
+
+def grouped(specimen: S, voltages: Sequence[float], segments: Sequence[Mapping[str, float]] = ()
+            ) -> list[tuple[S, tuple[int, ...]]]:
+    """List specimens with the shares of each proportion of voltages, and the numbers of these.
+
+    A set without voltage has no proportion: it is with the first one.
     """
     if not segments:
-        return [(specimen, tuple(sorted(voltages)))]
+        return [(specimen, tuple(range(len(voltages))))]
     pairs = [specimen.electrode.driven(each) for each in segments]
-    films = {_proportion(electrode): replace(specimen, electrode=electrode)
-             for electrode, top in reversed(pairs) if top > 0} or {(): specimen}
-    first = next((_proportion(electrode) for electrode, top in pairs if top > 0), ())
-    found: dict[tuple[float, ...], list[float]] = {first: []}
-    for electrode, top in pairs:
-        found.setdefault(_proportion(electrode) if top > 0 else first, []).append(top)
-    return [(films[shares], tuple(sorted(tops))) for shares, tops in found.items()]
+    first = next((electrode for electrode, top in pairs if top > 0), specimen.electrode)
+    films = dict[tuple[float, ...], Electrode]()
+    found = dict[tuple[float, ...], list[int]]()
+    for number, (electrode, top) in enumerate(pairs):
+        wired = electrode if top > 0 else first
+        films.setdefault(_proportion(wired), wired)
+        found.setdefault(_proportion(wired), []).append(number)
+    return [(replace(specimen, electrode=films[shares]), tuple(numbers))
+            for shares, numbers in found.items()]
 
 
 def require_different(voltages: Sequence[float], segments: Sequence[Mapping[str, float]] = ()

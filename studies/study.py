@@ -39,7 +39,7 @@ from tympan.studies.files import from_json, read_json, remove, to_json, write_js
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.force.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
-from tympan.studies.limits.curve import CURVES, CurveResult, curve
+from tympan.studies.limits.curve import CurveResult, curve
 from tympan.studies.limits.loads import LoadGrid, usual_masses
 from tympan.studies.shipped import STUDY, specimen_tables
 from tympan.studies.tolerance.bands import banded
@@ -146,7 +146,7 @@ class SpecimenResult:
         assert self.result.film is not None
         self.result.film.save(folder / "fields" / f"{self.name}.vtu")
         write_sheet(folder / "lines" / f"{self.name}.csv", LINES, self.lines)
-        write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves.table)
+        write_sheet(folder / "curves" / f"{self.name}.csv", self.curves.columns, self.curves.table)
         remove(folder / "forces", *(f"{self.name}{ForceResult.ending}.{kind}"
                                     for kind in ForceResult.kinds))
         if self.force is not None:
@@ -163,7 +163,7 @@ class SpecimenResult:
             raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
                              given=name)
         film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
-        table = read_own_sheet(folder / "curves" / f"{name}.csv", CURVES)
+        table = read_own_sheet(folder / "curves" / f"{name}.csv", self.curves.columns)
         forces = folder / "forces"
         pulled = (forces / f"{name}{ForceResult.ending}.json").exists()
         return replace(self, result=replace(self.result, film=film),
@@ -206,9 +206,11 @@ class StudyResult:
         tables = [specimen.curves.table for specimen in self.specimens]
         names = [np.full(len(table["mass"]), specimen.name, dtype=object)
                  for specimen, table in zip(self.specimens, tables, strict=True)]
+        columns = {column.name: column for specimen in self.specimens
+                   for column in specimen.curves.columns}
         return {"specimen": np.concatenate(names)} | {
-            column.name: np.concatenate([table[column.name] for table in tables])
-            for column in CURVES}
+            name: np.concatenate([table.get(name, _blank(column, len(table["mass"])))
+                                  for table in tables]) for name, column in columns.items()}
 
     def json(self) -> dict[str, Any]:
         """Write the study as a JSON object, without α."""
@@ -243,6 +245,11 @@ class StudyResult:
                                     for number, specimen in enumerate(stored.specimens)),
             alphas=tuple(AlphaResult.of_record(record, weights, f"[{number}]")
                          for number, record in enumerate(alphas)))
+
+
+def _blank(column: Column, count: int) -> Any:
+    """Make the cells of a column that a table does not have."""
+    return np.full(count, np.nan) if column.choices is None else np.full(count, "")
 
 
 def discard_report(folder: Path) -> None:

@@ -298,6 +298,7 @@ def limits(specimen: SpecimenOrFile, *, beyond: bool = False, settings: Settings
 
 
 @public(former={"voltages": "voltage"}, rest="mass")
+@combining
 @one_thread()
 def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, beyond: bool = False,
@@ -310,15 +311,17 @@ def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     ``tolerances`` as for :func:`solve`: then ``result.curves[0].band_deflection_m`` has the band of
     films at ``band_voltage_V``. ``beyond`` as for :func:`limits`.
     """
+    from tympan.studies.driven import Voltages
     from tympan.studies.limits.curve import curve
     from tympan.studies.limits.loads import usual_masses
 
     (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
     given = [Case(specimen, mass=one).mass for one in several(mass, "mass", "mass")]
     usual = () if given else usual_masses(specimen, settings, on) if specimen.plate else (0.0,)
-    marked = sorted(Case(specimen, voltage=one).voltage
-                    for one in several(voltage, "voltage", "voltage"))
-    found = curve(specimen, given or usual, settings, on, marked, beyond=beyond)
+    marked = Voltages.read(voltage)
+    Case.greatest(specimen, given or usual, marked.film, on)  # refuses loads that no film bears
+    found = curve(specimen, given or usual, settings, on, marked.film, beyond=beyond,
+                  segment_voltages=marked.segments)
     return Result(_banded(found, specimen, tolerances, on, settings))
 
 
@@ -341,6 +344,7 @@ def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     ``result.loops[0].area_J`` are the areas of a film with viscous branches. ``tolerances`` as for
     :func:`solve`: then ``result.curves[0].band_force_N`` has the band of films.
     """
+    from tympan.studies.driven import Voltages
     from tympan.studies.force import ForceCase, force
 
     (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()

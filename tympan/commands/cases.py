@@ -155,21 +155,26 @@ def limits(options: argparse.Namespace) -> None:
 def curve(options: argparse.Namespace) -> None:
     """Compute deflection against voltage, to the film's limit and on to its end."""
     from tympan.progress import bar
+    from tympan.studies.driven import in_proportion
     from tympan.studies.limits.curve import curve
 
-    specimen, rig, settings, masses = _loaded(options)
-    voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))
-    with bar(len(masses) * (1 + len(voltages))) as progress:
-        result = curve(specimen, masses, settings, rig, voltages, progress, options.beyond)
+    specimen, rig, settings, masses = _loaded(options, driven=False)
+    voltages = read_voltages(options)
+    with naming_options(options):
+        films = in_proportion(specimen, voltages.film, voltages.segments)
+    with bar(len(masses) * (len(films) + len(voltages.film))) as progress:
+        result = curve(specimen, masses, settings, rig, voltages.film, progress, options.beyond,
+                       voltages.segments)
     finish(options, _banded(options, result, specimen, rig))
 
 
-def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
+def _loaded(options: argparse.Namespace, driven: bool = True
+            ) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
     """Read specimen, rig, settings, and masses that are given or suit the film."""
     from tympan.fem.rig import checked_load
     from tympan.studies.limits.loads import usual_masses
 
-    specimen, rig = read_mounted(options)
+    specimen, rig = read_mounted(options, driven)
     settings = read_settings(options)
     if specimen.plate is None and options.mass is None:
         return specimen, rig, settings, (0.0,)
