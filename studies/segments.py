@@ -34,6 +34,19 @@ OfSegments = Annotated[tuple[SegmentState, ...], Key(
     Printed(columns="name")]
 
 
+def share_words(shares: Mapping[str, float]) -> str:
+    """Write the voltages of segments over that of the film, where they differ; else "".
+
+    Examples
+    --------
+    >>> share_words({"A": 1.0, "B": 0.5}), share_words({"A": 1.0, "B": 1.0})
+    ('A 100 %, B 50 %', '')
+    """
+    if len(set(shares.values())) < 2:
+        return ""
+    return ", ".join(f"{name} {100 * share:.6g} %" for name, share in shares.items())
+
+
 @dataclass(frozen=True, kw_only=True)
 class Driven:
     """Part of a result at one voltage, with those of the segments.

@@ -356,6 +356,7 @@ def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
 
 
 @public(former={"voltages": "voltage", "masses": "mass"})
+@combining
 @one_thread()
 def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
@@ -372,10 +373,12 @@ def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     to a largest ``tilt``: ``result.sensed_plate({"A": …, "B": …, "C": …}, voltage)``. Their
     capacitances have a relative ``noise``.
     """
+    from tympan.studies.driven import Voltages
     from tympan.studies.sense import SenseCase, sense
 
     specimen, on = held(specimen, rig, pressure)
-    case = SenseCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
+    volts = Voltages.read(voltage)
+    case = SenseCase(specimen, voltages=volts.film or (0.0,), segment_voltages=volts.segments,
                      masses=several(mass, "mass", "mass"), start=from_, to=to, points=points,
                      sensing=tuple(sensing), tilt=tilt, noise=noise, rig=on)
     return Result(sense(case, settings or Settings()))

@@ -86,8 +86,7 @@ class ForceCase:
         if len(set(self.masses)) < len(self.masses):
             raise InputError("must differ from each other", key="mass",
                              given=", ".join(f"{value:g}" for value in self.masses))
-        if self.segment_voltages:
-            in_proportion(self.specimen, self.voltages, self.segment_voltages)  # known names
+        in_proportion(self.specimen, self.voltages, self.segment_voltages)  # known names
         most = PathSettings().reach * max(self.specimen.frame.semi_axes)
         for name, place in (("from", self.start), ("to", self.to)):
             if place is not None and not abs(place) <= most:

@@ -36,6 +36,7 @@ from tympan.studies.driven import in_proportion
 from tympan.studies.limits.voltages import Rise, StrokeToLimit, rise
 from tympan.studies.path import SMOOTH
 from tympan.studies.rows import named_apart
+from tympan.studies.segments import share_words
 
 #: Columns of a curve's CSV. ``asked`` is 1 at requested voltages and 0 at points on the way to the
 #: limit. ``beyond`` is the most severe limit that the voltage exceeds, blank up to the first limit.
@@ -78,10 +79,7 @@ class MassCurve:
     @property
     def drive(self) -> str:
         """Proportion of the segments' voltages, where they differ: "A 100 %, B 50 %"; else ""."""
-        if len(set(self.segment_shares.values())) < 2:
-            return ""
-        return ", ".join(f"{name} {100 * share:.6g} %"
-                         for name, share in self.segment_shares.items())
+        return share_words(self.segment_shares)
 
     @property
     def load(self) -> str:

@@ -268,19 +268,19 @@ def sense(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.sense import SenseCase, sense
 
-    specimen, rig = read_mounted(options)
-    voltages = parse_quantities(options.voltage, "voltage", "--voltage")
+    specimen, rig = read_mounted(options, driven=False)
+    voltages = read_voltages(options)
     with naming_options(options):
         case = SenseCase(
-            specimen, voltages=voltages, rig=rig, points=options.points,
+            specimen, voltages=voltages.film, segment_voltages=voltages.segments, rig=rig,
+            points=options.points,
             masses=parse_quantities(options.mass or "", "mass", "--mass"),
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
             to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
             sensing=tuple(filter(None, map(str.strip, (options.sensing or "").split(",")))),
             tilt=None if options.tilt is None else parse_quantity(options.tilt, "angle", "--tilt"),
             noise=options.noise)
-        steps = len(voltages) + (len(voltages) > 1) + len(voltages) * bool(case.readers)
-        with bar(steps) as progress:
+        with bar(case.steps) as progress:
             result = sense(case, read_settings(options), progress)
     finish(options, result)
 
