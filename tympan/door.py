@@ -856,6 +856,7 @@ def effects() -> dict[str, Any]:
 
 
 @public(PartSizes, former={"masses": "mass", "voltages": "voltage"})
+@combining
 def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
            voltage: Load | None = None, pressure: float | str = 0.0, inp: bool = False,
            settings: Settings | None = None, **sizes: Unpack[PartSizes]) -> list[Path]:
@@ -866,14 +867,15 @@ def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
     ``pressure`` [Pa].
     """
     from tympan.geometry.cad.sizes import PartOptions
+    from tympan.studies.driven import Voltages
     from tympan.studies.export import export, export_input
 
     specimen, settings = loaded(specimen), settings or Settings()
     settings.require_elements()
-    carried, applied = several(mass, "mass", "mass"), several(voltage, "voltage", "voltage")
+    carried, applied = several(mass, "mass", "mass"), Voltages.read(voltage)
     if inp:
-        return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied),
-                             number(pressure, "stress", "pressure"))]
+        return [export_input(specimen, settings.mesh, Path(folder), carried, applied.film,
+                             number(pressure, "stress", "pressure"), applied.segments)]
     chosen = PartOptions(**{name: number(size, "length", name) for name, size in sizes.items()})
     return list(export(specimen, settings.mesh, Path(folder), chosen))
 
