@@ -17,6 +17,7 @@ import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.fields import numbers
+from tympan.base.toml_reader import Rule, Table
 from tympan.geometry.electrode import Electrode
 from tympan.geometry.specimen import Specimen
 
@@ -131,15 +132,39 @@ def grouped(specimen: S, voltages: Sequence[float], segments: Sequence[Mapping[s
 def require_different(voltages: Sequence[float], segments: Sequence[Mapping[str, float]] = ()
                       ) -> None:
     """Raise InputError where a voltage, or a set of those of the segments, is given twice."""
-    sets = [tuple(sorted((name, volts) for name, volts in each.items() if volts))
-            for each in segments] or list(voltages)
-    if len(set(sets)) < len(sets):
+    sets: set[Any] = {tuple(sorted((name, volts) for name, volts in each.items() if volts))
+                      for each in segments} if segments else {*voltages}
+    if len(sets) < len(voltages):
         raise InputError("must differ from each other", key="voltage",
                          given=", ".join(f"{value:g}" for value in voltages))
 
 
 def _proportion(electrode: Electrode) -> tuple[float, ...]:
     return tuple(round(float(segment.share), _DIGITS) for segment in electrode.segments)
+
+
+def driven_once(specimen: S, given: Any, key: str = "voltage") -> tuple[S, float]:
+    """Set the shares of a specimen's segments from one voltage for each; also the film's [V]."""
+    sets = drives_by_name(given, key, shares=False)
+    if len(sets) != 1:
+        raise InputError("must have one voltage for each segment", key=key, given=str(given))
+    try:
+        electrode, top = specimen.electrode.driven(sets[0])
+    except InputError as error:
+        raise InputError(error.allowed, key=key, given=error.given) from None
+    return replace(specimen, electrode=electrode), top
+
+
+def film_voltage(table: Table, key: str, rule: Rule) -> float | None:
+    """Read the voltage of a film in a file [V]; None where it is left out, or by names.
+
+    Names of segments are those of specimens, which are read later.
+    """
+    given = table.data.get(key)
+    if given is None or by_segment(given):
+        table.asked.add(key)
+        return None
+    return table.number(key, "voltage", rule=rule)
 
 
 def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float]]:

@@ -273,6 +273,9 @@ def _driven(specimens: Sequence[Specimen], options: argparse.Namespace) -> Seque
 
     for name in BY_SEGMENT & named.keys():
         given = named[name]
+        if not specimens:
+            raise InputError("must be one voltage: the file of a lumped model keeps the proportion "
+                             "of its segments' voltages", key=option_name(name), given=given)
         pairs = [driven(specimen, given, option_name(name)) for specimen in specimens]
         specimens, (voltage, *_) = zip(*pairs, strict=True)
         setattr(options, name, voltage if isinstance(voltage, str)

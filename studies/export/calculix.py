@@ -171,9 +171,9 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
     """Write the film as ``NAME.inp``, with a step for each mass [kg], then for each voltage [V].
 
     ``segment_voltages`` are those of the segments by name, a set for each voltage. Voltages ascend
-    in each of their proportions, under the last mass, in standard gravity; a gas may have a ``pressure`` [Pa].
-    With gas and without mass, a first step has the gas alone. One film of a stack is written, under
-    its part of the loads: all films of a stack move alike.
+    in each of their proportions, under the last mass, in standard gravity; a gas may have a
+    ``pressure`` [Pa]. With gas and without mass, a first step has the gas alone. One film of a
+    stack is written, under its part of the loads: all films of a stack move alike.
 
     Raises
     ------
@@ -202,7 +202,8 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
         film, mesh, masses[-1] if masses else 0.0, layers, raised, rig)]
     sheet = FlatFilm.of(mesh, specimen)
     plate_area = float(specimen.plate_area)
-    lines = film_input(specimen.name, sheet, films[0][0].membrane, [*weights, *actuated], plate_area)
+    lines = film_input(specimen.name, sheet, films[0][0].membrane, [*weights, *actuated],
+                       plate_area)
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")
     return file

@@ -45,9 +45,9 @@ class ForceCase:
     """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].
 
     Voltages of the segments of an electrode by name, ``segment_voltages``, are a set for each of
-    the ``voltages``. ``masses`` [kg] are loads whose equilibria are found. Without ``to`` the last displacement is a
-    little beyond these, or 0.3 of the gap. With a ``rate`` [m/s] the plate also moves
-    out and back in time. Values may be texts with a unit.
+    the ``voltages``. ``masses`` [kg] are loads whose equilibria are found. Without ``to`` the last
+    displacement is a little beyond these, or 0.3 of the gap. With a ``rate`` [m/s] the plate also
+    moves out and back in time. Values may be texts with a unit.
     """
 
     specimen: Specimen

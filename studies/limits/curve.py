@@ -188,8 +188,9 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
 
     Each of the ``voltages`` [V] adds a row; beyond the limit the row has no values of the film.
     ``segment_voltages`` are those of the segments by name, a set for each voltage; there is a curve
-    for each of their proportions. ``progress`` is called before each mass and at each voltage. ``beyond``: if a wrinkled film
-    thins without bound, continue to the pull-in of a film that cannot wrinkle.
+    for each of their proportions. ``progress`` is called before each mass and at each voltage.
+    ``beyond``: if a wrinkled film thins without bound, continue to the pull-in of a film that
+    cannot wrinkle.
     """
     began = time.perf_counter()
     curves: list[MassCurve] = []

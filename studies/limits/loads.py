@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -29,11 +29,15 @@ _BORNE: Rule = (lambda x: 0 < x <= MOST_MASS, f"must be above 0, at most {MOST_M
 
 @dataclass(frozen=True)
 class LoadGrid:
-    """Masses and voltages; every combination is one load."""
+    """Masses and voltages; every combination is one load.
+
+    ``segment_voltages``: voltages of the segments of an electrode by name, a set for each voltage.
+    """
 
     masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", _BORNE, "mass")]
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE,
                                                "voltage")] = ()
+    segment_voltages: tuple[Mapping[str, float], ...] = ()
 
     @property
     def count(self) -> int:

@@ -168,8 +168,8 @@ def plate_sense(specimen: Specimen, settings: Settings, loading: Loading, voltag
         coefficients = np.linalg.lstsq(_terms(scaled[fitted], powers), found[fitted],
                                        rcond=None)[0].T
         made = PlateSense(
-            voltage_V=voltage, segment_voltages_V=specimen.electrode.voltages(voltage), segments=tuple(segments), deflection_m=(low, high),
-            tilt_rad=steepest, powers=powers,
+            voltage_V=voltage, segment_voltages_V=specimen.electrode.voltages(voltage),
+            segments=tuple(segments), deflection_m=(low, high), tilt_rad=steepest, powers=powers,
             coefficients_F=tuple(map(tuple, coefficients.tolist())), error_deflection_m=np.inf,
             error_tilt_rad=np.inf, noise=noise, noise_deflection_m=0.0, noise_tilt_x_rad=0.0,
             noise_tilt_y_rad=0.0, per_percent_prestretch_m=None, per_percent_prestretch_rad=None)

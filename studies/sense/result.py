@@ -22,7 +22,8 @@ from tympan.studies.segments import Driven, share_words
 from tympan.studies.sense.inverse import Inverse
 from tympan.studies.sense.plate import PlateSense
 
-#: Difference of voltages [V], and of shares, within which they are the same: rounding of files.
+#: Relative difference of voltages, and difference [V], within which they are the same: files have
+#: 12 digits, and people write six.
 _SAME = 1e-6
 
 
@@ -45,7 +46,8 @@ class SenseCurve(Driven):
         "the same by a permittivity that is 1 % higher")]
     segment_capacitances_F: Annotated[Mapping[str, tuple[float, ...]], Key(
         "capacitance of each segment of the electrode there, by its name: charge over its own "
-        "voltage; empty for an electrode in one piece"), Printed(columns="capacitance_F")] = field(default_factory=dict)
+        "voltage; empty for an electrode in one piece"), Printed(columns="capacitance_F")] = (
+            field(default_factory=dict))
     ended: Annotated[ForceLimit | None, Key(
         "where the film ends before the last deflection; none where it reaches that")]
 
@@ -118,9 +120,7 @@ class SenseResult(SpecimenRecord):
         """Find the inverse of the proportion of voltages by name, the highest of which is given."""
         for inverse in self.inverses:
             shares = inverse.segment_shares
-            if top == 0 or voltages.keys() <= shares.keys() and all(
-                    np.isclose(voltages.get(name, 0.0), share * top, rtol=0, atol=_SAME * top)
-                    for name, share in shares.items()):
+            if top == 0 or _near(voltages, {name: top * share for name, share in shares.items()}):
                 return inverse
         known = "; ".join(share_words(each.segment_shares) for each in self.inverses)
         raise InputError(f"must be in a proportion that was solved: {known or 'one piece'}",
@@ -129,8 +129,8 @@ class SenseResult(SpecimenRecord):
     def sensed_plate(self, capacitances: Mapping[str, Any], voltage: Any) -> dict[str, Array]:
         """Sense the plate from the capacitances of segments [F] by their names, at a voltage [V].
 
-        Voltages of segments are given by name, one for each, as for :meth:`sensed`. The result has ``deflection_m``, ``tilt_x_rad`` and ``tilt_y_rad``, which are NaN beyond the
-        range.
+        Voltages of segments are given by name, one for each, as for :meth:`sensed`. The result has
+        ``deflection_m``, ``tilt_x_rad`` and ``tilt_y_rad``, which are NaN beyond the range.
 
         Raises
         ------
@@ -139,13 +139,13 @@ class SenseResult(SpecimenRecord):
         """
         names, = drives_by_name(voltage, shares=False) if by_segment(voltage) else ({},)
         top = max(names.values()) if names else float(voltage)
-        found = [each for each in self.plates if np.isclose(each.voltage_V, top) and (
+        solved = [each for each in self.plates if np.isclose(each.voltage_V, top) and (
             not names or _near(names, each.segment_voltages_V))]
-        if not found or (len(found) > 1 and top > 0):
+        if not solved or (len(solved) > 1 and top > 0):
             known = "; ".join(each.drive for each in self.plates) or "none"
             raise InputError(f"must be one of the solved voltages: {known}", key="voltage",
                              given=str(voltage))
-        plate = found[0]
+        plate = solved[0]
         for name in plate.segments:
             if name not in capacitances:
                 raise InputError(f"must have the capacitance of {name}", key="capacitances",
@@ -179,6 +179,6 @@ class SenseResult(SpecimenRecord):
 
 
 def _near(voltages: Mapping[str, float], others: Mapping[str, float]) -> bool:
-    """Check whether voltages of segments by name are the same; a name that is missing has none."""
-    return all(np.isclose(voltages.get(name, 0.0), others.get(name, 0.0), atol=_SAME)
+    """Check whether voltages of segments by name are the same [V]; a missing name has none."""
+    return all(np.isclose(voltages.get(name, 0.0), others.get(name, 0.0), rtol=_SAME, atol=_SAME)
                for name in {*voltages, *others})

@@ -60,8 +60,9 @@ class SenseCase:
     """A specimen whose capacitance determines its deflection, at nominal voltages [V].
 
     Voltages of the segments of an electrode by name, ``segment_voltages``, are a set for each of
-    the ``voltages``. Deflections are those from ``start`` to ``to`` [m]; without ``to`` a little further than the
-    ``masses`` [kg] deflect the plate, and without these further than typical ones do.
+    the ``voltages``. Deflections are those from ``start`` to ``to`` [m]; without ``to`` a little
+    further than the ``masses`` [kg] deflect the plate, and without these further than typical ones
+    do.
     """
 
     specimen: Specimen
