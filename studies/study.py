@@ -19,6 +19,7 @@ from tympan.base.fields import Key, Special, read
 from tympan.base.progress import Progress
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Table
+from tympan.base.units import drive_words
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
@@ -200,6 +201,13 @@ class StudyResult:
     from_films: tuple[str, ...]
     specimens: tuple[SpecimenResult, ...]
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
+
+    @property
+    def drive(self) -> str:
+        """Voltage of the picture, or those of the segments where they differ."""
+        shares = {each.name: each.share for item in self.specimens for each in item.result.segments}
+        return (drive_words({name: share * self.voltage_V for name, share in shares.items()})
+                or f"{self.voltage_V / 1e3:g} kV")
 
     @property
     def rows(self) -> dict[str, Array]:
