@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -37,7 +37,8 @@ class LoadGrid:
     masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", _BORNE, "mass")]
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE,
                                                "voltage")] = ()
-    segment_voltages: tuple[Mapping[str, float], ...] = ()
+    #: Not stored: only loads of α are, which have none.
+    segment_voltages: tuple[Mapping[str, float], ...] = field(default=(), compare=False)
 
     @property
     def count(self) -> int:
