@@ -328,7 +328,8 @@ class _Rows:
     @property
     def holds(self) -> AnyArray:
         """Whether each film is in tension and below its electric strength."""
-        return np.isfinite(self.shown["deflection_m"]) & (self.ended == "")
+        holds: AnyArray = np.isfinite(self.shown["deflection_m"]) & (self.ended == "")
+        return holds
 
     @property
     def largest_tilt(self) -> float:
