@@ -125,7 +125,8 @@ class Printed:
     ``noise_um``. ``may_miss``: the key is omitted if the value is None; a nan is written as null.
     ``choices``: allowed values of a text, each with a ``meaning``. ``inline``: the keys of a
     mapping, which are its ``choices``, are written into the record itself. ``columns``: field of
-    the records of a list by which tables have columns of each, such as ``capacitance_A_F``.
+    the records of a list by which tables have columns of each, such as ``capacitance_A_F``; of a
+    mapping by names, what each name is a column of, such as ``voltage_V``.
     """
 
     key: str = ""

@@ -24,7 +24,6 @@ from tympan.geometry.electrode import Patch as Patch
 from tympan.geometry.electrode import Region as Region
 from tympan.geometry.electrode import Segment as Segment
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, area, check_outline
-from tympan.geometry.outlines.drawn import Drawn
 from tympan.geometry.outlines.outline import SMALLEST
 from tympan.geometry.rays import exits
 
@@ -379,7 +378,7 @@ class Specimen:
 
     @property
     def _placed(self) -> Electrode:
-        """The electrode with its segments where the frame's own drawing has them."""
+        """The electrode with its segments where their corners, or the frame's drawing, are."""
         segments = list[Segment]()
         for segment in self.electrode.segments:
             place = None if segment.outline is None else self._drawn_place(segment.outline)
@@ -390,25 +389,34 @@ class Specimen:
         return replace(self.electrode, segments=tuple(segments))
 
     def _drawn_place(self, part: Region) -> Pair | None:
-        """Find where the frame's own drawing has a part that no offset places [m].
+        """Find where a part that no offset places was drawn, from the frame's centre [m].
 
-        None where it is in the frame's centre, beside the frame, or not in that drawing.
+        Corners in a file are from the same origin as those of the frame, or from the centre of a
+        frame without any. None where the part is in the frame's centre, or has no place of its own:
+        a shape without corners, a drawing that is not the frame's, a part beside the frame.
         """
-        frame, drawn = self.frame, part.outline
-        if not (isinstance(frame, Drawn) and isinstance(drawn, Drawn) and part.offset == (0, 0)
-                and frame.file and frame.file == drawn.file):
+        frame, files = self.frame, [getattr(outline, "file", "")
+                                    for outline in (self.frame, part.outline)]
+        if part.offset != (0, 0) or (files[1] and files[0] != files[1]):
             return None
-        x, y = np.subtract(drawn.drawn_at, frame.drawn_at).tolist()
+        own = part.outline.drawn_at
+        if own is None:
+            return None
+        origin = frame.drawn_at if files[0] == files[1] else None
+        x, y = np.real(np.subtract(own, origin or (0.0, 0.0))).tolist()
+        if max(abs(x), abs(y)) <= SMALLEST * max(frame.semi_axes):
+            return None
         # A part drawn outside the frame was drawn beside it, not in its place.
-        away = max(abs(x), abs(y)) > SMALLEST * max(frame.semi_axes)
-        return (x, y) if away and frame.level(*np.array([[x], [y]]))[0] < 0 else None
+        return None if files[1] and frame.level(*np.array([[x], [y]]))[0] >= 0 else (x, y)
 
     @property
     def drawn_elsewhere(self) -> tuple[str, ...]:
-        """Remarks on parts that the frame's own drawing has off its centre."""
+        """Remarks on parts that were drawn off the frame's centre, and are centred in it."""
         remarks = list[str]()
         for key, part in self._inside:
-            place = self._drawn_place(part)
+            # People give a plate's corners from anywhere: it is centred, as the frame is.
+            drawn = key != "plate" or bool(getattr(part.outline, "file", ""))
+            place = self._drawn_place(part) if drawn else None
             if place is not None:
                 x, y = (f"{round(1e3 * length, 4) + 0.0:g}" for length in place)
                 remarks.append(

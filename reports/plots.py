@@ -284,7 +284,7 @@ def _(result: StudyResult, axes: Axes) -> None:
     curves = [(number, specimen.name, curve) for number, specimen in enumerate(result.specimens)
               for curve in voltage_curves(specimen.curves)]
     for number, name, curve in curves:
-        draw_curve(axes, curve, number, f"{name}, {curve.mass:g} g: {curve.end}",
+        draw_curve(axes, curve, number, curve.named(name, f"{curve.mass:g} g"),
                    len(result.specimens))
     axes.set(xlabel="voltage (kV)", ylabel="deflection (mm)", title=result.name)
     frame_curves(axes, [curve for *_, curve in curves])

@@ -487,8 +487,16 @@ def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALON
 
     CAD, mesh and discretisation are kept, since a study uses a specimen many times.
     """
-    return replace(bare_film(specimen, settings, mirror_planes(specimen, loading)),
-                   loading=solved_loading(loading, settings))
+    model, = build_models((specimen,), settings, loading)
+    return model
+
+
+def build_models(specimens: Sequence[Specimen], settings: Settings, loading: Loading = _ALONE
+                 ) -> list[Model]:
+    """Build films that differ in the voltages of their segments alone, on one mesh."""
+    planes = frozenset.intersection(*(mirror_planes(each, loading) for each in specimens))
+    solved = solved_loading(loading, settings)
+    return [replace(bare_film(each, settings, planes), loading=solved) for each in specimens]
 
 
 def solved_loading(loading: Loading, settings: Settings) -> Loading:

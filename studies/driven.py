@@ -9,14 +9,16 @@ with one electrode has is one of a film with segments, too.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from tympan.base.errors import InputError
 from tympan.base.fields import numbers
+from tympan.base.toml_reader import Rule, Table
+from tympan.geometry.electrode import Electrode
 from tympan.geometry.specimen import Specimen
 
 S = TypeVar("S", bound=Specimen)
@@ -27,8 +29,8 @@ _NAMED = re.compile(r"(?:^|,)\s*([^\W\d]\w*)\s*=")
 #: Keys of a range, which is a mapping too.
 _RANGE = {"from", "to", "count"}
 
-#: Relative difference of two shares below which they are the same proportion: rounding.
-_SAME = 1e-9
+#: Digits of shares in which proportions that are the same agree: rounding changes later ones.
+_DIGITS = 6
 
 
 def by_segment(given: Any) -> bool:
@@ -63,16 +65,106 @@ def driven(specimen: S, given: Any, key: str = "voltage") -> tuple[S, Any]:
         return specimen, given
     found = drives(specimen, given, key)
     wired, _ = max(found, key=lambda pair: pair[1])
-    for other, _ in (pair for pair in found if pair[1] > 0):
-        shares = zip(wired.electrode.segments, other.electrode.segments, strict=True)
-        if any(abs(one.share - another.share) > _SAME for one, another in shares):
-            raise InputError("must keep the proportion of the segments' voltages where it takes "
-                             "several: ask for one proportion after the other, or use tympan "
-                             "sweep", key=key, given=str(given))
+    if len({_proportion(other.electrode) for other, top in found if top > 0}) > 1:
+        raise InputError("must be voltages in one proportion, or one voltage for each segment: "
+                         "here the voltages of all segments rise and fall together", key=key,
+                         given=str(given))
     if isinstance(given, str) and "%" in given:
         return wired, f"{found[0][1]:.17g} %"
     values = [voltage for _, voltage in found]
     return wired, f"{values[0]:.17g} V" if len(values) == 1 else values
+
+
+@dataclass(frozen=True)
+class Voltages:
+    """Voltages of a question that takes several: those of the film, or of its segments [V].
+
+    ``segments``: voltages of the segments by name, a set for each of the ``film``; empty where
+    they are not given by name.
+    """
+
+    film: tuple[float, ...] = ()
+    segments: tuple[Mapping[str, float], ...] = ()
+
+    @classmethod
+    def read(cls, given: Any, key: str = "voltage") -> Voltages:
+        """Read what a command, a function or a file gives; none where it is None."""
+        if given is None:
+            return cls()
+        if not by_segment(given):
+            return cls(numbers(given, "voltage", key))
+        sets = tuple(drives_by_name(given, key, shares=False))
+        return cls(tuple(max(each.values()) for each in sets), sets)
+
+
+def in_proportion(specimen: S, voltages: Sequence[float],
+                  segments: Sequence[Mapping[str, float]] = ()
+                  ) -> list[tuple[S, tuple[float, ...]]]:
+    """List specimens with the shares of each proportion of voltages, and their voltages [V].
+
+    ``segments``: voltages of the segments by name, a set for each voltage; without them there is
+    one specimen, as it is. Voltages ascend.
+    """
+    return [(film, tuple(sorted(voltages[number] for number in numbers)))
+            for film, numbers in grouped(specimen, voltages, segments)]
+
+
+def grouped(specimen: S, voltages: Sequence[float], segments: Sequence[Mapping[str, float]] = ()
+            ) -> list[tuple[S, tuple[int, ...]]]:
+    """List specimens with the shares of each proportion of voltages, and the numbers of these.
+
+    A set without voltage has no proportion: it is with the first one.
+    """
+    if not segments:
+        return [(specimen, tuple(range(len(voltages))))]
+    pairs = [specimen.electrode.driven(each) for each in segments]
+    first = next((electrode for electrode, top in pairs if top > 0), specimen.electrode)
+    films = dict[tuple[float, ...], Electrode]()
+    found = dict[tuple[float, ...], list[int]]()
+    for number, (electrode, top) in enumerate(pairs):
+        wired = electrode if top > 0 else first
+        films.setdefault(_proportion(wired), wired)
+        found.setdefault(_proportion(wired), []).append(number)
+    return [(replace(specimen, electrode=films[shares]), tuple(numbers))
+            for shares, numbers in found.items()]
+
+
+def require_different(voltages: Sequence[float], segments: Sequence[Mapping[str, float]] = ()
+                      ) -> None:
+    """Raise InputError where a voltage, or a set of those of the segments, is given twice."""
+    sets: set[Any] = {tuple(sorted((name, volts) for name, volts in each.items() if volts))
+                      for each in segments} if segments else {*voltages}
+    if len(sets) < len(voltages):
+        raise InputError("must differ from each other", key="voltage",
+                         given=", ".join(f"{value:g}" for value in voltages))
+
+
+def _proportion(electrode: Electrode) -> tuple[float, ...]:
+    return tuple(round(float(segment.share), _DIGITS) for segment in electrode.segments)
+
+
+def driven_once(specimen: S, given: Any, key: str = "voltage") -> tuple[S, float]:
+    """Set the shares of a specimen's segments from one voltage for each; also the film's [V]."""
+    sets = drives_by_name(given, key, shares=False)
+    if len(sets) != 1:
+        raise InputError("must have one voltage for each segment", key=key, given=str(given))
+    try:
+        electrode, top = specimen.electrode.driven(sets[0])
+    except InputError as error:
+        raise InputError(error.allowed, key=key, given=error.given) from None
+    return replace(specimen, electrode=electrode), top
+
+
+def film_voltage(table: Table, key: str, rule: Rule) -> float | None:
+    """Read the voltage of a film in a file [V]; None where it is left out, or by names.
+
+    Names of segments are those of specimens, which are read later.
+    """
+    given = table.data.get(key)
+    if given is None or by_segment(given):
+        table.asked.add(key)
+        return None
+    return table.number(key, "voltage", rule=rule)
 
 
 def drives(specimen: S, given: Any, key: str = "voltage") -> list[tuple[S, float]]:

@@ -58,6 +58,20 @@ def cells_of(record: Any) -> dict[str, Any]:
     return cells
 
 
+def named_cells(record: Any) -> dict[str, Any]:
+    """Collect the values of mappings by names that have columns, such as ``voltage_A_V``."""
+    cls: Any = type(record)
+    return {column_of_part(column, part): value for name, column in _mapped(cls)
+            for part, value in getattr(record, name).items()}
+
+
+@cache
+def _mapped(cls: Any) -> tuple[tuple[str, str], ...]:
+    """List mappings by names that have columns, and what these are columns of."""
+    return tuple((item.name, item.printed.columns) for item in fields_of(cls)
+                 if item.printed.columns and get_origin(item.kind) is Mapping)
+
+
 def columns_of(record: Any) -> dict[str, dict[str, Any]]:
     """Collect columns of the records of each list that names them, by the list's field."""
     cls: Any = type(record)
@@ -71,7 +85,7 @@ def columns_of(record: Any) -> dict[str, dict[str, Any]]:
 def _listed(cls: Any) -> tuple[tuple[str, str], ...]:
     """List fields whose records have columns of their own, and the field that names these."""
     return tuple((item.name, item.printed.columns) for item in fields_of(cls)
-                 if item.printed.columns)
+                 if item.printed.columns and item.several)
 
 
 def column_of_part(name: str, part: str) -> str:
@@ -130,7 +144,11 @@ def rows_in(records: Sequence[Any], **same: Any) -> dict[str, Array]:
     rows: list[dict[str, Any]] = []
     for record in records:
         lists = {name: getattr(record, name) for name, several in _kinds(record) if several}
-        rows += [cells_of(record) | dict(zip(lists, entry, strict=True))
+        named = named_cells(record)
+        same_in_all = cells_of(record) | {
+            name: value for name, value in named.items() if not isinstance(value, tuple)}
+        lists |= {name: value for name, value in named.items() if isinstance(value, tuple)}
+        rows += [same_in_all | dict(zip(lists, entry, strict=True))
                  for entry in zip(*lists.values(), strict=True)]
     return _rows(records, same, rows, lists=True)
 
@@ -140,12 +158,26 @@ def _rows(records: Sequence[Any], same: Mapping[str, Any], rows: Sequence[Mappin
     """Make columns of rows; those that are the ``same`` are there even without rows."""
     names = list[str]()
     for record in records[:1]:
-        names += [name for name, _ in _kinds(record)] if lists else [*cells_of(record)]
+        names += _names(record) if lists else [*cells_of(record)]
     columns: dict[str, Array] = {}
     for name, value in same.items():
         kind = object if isinstance(value, str) else float
         columns[name] = np.full(len(rows), value, dtype=kind)
     return {**columns, **{name: _column([row[name] for row in rows]) for name in names}}
+
+
+def _names(record: Any) -> list[str]:
+    """Name the columns of a record's fields, in their order."""
+    cls: Any = type(record)
+    single, mapped = {name for name, _ in _kinds(record)}, dict(_mapped(cls))
+    names = list[str]()
+    for item in fields_of(cls):
+        if item.name in single:
+            names.append(item.name)
+        elif item.name in mapped:
+            names += [column_of_part(mapped[item.name], part)
+                      for part in getattr(record, item.name)]
+    return names
 
 
 def _column(values: list[Any]) -> Array:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
 
 from tympan.base.fields import Key, Printed
+from tympan.base.units import drive_words
 from tympan.fem.results.segments import largest_in_segments, segment_capacitances
 from tympan.fem.results.solved_states import SolvedStates
 
@@ -31,6 +32,44 @@ class SegmentState:
 OfSegments = Annotated[tuple[SegmentState, ...], Key(
     "segments of the electrode; empty where it is in one piece, and for a film in closed form"),
     Printed(columns="name")]
+
+
+def share_words(shares: Mapping[str, float]) -> str:
+    """Write the voltages of segments over that of the film, where they differ; else "".
+
+    Examples
+    --------
+    >>> share_words({"A": 1.0, "B": 0.5}), share_words({"A": 1.0, "B": 1.0})
+    ('A 100 %, B 50 %', '')
+    """
+    if len(set(shares.values())) < 2:
+        return ""
+    return ", ".join(f"{name} {100 * share:.6g} %" for name, share in shares.items())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driven:
+    """Part of a result at one voltage, with those of the segments.
+
+    Tables have a column of each, such as ``voltage_A_V``.
+
+    Examples
+    --------
+    >>> Driven(voltage_V=3e3).drive
+    '3 kV'
+    >>> Driven(voltage_V=3e3, segment_voltages_V={"A": 3e3, "B": 1e3}).drive
+    'A 3 kV, B 1 kV'
+    """
+
+    voltage_V: Annotated[float, Key("nominal voltage")]
+    segment_voltages_V: Annotated[Mapping[str, float], Key(
+        "nominal voltages of the segments, by their names; empty for an electrode in one piece"),
+        Printed(columns="voltage_V")] = field(default_factory=dict)
+
+    @property
+    def drive(self) -> str:
+        """Voltage, or those of the segments where they differ."""
+        return drive_words(self.segment_voltages_V) or f"{1e-3 * self.voltage_V:.4g} kV"
 
 
 def segments_of(found: SolvedStates) -> Iterator[tuple[SegmentState, ...]]:

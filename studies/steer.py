@@ -257,64 +257,112 @@ def steer(case: SteerCase, settings: Settings = Settings()) -> SteerResult:
     volts = np.array([*product(*values.values())])
     family = steered_family(case, settings, values)
     made = time.perf_counter() - began
-    top = float(volts.max())
-    rows = np.zeros((len(volts), 0)) if not family.box.names else _shares(
-        case.rig, volts[:, [len(each) > 1 for each in values.values()]], top)
-    films = Population.alike(family, case.rig, rows)
-    grid = FilmGrid(films, masses=np.full((len(rows), 1), case.mass),
-                    voltages=np.full((len(rows), 1), top))
-    states = family.states(rows, grid.forces, grid.across, check=False, loose=True)
-    error, off = _errors(family, grid, states, [
-        len(each) for each in values.values() if len(each) > 1])
-    states = replace(states, error=error, slope_error=off)
-    why = unsure(states, _ALLOWED)[:, 0]
-    if family.unstable:
-        why[why == ""] = UNSTABLE
-    every = variables_of(states, plate=True)
-    found = {name: every[name][:, 0].copy() for name in _SHOWN}
-    errors = {"deflection_error_m": states.error[:, 0].copy(),
-              "tilt_error_rad": states.slope_error[:, 0].copy()}
-    ended = _ended(case.specimen, states)
-    by = np.where(states.holds[:, 0], BY_REDUCED, "").astype(object)
-    warnings = list[str]()
-    missing = np.flatnonzero(why != "")
-    if len(missing) <= _BY_ELEMENTS:
-        for row in missing.tolist():
-            record = _by_elements(case, settings, volts[row])
-            for name, column in found.items():
-                column[row] = np.nan if record[name] is None else record[name]
-            for column in errors.values():
-                column[row] = np.nan
-            solved = record["status"] == "equilibrium"
-            by[row] = BY_ELEMENTS
-            ended[row] = ended[row] if solved else "no equilibrium"
-            if solved and record["slack_share"] and not ended[row].startswith(TENSION.label):
-                ended[row] = TENSION.label
-    elif len(missing):
-        lost = missing[~np.isfinite(found["deflection_m"][missing])]
-        warnings.append(f"{len(missing)} of {len(volts)} rows need finite elements, which are "
-                        f"used for {_BY_ELEMENTS} at most: {len(lost)} have no numbers, the others "
-                        "those of a reduced film without wrinkles, whose errors are larger than "
-                        'stated; the column "why" has the reason of each')
-        ended[lost] = np.where(ended[lost] == "", "no reduced film", ended[lost])
-    holds = np.isfinite(found["deflection_m"]) & (ended == "")
-    largest = float(np.hypot(found["tilt_x_rad"], found["tilt_y_rad"])[holds].max(initial=0.0))
+    rows = _Rows.of(case, family, _solved(case, family, values, volts))
+    warnings = _by_others(case, settings, rows, volts)
+    holds, largest = rows.holds, rows.largest_tilt
     if family.tilted > _ALLOWED * largest:
         warnings.append(f"tilts may be off by {1e3 * family.tilted:.2g} mrad, more than "
                         f"{_ALLOWED:g} of the largest one")
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     columns: dict[str, Any] = {name: _cells(column)
-                               for name, column in (found | errors).items()}
+                               for name, column in (rows.shown | rows.errors).items()}
     return SteerResult(
         specimen=case.specimen.name, mass_kg=case.mass,
         segments=tuple(SegmentVoltages(name=name, voltage_V=each)
                        for name, each in values.items()),
         **columns,
-        holds=tuple(holds.tolist()), ended=tuple(ended.tolist()), by=tuple(by.tolist()),
-        why=tuple(why.tolist()), directions_rad=tuple(angles.tolist()),
-        reached=_reached(found, holds, angles), family_s=made,
+        holds=tuple(holds.tolist()), ended=tuple(rows.ended.tolist()), by=tuple(rows.by.tolist()),
+        why=tuple(rows.why.tolist()), directions_rad=tuple(angles.tolist()),
+        reached=_reached(rows.shown, holds, angles), family_s=made,
         dofs=family.ground.model.unknowns, wall_s=time.perf_counter() - began,
         warnings=tuple(warnings))
+
+
+def _solved(case: SteerCase, family: FilmFamily, values: Mapping[str, tuple[float, ...]],
+            volts: AnyArray) -> FilmStates:
+    """Solve all combinations of voltages [V], (rows, segments), by reduced films, with errors."""
+    top = float(volts.max())
+    counts = [len(each) for each in values.values()]
+    shares = np.zeros((len(volts), 0)) if not family.box.names else _shares(
+        case.rig, volts[:, np.array(counts) > 1], top)
+    films = Population.alike(family, case.rig, shares)
+    grid = FilmGrid(films, masses=np.full((len(shares), 1), case.mass),
+                    voltages=np.full((len(shares), 1), top))
+    states = family.states(shares, grid.forces, grid.across, check=False, loose=True)
+    error, off = _errors(family, grid, states, [count for count in counts if count > 1])
+    return replace(states, error=error, slope_error=off)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Columns of a map, whose rows others may fill in: each array is (rows,).
+
+    ``shown``: variables of the states; ``errors`` of reduced films. ``ended``: the limit that a row
+    is beyond. ``by``: what solved it. ``why``: why no reduced film did.
+    """
+
+    shown: dict[str, AnyArray]
+    errors: dict[str, AnyArray]
+    ended: AnyArray
+    by: AnyArray
+    why: AnyArray
+
+    @classmethod
+    def of(cls, case: SteerCase, family: FilmFamily, states: FilmStates) -> _Rows:
+        """Collect the columns of reduced films."""
+        why = unsure(states, _ALLOWED)[:, 0]
+        if family.unstable:
+            why[why == ""] = UNSTABLE
+        every = variables_of(states, plate=True)
+        return cls({name: every[name][:, 0].copy() for name in _SHOWN},
+                   {"deflection_error_m": states.error[:, 0].copy(),
+                    "tilt_error_rad": states.slope_error[:, 0].copy()},
+                   _ended(case.specimen, states),
+                   np.where(states.holds[:, 0], BY_REDUCED, "").astype(object), why)
+
+    @property
+    def missing(self) -> AnyArray:
+        """Numbers of the rows that no reduced film solved."""
+        return np.flatnonzero(self.why != "")
+
+    @property
+    def holds(self) -> AnyArray:
+        """Whether each film is in tension and below its electric strength."""
+        holds: AnyArray = np.isfinite(self.shown["deflection_m"]) & (self.ended == "")
+        return holds
+
+    @property
+    def largest_tilt(self) -> float:
+        """Largest tilt of the films that hold [rad]."""
+        tilt = np.hypot(self.shown["tilt_x_rad"], self.shown["tilt_y_rad"])
+        return float(tilt[self.holds].max(initial=0.0))
+
+    def fill(self, row: int, record: Mapping[str, Any]) -> None:
+        """Fill in a row by finite elements: its record in a sweep."""
+        for name, column in self.shown.items():
+            column[row] = np.nan if record[name] is None else record[name]
+        for column in self.errors.values():
+            column[row] = np.nan
+        solved = record["status"] == "equilibrium"
+        self.by[row] = BY_ELEMENTS
+        self.ended[row] = self.ended[row] if solved else "no equilibrium"
+        if solved and record["slack_share"] and not self.ended[row].startswith(TENSION.label):
+            self.ended[row] = TENSION.label
+
+
+def _by_others(case: SteerCase, settings: Settings, rows: _Rows, volts: AnyArray) -> list[str]:
+    """Solve missing rows by finite elements if they are few; else warn."""
+    missing = rows.missing
+    if len(missing) <= _BY_ELEMENTS:
+        for row in missing.tolist():
+            rows.fill(row, _by_elements(case, settings, volts[row]))
+        return []
+    lost = missing[~np.isfinite(rows.shown["deflection_m"][missing])]
+    rows.ended[lost] = np.where(rows.ended[lost] == "", "no reduced film", rows.ended[lost])
+    return [f"{len(missing)} of {len(volts)} rows need finite elements, which are "
+            f"used for {_BY_ELEMENTS} at most: {len(lost)} have no numbers, the others "
+            "those of a reduced film without wrinkles, whose errors are larger than "
+            'stated; the column "why" has the reason of each']
 
 
 def steered_family(case: SteerCase, settings: Settings,

@@ -19,6 +19,7 @@ from tympan.base.fields import Key, Special, read
 from tympan.base.progress import Progress
 from tympan.base.read_file import file_text
 from tympan.base.toml_reader import Table
+from tympan.base.units import drive_words
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
@@ -35,11 +36,12 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
 from tympan.studies.columns import Column, as_written, read_own_sheet, write_sheet
+from tympan.studies.driven import Voltages, by_segment, driven_once, film_voltage, in_proportion
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.force.force import ForceCase, force
 from tympan.studies.force.result import ForceResult
-from tympan.studies.limits.curve import CURVES, CurveResult, curve
+from tympan.studies.limits.curve import CurveResult, curve
 from tympan.studies.limits.loads import LoadGrid, usual_masses
 from tympan.studies.shipped import STUDY, specimen_tables
 from tympan.studies.tolerance.bands import banded
@@ -146,7 +148,7 @@ class SpecimenResult:
         assert self.result.film is not None
         self.result.film.save(folder / "fields" / f"{self.name}.vtu")
         write_sheet(folder / "lines" / f"{self.name}.csv", LINES, self.lines)
-        write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves.table)
+        write_sheet(folder / "curves" / f"{self.name}.csv", self.curves.columns, self.curves.table)
         remove(folder / "forces", *(f"{self.name}{ForceResult.ending}.{kind}"
                                     for kind in ForceResult.kinds))
         if self.force is not None:
@@ -163,7 +165,7 @@ class SpecimenResult:
             raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
                              given=name)
         film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
-        table = read_own_sheet(folder / "curves" / f"{name}.csv", CURVES)
+        table = read_own_sheet(folder / "curves" / f"{name}.csv", self.curves.columns)
         forces = folder / "forces"
         pulled = (forces / f"{name}{ForceResult.ending}.json").exists()
         return replace(self, result=replace(self.result, film=film),
@@ -201,14 +203,23 @@ class StudyResult:
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
     @property
+    def drive(self) -> str:
+        """Voltage of the picture, or those of the segments where they differ."""
+        shares = {each.name: each.share for item in self.specimens for each in item.result.segments}
+        return (drive_words({name: share * self.voltage_V for name, share in shares.items()})
+                or f"{self.voltage_V / 1e3:g} kV")
+
+    @property
     def rows(self) -> dict[str, Array]:
         """Rows of all curves, with the names of their specimens."""
         tables = [specimen.curves.table for specimen in self.specimens]
         names = [np.full(len(table["mass"]), specimen.name, dtype=object)
                  for specimen, table in zip(self.specimens, tables, strict=True)]
+        columns = {column.name: column for specimen in self.specimens
+                   for column in specimen.curves.columns}
         return {"specimen": np.concatenate(names)} | {
-            column.name: np.concatenate([table[column.name] for table in tables])
-            for column in CURVES}
+            name: np.concatenate([table.get(name, _blank(column, len(table["mass"])))
+                                  for table in tables]) for name, column in columns.items()}
 
     def json(self) -> dict[str, Any]:
         """Write the study as a JSON object, without α."""
@@ -245,6 +256,11 @@ class StudyResult:
                          for number, record in enumerate(alphas)))
 
 
+def _blank(column: Column, count: int) -> Any:
+    """Make the cells of a column that a table does not have."""
+    return np.full(count, np.nan) if column.choices is None else np.full(count, "")
+
+
 def discard_report(folder: Path) -> None:
     """Remove the files that mark a study in the folder as complete."""
     remove(folder, "study.json", "alpha.json", "report.html")
@@ -264,7 +280,9 @@ class StudyFile:
     name: Annotated[str, Key("of the study and its report", default="the file's name")] = ""
     mass: Annotated[float | None, Key("load on the plate in the picture", "mass", MASS_RULE,
                                       default="suits the films")] = None
-    voltage: Annotated[float, Key("nominal voltage in the picture", "voltage", VOLTAGE_RULE)] = 0.0
+    voltage: Annotated[float, Key(
+        "nominal voltage in the picture; of an electrode in segments also by their names, whose "
+        "proportion all loads without names keep", "voltage", VOLTAGE_RULE)] = 0.0
     rig: Annotated[Rig | None, Key("of all specimens: its keys, or the name of their file",
                                    default="that of the specimens")] = None
     tolerances: Annotated[Tolerances | None, Key(
@@ -285,14 +303,22 @@ def read_study(file: Path) -> Study:
                 if count > 1]
     if repeated:
         raise table.error("specimens", "must have different names", sorted(repeated))
+    picture, loads = table.data.get("voltage"), given.curves
+    voltage = given.voltage
     try:
         bare, rig = mounted_together(specimens, given.rig)
+        if by_segment(picture):
+            pairs = [driven_once(specimen, picture) for specimen in bare]
+            bare, voltage = tuple(specimen for specimen, _ in pairs), pairs[0][1]
+        if loads is not None:
+            for specimen in bare:
+                in_proportion(specimen, loads.voltages, loads.segment_voltages)  # known names
     except InputError as error:
         raise error.located(file=file) from None
     sources = (specimen_to_toml(specimen) if source.where else file_text(source.file)
                for source, specimen in zip(given.specimens, specimens, strict=True))
     return Study(
-        given.name or file.stem, bare, tuple(sources), mass=given.mass, voltage=given.voltage,
+        given.name or file.stem, bare, tuple(sources), mass=given.mass, voltage=voltage,
         rig=rig, curves=given.curves, alpha=AlphaSettings(given.alpha_fit, given.alpha_held_out),
         tolerances=given.tolerances)
 
@@ -368,7 +394,8 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
     result = replace(result, film=film_surface(model, outcome.state))
     lines = _lines(model, outcome.state)
     progress(f"{specimen.name}: curves")
-    curves = curve(specimen, study.curves.masses, study.settings, study.rig, study.curves.voltages)
+    curves = curve(specimen, study.curves.masses, study.settings, study.rig, study.curves.voltages,
+                   segment_voltages=study.curves.segment_voltages)
     progress(f"{specimen.name}: forces")
     forces = _force(study, specimen, curves)
     return SpecimenResult(specimen.name, source, str(specimen.membrane.material),
@@ -409,10 +436,27 @@ def _lines(model: Model, state: State) -> Columns:
 def _loads(table: Table, key: str) -> LoadGrid | None:
     if table.value(key, None) is None:
         return None
-    loads: LoadGrid = read(LoadGrid, table.table(key))
+    inner = table.table(key)
+    if by_segment(inner.data.get("voltage")):
+        return _by_name(table, inner, key)
+    loads: LoadGrid = read(LoadGrid, inner)
     if list(loads.voltages) != sorted(loads.voltages):
         raise table.error(f"{key}.voltage", "must ascend", table.value(key)["voltage"])
     return loads
+
+
+def _by_name(table: Table, inner: Table, key: str) -> LoadGrid:
+    """Read loads whose voltages are those of segments by their names."""
+    if key != "curves":
+        raise table.error(f"{key}.voltage", "must be voltages without names: α is fitted in the "
+                          "proportion that the study's voltage has", inner.data["voltage"])
+    try:
+        volts = Voltages.read(inner.data["voltage"], "voltage")
+    except InputError as error:
+        raise table.error(f"{key}.voltage", error.allowed, error.given) from None
+    loads: LoadGrid = read(LoadGrid, inner, {
+        (LoadGrid, "voltages"): lambda within, name: (film_voltage(within, name, VOLTAGE_RULE),)})
+    return replace(loads, voltages=volts.film, segment_voltages=volts.segments)
 
 
 #: Readers of keys that accept more forms than their declaration.
@@ -420,5 +464,6 @@ _READERS: Special = {
     (StudyFile, "specimens"): specimen_tables,
     (StudyFile, "rig"): rig_under,
     (StudyFile, "tolerances"): tolerances_under,
+    (StudyFile, "voltage"): lambda table, key: film_voltage(table, key, VOLTAGE_RULE) or 0.0,
     **{(StudyFile, key): _loads for key in ("curves", "alpha_fit", "alpha_held_out")},
 }

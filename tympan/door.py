@@ -298,6 +298,7 @@ def limits(specimen: SpecimenOrFile, *, beyond: bool = False, settings: Settings
 
 
 @public(former={"voltages": "voltage"}, rest="mass")
+@combining
 @one_thread()
 def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, beyond: bool = False,
@@ -310,19 +311,22 @@ def curve(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     ``tolerances`` as for :func:`solve`: then ``result.curves[0].band_deflection_m`` has the band of
     films at ``band_voltage_V``. ``beyond`` as for :func:`limits`.
     """
+    from tympan.studies.driven import Voltages
     from tympan.studies.limits.curve import curve
     from tympan.studies.limits.loads import usual_masses
 
     (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
     given = [Case(specimen, mass=one).mass for one in several(mass, "mass", "mass")]
     usual = () if given else usual_masses(specimen, settings, on) if specimen.plate else (0.0,)
-    marked = sorted(Case(specimen, voltage=one).voltage
-                    for one in several(voltage, "voltage", "voltage"))
-    found = curve(specimen, given or usual, settings, on, marked, beyond=beyond)
+    marked = Voltages.read(voltage)
+    Case.greatest(specimen, given or usual, marked.film, on)  # refuses loads that no film bears
+    found = curve(specimen, given or usual, settings, on, marked.film, beyond=beyond,
+                  segment_voltages=marked.segments)
     return Result(_banded(found, specimen, tolerances, on, settings))
 
 
 @public(former={"voltages": "voltage", "loads": "mass"})
+@combining
 @one_thread()
 def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
@@ -340,16 +344,19 @@ def force(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     ``result.loops[0].area_J`` are the areas of a film with viscous branches. ``tolerances`` as for
     :func:`solve`: then ``result.curves[0].band_force_N`` has the band of films.
     """
+    from tympan.studies.driven import Voltages
     from tympan.studies.force import ForceCase, force
 
     (specimen, on), settings = held(specimen, rig, pressure), settings or Settings()
-    case = ForceCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
+    volts = Voltages.read(voltage)
+    case = ForceCase(specimen, voltages=volts.film or (0.0,), segment_voltages=volts.segments,
                      start=from_, to=to, points=points, masses=several(mass, "mass", "mass"),
                      rate=rate, cycles=cycles, rig=on)
     return Result(_banded(force(case, settings), specimen, tolerances, case.rig, settings))
 
 
 @public(former={"voltages": "voltage", "masses": "mass"})
+@combining
 @one_thread()
 def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load | None = None,
           pressure: float | str | None = None, rig: Holder = None, from_: float | str = 0.0,
@@ -366,10 +373,12 @@ def sense(specimen: SpecimenOrFile, *, mass: Load | None = None, voltage: Load |
     to a largest ``tilt``: ``result.sensed_plate({"A": …, "B": …, "C": …}, voltage)``. Their
     capacitances have a relative ``noise``.
     """
+    from tympan.studies.driven import Voltages
     from tympan.studies.sense import SenseCase, sense
 
     specimen, on = held(specimen, rig, pressure)
-    case = SenseCase(specimen, voltages=several(voltage, "voltage", "voltage") or (0.0,),
+    volts = Voltages.read(voltage)
+    case = SenseCase(specimen, voltages=volts.film or (0.0,), segment_voltages=volts.segments,
                      masses=several(mass, "mass", "mass"), start=from_, to=to, points=points,
                      sensing=tuple(sensing), tilt=tilt, noise=noise, rig=on)
     return Result(sense(case, settings or Settings()))
@@ -847,6 +856,7 @@ def effects() -> dict[str, Any]:
 
 
 @public(PartSizes, former={"masses": "mass", "voltages": "voltage"})
+@combining
 def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
            voltage: Load | None = None, pressure: float | str = 0.0, inp: bool = False,
            settings: Settings | None = None, **sizes: Unpack[PartSizes]) -> list[Path]:
@@ -857,14 +867,15 @@ def export(specimen: SpecimenOrFile, folder: File, *, mass: Load | None = None,
     ``pressure`` [Pa].
     """
     from tympan.geometry.cad.sizes import PartOptions
+    from tympan.studies.driven import Voltages
     from tympan.studies.export import export, export_input
 
     specimen, settings = loaded(specimen), settings or Settings()
     settings.require_elements()
-    carried, applied = several(mass, "mass", "mass"), several(voltage, "voltage", "voltage")
+    carried, applied = several(mass, "mass", "mass"), Voltages.read(voltage)
     if inp:
-        return [export_input(specimen, settings.mesh, Path(folder), carried, sorted(applied),
-                             number(pressure, "stress", "pressure"))]
+        return [export_input(specimen, settings.mesh, Path(folder), carried, applied.film,
+                             number(pressure, "stress", "pressure"), applied.segments)]
     chosen = PartOptions(**{name: number(size, "length", name) for name, size in sizes.items()})
     return list(export(specimen, settings.mesh, Path(folder), chosen))
 

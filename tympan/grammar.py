@@ -218,7 +218,7 @@ _COMBINES = "combines_voltages"
 
 
 def combining(function: F) -> F:
-    """Mark a function on specimens that takes all combinations of its segments' voltages."""
+    """Mark a function on specimens that takes several proportions of its segments' voltages."""
     setattr(function, _COMBINES, True)
     return function
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Case, Settings
+    from tympan.studies.driven import Voltages
 
 #: Function that adds an argument, or several of which one may be given, to a command's parser.
 Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
@@ -272,11 +273,21 @@ def _driven(specimens: Sequence[Specimen], options: argparse.Namespace) -> Seque
 
     for name in BY_SEGMENT & named.keys():
         given = named[name]
+        if not specimens:
+            raise InputError("must be one voltage: the file of a lumped model keeps the proportion "
+                             "of its segments' voltages", key=option_name(name), given=given)
         pairs = [driven(specimen, given, option_name(name)) for specimen in specimens]
         specimens, (voltage, *_) = zip(*pairs, strict=True)
         setattr(options, name, voltage if isinstance(voltage, str)
                 else ", ".join(f"{each:.17g} V" for each in voltage))
     return specimens
+
+
+def read_voltages(options: argparse.Namespace) -> Voltages:
+    """Read the voltages of a question that takes several, of the film or of its segments."""
+    from tympan.studies.driven import Voltages
+
+    return Voltages.read(options.voltage or None, "--voltage")
 
 
 def _rig(options: argparse.Namespace) -> Rig | None:

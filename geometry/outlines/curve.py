@@ -119,6 +119,12 @@ class Curve:
                                         for sign in (-1, 1))
         return (low_x, high_x), (low_y, high_y)
 
+    @property
+    def middle(self) -> Point:
+        """Centre of its bounding box [m]."""
+        x, y = ((low + high) / 2 for low, high in self.box)
+        return x, y
+
     def _extreme(self, axis: int, sign: int) -> Any:
         reached = np.array([_extreme(piece, axis, sign) for piece in self.pieces])
         # Where two pieces reach equally far, the derivative is the mean of both.
@@ -139,7 +145,7 @@ class Curve:
 
     def centred(self) -> Curve:
         """Shift the curve so that its bounding box is centred on the origin."""
-        x, y = ((low + high) / 2 for low, high in self.box)
+        x, y = self.middle
         tiny = 1e-15 * abs(self.box[0][1] - self.box[0][0])
         return self if max(abs(x), abs(y)) <= tiny else self.placed(shift=(-x, -y))
 

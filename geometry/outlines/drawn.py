@@ -30,6 +30,10 @@ class ClosedSpline(Boxed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "through", around(self.through, "through"))
 
+    @cached_property
+    def drawn_at(self) -> tuple[float, float]:
+        return Curve(self.pieces()).middle
+
     def pieces(self) -> tuple[Piece, ...]:
         """One spline; its knots are the lengths of chords, and so move with the points."""
         points = np.array([*self.through, self.through[0]])
@@ -90,6 +94,4 @@ class Drawn(Boxed):
 
     @cached_property
     def drawn_at(self) -> tuple[float, float]:
-        """Centre of its bounding box in the drawing [m]."""
-        (west, east), (south, north) = Curve(self.segments).box
-        return (west + east) / 2, (south + north) / 2
+        return Curve(self.segments).middle

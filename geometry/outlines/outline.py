@@ -65,6 +65,11 @@ class Outline(FieldsAlone, ABC):
         return ()
 
     @cached_property
+    def drawn_at(self) -> tuple[float, float] | None:
+        """Centre of its box in the coordinates of its corners [m]; None for a shape by sizes."""
+        return None
+
+    @cached_property
     def curve(self) -> Curve:
         """The pieces, centred on their bounding box."""
         return Curve(self.pieces())
@@ -131,6 +136,14 @@ class Rotated(Boxed):
     @property
     def remarks(self) -> tuple[str, ...]:
         return self.outline.remarks
+
+    @cached_property
+    def drawn_at(self) -> tuple[float, float] | None:
+        drawn = self.outline.drawn_at
+        if drawn is None:
+            return None
+        x, y = self.outline.curve.placed(self.rotation).middle
+        return drawn[0] + x, drawn[1] + y
 
     def pieces(self) -> tuple[Piece, ...]:
         return self.outline.curve.placed(self.rotation).pieces

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from tympan.base.errors import InputError
 from tympan.base.fields import Key
 from tympan.base.toml_reader import Rule
+from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, SEMI_AXES, SIZE, Boxed, Outline
 from tympan.geometry.outlines.pieces import PLACE, Arc, Line, Piece, Point, around, direction
 
@@ -100,6 +102,10 @@ class Polygon(Boxed):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", around(self.vertices, "vertices"))
+
+    @cached_property
+    def drawn_at(self) -> tuple[float, float]:
+        return Curve(self.pieces()).middle
 
     def pieces(self) -> tuple[Piece, ...]:
         return _filleted(self.vertices, self.fillet)

@@ -88,6 +88,12 @@ class VoltageCurve:
     there: Array
     #: Voltages, and 5 and 95 % quantiles of films that scatter, (3, voltages).
     band: Array = field(default_factory=lambda: np.empty((3, 0)))
+    #: Proportion of the segments' voltages, where they differ.
+    drive: str = ""
+
+    def named(self, *words: str) -> str:
+        """Name the curve by words and the proportion of its voltages, and say how it ends."""
+        return f"{', '.join(filter(None, (*words, self.drive)))}: {self.end}"
 
     @property
     def end(self) -> str:
@@ -157,13 +163,14 @@ def voltage_curves(result: CurveResult) -> Iterator[VoltageCurve]:
     """Convert the curves of a result to the units of pictures."""
     table = result.table
     for curve in result.curves:
-        of_mass = np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
-        asked, way = (of_mass & (table["asked"] == number) for number in (1, 0))
+        own = result.rows_of(curve)
+        asked, way = (own & (table["asked"] == number) for number in (1, 0))
         yield VoltageCurve(
             curve.mass_kg * 1e3, curve.limits, table["voltage"][way] / 1e3,
             table["deflection"][way] * 1e3, table["voltage"][asked] / 1e3,
             tuple(table["status"][asked].tolist()), table["deflection"][asked] * 1e3,
-            style.edges(np.array(curve.band_voltage_V) / 1e3, curve.band_deflection_m, 1e3))
+            style.edges(np.array(curve.band_voltage_V) / 1e3, curve.band_deflection_m, 1e3),
+            curve.drive)
 
 
 def draw_curves(result: CurveResult, folder: Path) -> list[Path]:
@@ -183,7 +190,7 @@ def draw_voltage_curves(axes: Axes, result: CurveResult, below: bool = False) ->
     """Draw all curves of a specimen, with a legend of their ends, in or below the axes."""
     curves = list(voltage_curves(result))
     for number, curve in enumerate(curves):
-        draw_curve(axes, curve, number, f"{curve.mass:g} g: {curve.end}", len(curves))
+        draw_curve(axes, curve, number, curve.named(f"{curve.mass:g} g"), len(curves))
     style.describe(axes, "voltage (kV)", "deflection (mm)", result.specimen, bold=True)
     frame_curves(axes, curves, below=below)
 

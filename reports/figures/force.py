@@ -52,8 +52,9 @@ def draw_force_curves(axes: Axes, result: ForceResult) -> None:
     lines = []
     for number, curve in enumerate(result.curves):
         lines.append(_curve(axes, curve, factor, style.colour_of(number)))
+    drives = [(curve.voltage_V, curve.segment_voltages_V) for curve in result.curves]
     for loop in result.loops:
-        number = [curve.voltage_V for curve in result.curves].index(loop.voltage_V)
+        number = drives.index((loop.voltage_V, loop.segment_voltages_V))
         axes.plot(1e3 * np.array(loop.displacement_m), factor * np.array(loop.force_N),
                   color=style.colour_of(number), linewidth=0.8, alpha=0.8, zorder=2)
         _say(axes, f"at {1e3 * loop.rate_m_per_s:.4g} mm/s", color=style.GREY, linewidth=0.8)
@@ -72,7 +73,7 @@ def draw_force_curves(axes: Axes, result: ForceResult) -> None:
 
 def _curve(axes: Axes, curve: ForceCurve, factor: float, colour: str) -> Line2D:
     x, y = 1e3 * np.array(curve.displacement_m), factor * np.array(curve.force_N)
-    drawn, = axes.plot(x, y, color=colour, label=f"{curve.voltage_V / 1e3:.4g} kV", zorder=2)
+    drawn, = axes.plot(x, y, color=colour, label=curve.drive, zorder=2)
     style.band(axes, style.edges(x[:len(curve.band_force_N)], curve.band_force_N, factor), colour)
     for where, look, words in (
             (~np.array(curve.tense, bool), {"linewidth": 5.0, "alpha": 0.25, "zorder": 1.0,

@@ -49,7 +49,7 @@ def draw_capacitance(axes: Axes, result: SenseResult) -> None:
     for number, curve in enumerate(result.curves):
         axes.plot(1e3 * np.array(curve.displacement_m), 1e12 * np.array(curve.capacitance_F),
                   linewidth=_THIN + _WIDER * (len(result.curves) - 1 - number),
-                  color=style.colour_of(number), label=f"{curve.voltage_V / 1e3:.4g} kV")
+                  color=style.colour_of(number), label=curve.drive)
     for number, mass in enumerate(dict.fromkeys(state.mass_kg for state in result.states)):
         there = [state for state in result.states if state.mass_kg == mass]
         axes.plot([1e3 * state.displacement_m for state in there],

@@ -33,8 +33,9 @@ def draw_study_curves(run: StudyView, folder: Path) -> list[Path]:
 
 def compose_curves(run: StudyView) -> Figure:
     """Draw one panel per mass, all with the same limits."""
-    curves = [(index, specimen.name, curve) for index, specimen in enumerate(run.specimens)
-              for curve in specimen.curves]
+    curves = [(specimen.name, curve) for specimen in run.specimens for curve in specimen.curves]
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(
+        (name, curve.drive) for name, curve in curves))}
     masses = sorted({curve.mass for *_, curve in curves})
     rows = rows_of_panels(len(masses), most=2)
     width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
@@ -45,9 +46,10 @@ def compose_curves(run: StudyView) -> Figure:
     for number, row in enumerate(rows):
         for column, panel in enumerate(row):
             axes = style.place_axes(figure, lefts[column], number * height + _TITLE, width, _PANEL)
-            for index, name, curve in curves:
+            for name, curve in curves:
                 if curve.mass == masses[panel]:
-                    draw_curve(axes, curve, index, f"{name}: {curve.end}", len(run.specimens))
+                    draw_curve(axes, curve, numbers[name, curve.drive], curve.named(name),
+                               len(numbers))
             style.describe(axes, "voltage (kV)", "deflection (mm)" if column == 0 else "",
                            f"{masses[panel]:g} g", bold=True)
             axes.tick_params(labelleft=column == 0)

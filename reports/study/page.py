@@ -65,7 +65,8 @@ def render_study(run: StudyView, stress: str, curves_: str, viewer: str = "", fo
         limit_states={kind: state for kind, state in LIMIT_STATES.items()
                       if any(curve.limits.by_kind.get(kind) for item in run.specimens
                              for curve in item.curves)},
-        curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
+        curves_of=[(", ".join(filter(None, (item.name, curve.drive))), curve)
+                   for item in run.specimens for curve in item.curves],
         design=stress_figure.lay_out(run.specimens, run.stress_range),
         alphas=[item for item in run.stored.alphas if len(item.circles) > 1],
         circles=[item for item in run.stored.alphas if len(item.circles) == 1],

@@ -174,7 +174,7 @@ def _explain(figure: Figure, run: StudyView, design: FigureLayout, top: float) -
     style.colour_bar(figure, (style.WIDTH + _LEFT - _RIGHT - 70) / 2, top + 3, (70, 2.6),
                      view.scale, view.colours, stress_label(view.scale))
     right = style.WIDTH - _RIGHT - 32.0
-    _write(figure, right, top + 2.6, f"load {run.mass:g} g, {run.voltage:g} kV")
+    _write(figure, right, top + 2.6, f"load {run.mass:g} g, {run.stored.drive}")
     names = next((item.axes for item in run.specimens if not item.round), run.specimens[0].axes)
     for row, (name, colour, dashes) in enumerate(zip(names, (style.SHORT, style.LONG), ("-", "--"),
                                                      strict=True)):

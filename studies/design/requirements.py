@@ -24,7 +24,7 @@ from tympan.fem.rig import (
 )
 from tympan.geometry.specimen import Specimen, require_different_names
 from tympan.studies.design.ranges import Vary
-from tympan.studies.driven import by_segment, drives
+from tympan.studies.driven import by_segment, driven_once, film_voltage
 from tympan.studies.films.box import SPRING, varying
 from tympan.studies.films.family import require_reducible
 from tympan.studies.limits.loads import require_moved
@@ -225,25 +225,11 @@ class Requirements:
 
 def _driven(specimen: Specimen, given: object) -> tuple[Specimen, float]:
     """Set the shares of a specimen's segments from voltages by their names; also the film's [V]."""
-    if isinstance(given, str) and "%" in given:
-        raise InputError("must be voltages, such as \"A = 3 kV, B = 0 kV\"", key="voltage",
-                         given=given)
-    found = drives(specimen, given)
-    if len(found) != 1 or not VARIED_LOADS["voltage"][0](found[0][1]):
+    wired, voltage = driven_once(specimen, given)
+    if not VARIED_LOADS["voltage"][0](voltage):
         raise InputError("must have one voltage for each segment, one of them above 0",
                          key="voltage", given=str(given))
-    return found[0]
-
-
-def _voltage(table: Table, key: str) -> float | None:
-    """Read the voltage of the supply, or the highest of those by the names of segments."""
-    given = table.data.get(key)
-    if by_segment(given):
-        table.asked.add(key)
-        return None
-    if given is None:
-        return None
-    return table.number(key, "voltage", rule=VARIED_LOADS["voltage"])
+    return wired, voltage
 
 
 def _refuse_former(table: Table) -> None:
@@ -446,7 +432,8 @@ _READERS: Special = {
     (RequirementsFile, "specimen"): _loaded,
     (RequirementsFile, "want"): Table.table,
     (RequirementsFile, "vary"): Table.table,
-    (RequirementsFile, "voltage"): _voltage,
+    (RequirementsFile, "voltage"): lambda table, key: film_voltage(
+        table, key, VARIED_LOADS["voltage"]),
     (RequirementsFile, "bounds"): lambda table, key: table.table(key, {}),
     (RequirementsFile, "rig"): rig_under,
     (RequirementsFile, "tolerances"): lambda table, key: tolerances_under(table, key,

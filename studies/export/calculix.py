@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
@@ -23,6 +23,7 @@ from tympan.geometry.mesh import CurvedTriangles, from_flat, segmented, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.case import failure_reason, voltage_ramp
+from tympan.studies.driven import in_proportion
 from tympan.studies.export.hyperelastic import BULK_RATIO, bulk_modulus, hyperelastic
 from tympan.studies.files import write_text
 
@@ -165,12 +166,14 @@ class Step:
 
 def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
                  masses: Sequence[float] = (), voltages: Sequence[float] = (),
-                 pressure: float = 0.0) -> Path:
+                 pressure: float = 0.0, segment_voltages: Sequence[Mapping[str, float]] = ()
+                 ) -> Path:
     """Write the film as ``NAME.inp``, with a step for each mass [kg], then for each voltage [V].
 
-    Voltages ascend, under the last mass, in standard gravity; a gas may have a ``pressure`` [Pa].
-    With gas and without mass, a first step has the gas alone. One film of a stack is written, under
-    its part of the loads: all films of a stack move alike.
+    ``segment_voltages`` are those of the segments by name, a set for each voltage. Voltages ascend
+    in each of their proportions, under the last mass, in standard gravity; a gas may have a
+    ``pressure`` [Pa]. With gas and without mass, a first step has the gas alone. One film of a
+    stack is written, under its part of the loads: all films of a stack move alike.
 
     Raises
     ------
@@ -184,20 +187,23 @@ def export_input(specimen: Specimen, settings: MeshSettings, folder: Path,
         specimen.needed_plate()
     for mass, voltage in product(masses or (0.0,), voltages or (0.0,)):
         checked_load(mass, voltage, pressure)
-    planes = specimen.mirror_planes
+    films = in_proportion(replace(specimen, membrane=replace(specimen.membrane, layers=1)),
+                          voltages, segment_voltages)
+    planes = frozenset.intersection(*(film.mirror_planes for film, _ in films))
     part = from_flat(mesh_film(specimen, replace(settings, order=2), planes))
     # As symmetric as the film, so that its plate does not tilt.
     mesh = segmented(unfold(part, planes)[0], specimen)
     layers = specimen.membrane.layers
-    single = replace(specimen, membrane=replace(specimen.membrane, layers=1))
     rig = Rig(gas_pressure=pressure / layers)
     carried = masses or ((0.0,) if pressure else ())
     weights = [Step(_load_words(mass, layers, pressure), force=rig.force(mass / layers),
                     pressure=rig.gas_pressure) for mass in carried]
-    actuated = _actuated(single, mesh, masses[-1] if masses else 0.0, layers, voltages, rig)
+    actuated = [step for film, raised in films for step in _actuated(
+        film, mesh, masses[-1] if masses else 0.0, layers, raised, rig)]
     sheet = FlatFilm.of(mesh, specimen)
     plate_area = float(specimen.plate_area)
-    lines = film_input(specimen.name, sheet, single.membrane, [*weights, *actuated], plate_area)
+    lines = film_input(specimen.name, sheet, films[0][0].membrane, [*weights, *actuated],
+                       plate_area)
     file = folder / f"{specimen.name}.inp"
     write_text(file, "\n".join(lines) + "\n")
     return file

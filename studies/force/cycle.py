@@ -20,6 +20,7 @@ from tympan.fem.equilibrium.held_path import HeldInterval, crossings
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.membrane.biases import Bias, acting
+from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.firmness import least_firmness
@@ -68,15 +69,17 @@ class PlateLoad:
         return self.weight * (end - start) - (after - before)
 
 
-def load_line(model: Model, loads: Loads, mass: float, curves: Sequence[FollowedForce],
+def load_line(loading: Loading, loads: Loads, mass: float, curves: Sequence[FollowedForce],
               displacements: Sequence[float], settings: PathSettings) -> LoadLine:
     """Find the equilibria of a mass [kg] on a rig, and the cycle from the first to the last curve.
 
-    The line is evaluated at displacements [m], as far as the mechanisms have a force. ``model``
+    The line is evaluated at displacements [m], as far as the mechanisms have a force. ``loading``
     includes all mechanisms between plate and ground; the models of the curves include none.
     """
-    load = PlateLoad(model.loading.biases, float(loads.force(mass, model.plate_area)))
-    found = [_equilibria(model, load, curve, settings) for curve in curves]
+    area = curves[0].model.plate_area
+    load = PlateLoad(loading.biases, float(loads.force(mass, area)))
+    found = [_equilibria(replace(curve.model, loading=loading), load, curve, settings)
+             for curve in curves]
     reached = _reached(load, curves, found)
     names = dict.fromkeys(bias.law.replace("_", " ") for bias in load.biases)
     words = ([f"{1e3 * mass:g} g"] if mass or not names else []) + list(names)
@@ -86,7 +89,8 @@ def load_line(model: Model, loads: Loads, mass: float, curves: Sequence[Followed
         load=" and ".join(words), mass_kg=mass,
         displacement_m=tuple(where[np.isfinite(pull)].tolist()),
         force_N=tuple(pull[np.isfinite(pull)].tolist()), crossings=tuple(
-        Crossing(voltage_V=each.curve.voltage, displacement_m=each.displacement,
+        Crossing(voltage_V=each.curve.voltage, segment_voltages_V=each.curve.segment_voltages,
+                 displacement_m=each.displacement,
                  force_N=float(load.pull(np.array([each.displacement]))[0][0]),
                  stable=each.stable, reached=each is there)
         for several, there in zip(found, reached, strict=True) for each in several))
@@ -165,9 +169,9 @@ def _with_cycle(line: LoadLine, load: PlateLoad, first: _Equilibrium, last: _Equ
               at_displacement(first.curve, end, settings))
     if others[0] is None or others[1] is None:
         return line
-    model = first.curve.model
-    corners = [_corner(model, solution.state)
-               for solution in (first.solution, others[0], last.solution, others[1])]
+    corners = [_corner(curve.model, solution.state) for curve, solution in (
+        (first.curve, first.solution), (last.curve, others[0]), (last.curve, last.solution),
+        (first.curve, others[1]))]
     into, out = map(float, exchanged(corners))
     stroke = corners[2].stored - corners[0].stored - work
     return replace(line, ideal_work_J=into - out, electrical_in_J=into, electrical_out_J=out,

@@ -66,11 +66,17 @@ class FollowedForce:
         return np.array([state.force for state in self.states])
 
     @property
+    def segment_voltages(self) -> dict[str, float]:
+        """Nominal voltages of the electrode's segments by name [V]."""
+        return self.model.specimen.electrode.voltages(self.voltage)
+
+    @property
     def curve(self) -> ForceCurve:
         """Curve as it is stored."""
         stable = [firm and slope > 0 for firm, slope in zip(self.firm, self.stiffness, strict=True)]
         return ForceCurve(
-            voltage_V=self.voltage, displacement_m=tuple(self.displacement.tolist()),
+            voltage_V=self.voltage, segment_voltages_V=self.segment_voltages,
+            displacement_m=tuple(self.displacement.tolist()),
             force_N=tuple(self.force.tolist()), stable=tuple(stable),
             stiffness_N_per_m=tuple(self.stiffness), limits=tuple(self.limits), ended=self.ended,
             **self._of_fields(), **self._of_guide())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +14,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks, changed
 from tympan.base.progress import Progress
 from tympan.base.toml_reader import POSITIVE, Rule
+from tympan.base.units import drive_words
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.ramp import still_slack
@@ -21,7 +22,8 @@ from tympan.fem.equilibrium.solve import held
 from tympan.fem.membrane.model import Model
 from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Tester
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, build_model, solve_grid, solved_loading
+from tympan.studies.case import Case, Settings, build_models, solve_grid, solved_loading
+from tympan.studies.driven import in_proportion, require_different
 from tympan.studies.force.cycle import load_line
 from tympan.studies.force.follow import FollowedForce, at_displacement, follow
 from tympan.studies.force.loops import HeldMotion, loop
@@ -42,15 +44,17 @@ _CYCLES: Rule = (lambda x: 1 <= x <= 1000, "must be a whole number from 1 to 100
 class ForceCase:
     """A specimen whose plate is displaced from ``start`` to ``to`` [m], at each voltage [V].
 
-    ``masses`` [kg] are loads whose equilibria are found. Without ``to`` the last displacement is a
-    little beyond these, or 0.3 of the gap. With a ``rate`` [m/s] the plate also moves
-    out and back in time. Values may be texts with a unit.
+    Voltages of the segments of an electrode by name, ``segment_voltages``, are a set for each of
+    the ``voltages``. ``masses`` [kg] are loads whose equilibria are found. Without ``to`` the last
+    displacement is a little beyond these, or 0.3 of the gap. With a ``rate`` [m/s] the plate also
+    moves out and back in time. Values may be texts with a unit.
     """
 
     specimen: Specimen
     _: KW_ONLY
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE)] = (
         0.0,)
+    segment_voltages: tuple[Mapping[str, float], ...] = ()
     start: Annotated[float, Key("first displacement", "length", name="from")] = 0.0
     to: Annotated[float | None, Key("last displacement", "length",
                                     default="a little beyond where the loads rest, or "
@@ -65,6 +69,7 @@ class ForceCase:
 
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, voltages: Sequence[float | str] = ...,
+                     segment_voltages: Sequence[Mapping[str, float]] = ...,
                      start: float | str = ..., to: float | str | None = ...,
                      points: int = ...,
                      masses: Sequence[float | str] = ..., rate: float | str | None = ...,
@@ -77,10 +82,11 @@ class ForceCase:
                              given=self.rig.guide)
         if not self.voltages:
             raise InputError("must have one voltage at least", key="voltage", given="none")
-        for name, values in (("voltage", self.voltages), ("mass", self.masses)):
-            if len(set(values)) < len(values):
-                raise InputError("must differ from each other", key=name,
-                                 given=", ".join(f"{value:g}" for value in values))
+        require_different(self.voltages, self.segment_voltages)
+        if len(set(self.masses)) < len(self.masses):
+            raise InputError("must differ from each other", key="mass",
+                             given=", ".join(f"{value:g}" for value in self.masses))
+        in_proportion(self.specimen, self.voltages, self.segment_voltages)  # known names
         most = PathSettings().reach * max(self.specimen.frame.semi_axes)
         for name, place in (("from", self.start), ("to", self.to)):
             if place is not None and not abs(place) <= most:
@@ -99,6 +105,11 @@ class ForceCase:
         return self.to
 
     @property
+    def films(self) -> list[tuple[Specimen, tuple[float, ...]]]:
+        """Specimens with the shares of each proportion of voltages, and their voltages [V]."""
+        return in_proportion(self.specimen, self.voltages, self.segment_voltages)
+
+    @property
     def displacements(self) -> list[float]:
         """Displacements of the plate [m]; the first and the last are exact."""
         places: list[float] = np.linspace(self.start, self.last, self.points).tolist()
@@ -114,11 +125,13 @@ def displaced(case: ForceCase, settings: Settings) -> ForceCase:
         return case
     if not case.masses:
         return replace(case, to=case.start + _FAR * case.specimen.gap)
-    model = build_model(case.specimen, settings, case.rig.loading)
-    path = settings.bounded(model, loads=len(case.masses) * len(case.voltages)).path
-    rests = [model.deflection(outcome.state) for _, outcome in solve_grid(
-        model, case.masses, sorted(case.voltages), case.rig, path)
-        if outcome.status == "equilibrium"]
+    films = case.films
+    models = build_models([film for film, _ in films], settings, case.rig.loading)
+    path = settings.bounded(models[0], loads=len(case.masses) * len(case.voltages)).path
+    rests = [model.deflection(outcome.state)
+             for model, (_, voltages) in zip(models, films, strict=True)
+             for _, outcome in solve_grid(model, case.masses, voltages, case.rig, path)
+             if outcome.status == "equilibrium"]
     farthest = ROOM * max(rests, default=-inf)
     return replace(case, to=farthest if farthest > case.start else None)
 
@@ -134,24 +147,22 @@ def force(case: ForceCase, settings: Settings,
     began = time.perf_counter()
     case = displaced(case, settings)
     rig, specimen = case.rig, case.specimen
-    alone = build_model(specimen, settings, replace(rig.loading, biases=()))
-    settings = settings.bounded(alone, loads=max(len(case.voltages), 1))
+    alone = build_models([film for film, _ in case.films], settings,
+                         replace(rig.loading, biases=()))
+    settings = settings.bounded(alone[0], loads=max(len(case.voltages), 1))
     path = settings.path
-    curves = list(followed_curves(case, alone, path, progress))
+    curves = followed_curves(case, alone, path, progress)
     lines, short = [], dict[str, str]()
     if case.masses or rig.loading.biases:
-        loaded = replace(alone, loading=solved_loading(rig.loading, settings))
-        lines = [load_line(loaded, rig, mass, curves, case.displacements, path)
+        loading = solved_loading(rig.loading, settings)
+        lines = [load_line(loading, rig, mass, curves, case.displacements, path)
                  for mass in case.masses or (0.0,)]
         short = {law: f'the mechanism "{law}" of the rig has no force at {1e3 * place:.4g} mm: '
                       "load lines end before, and nothing is extrapolated"
-                 for place in (case.start, case.last) for law in loaded.loading.ended(place)}
+                 for place in (case.start, case.last) for law in loading.ended(place)}
     first = lines[0] if lines else None
-    held_at, blocked = _blocked(curves, None if first is None or not first.crossings
-                                else next((crossing.displacement_m for crossing in first.crossings
-                                           if crossing.reached
-                                           and crossing.voltage_V == curves[0].voltage), None),
-                                path)
+    held_at, blocked = _blocked(curves, None if first is None else first.reached_at(
+        curves[0].voltage, curves[0].segment_voltages), path)
     loops = [] if case.rate is None else [
         _loop(case, curve, progress) for curve in curves if curve.states]
     highest = Case.greatest(specimen, case.masses, case.voltages, rig)
@@ -159,19 +170,27 @@ def force(case: ForceCase, settings: Settings,
         specimen=specimen.name, curves=tuple(curve.curve for curve in curves), loads=tuple(lines),
         loops=tuple(loops),
         stroke_m=first.stroke_m if first else None, work_J=first.work_J if first else None,
-        blocked_force_N=blocked, blocked_displacement_m=held_at, dofs=alone.unknowns,
+        blocked_force_N=blocked, blocked_displacement_m=held_at, dofs=alone[0].unknowns,
         wall_s=time.perf_counter() - began, warnings=(
             *left_out(case), *short.values(), *highest.remarks))
 
 
-def followed_curves(case: ForceCase, model: Model, path: PathSettings,
-                    progress: Progress
-            ) -> Iterator[FollowedForce]:
+def followed_curves(case: ForceCase, models: Sequence[Model], path: PathSettings,
+                    progress: Progress) -> list[FollowedForce]:
+    """Follow the curve at each voltage, ascending; ``models`` are those of the case's films."""
+    curves = [curve for model, (_, voltages) in zip(models, case.films, strict=True)
+              for curve in _followed(case, model, voltages, path, progress)]
+    return sorted(curves, key=lambda curve: curve.voltage)
+
+
+def _followed(case: ForceCase, model: Model, voltages: Sequence[float], path: PathSettings,
+              progress: Progress) -> Iterator[FollowedForce]:
     """Follow the curve at each voltage; each starts from the start of the one before."""
     displacements = case.displacements
     start: Solution | None = None
-    for voltage in sorted(case.voltages):
-        progress(f"{case.specimen.name}: {voltage / 1e3:g} kV")
+    for voltage in voltages:
+        driven = drive_words(model.specimen.electrode.voltages(voltage))
+        progress(f"{case.specimen.name}: {driven or f'{voltage / 1e3:g} kV'}")
         film_voltage = float(case.rig.film_voltage(voltage))
         outcome = held(model, case.start, 0.0 if start is None else film_voltage, start, path,
                        case.rig.gas_pressure)

@@ -78,8 +78,8 @@ def loop(model: Model, voltage: float, start: State, motion: HeldMotion) -> Forc
 def _loop(model: Model, voltage: float, start: State, motion: HeldMotion, steps: StepSettings
           ) -> ForceLoop:
     deflection = motion.deflection
-    voltage = max(start.voltage_squared, 0.0) ** 0.5
-    charged = Pieces(deflection.time, np.full(len(deflection.time), voltage))
+    across = max(start.voltage_squared, 0.0) ** 0.5
+    charged = Pieces(deflection.time, np.full(len(deflection.time), across))
     held = Transient(model, start.force, charged, settings=steps, pressure=start.pressure,
                      deflection=deflection)
     record: list[tuple[float, float, float]] = []
@@ -99,7 +99,8 @@ def _loop(model: Model, voltage: float, start: State, motion: HeldMotion, steps:
     told = told[told <= time[-1] * (1 + _ROUNDING)]
     way = np.minimum((told / motion.leg * (1 + _ROUNDING)).astype(int), 2 * motion.cycles - 1)
     return ForceLoop(
-        voltage_V=voltage, rate_m_per_s=motion.rate, leg_s=motion.leg,
+        voltage_V=voltage, segment_voltages_V=model.specimen.electrode.voltages(voltage),
+        rate_m_per_s=motion.rate, leg_s=motion.leg,
         time_s=tuple(told.tolist()),
         displacement_m=tuple(deflection.within(way, told).tolist()),
         force_N=tuple(trace.at(force, np.minimum(told, time[-1])).tolist()),

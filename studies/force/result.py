@@ -18,6 +18,7 @@ from tympan.studies.case import Band, SpecimenRecord, UnknownCount, WallTime, Wa
 from tympan.studies.columns import Column, write_rows, write_sheet
 from tympan.studies.files import remove
 from tympan.studies.rows import rows_in
+from tympan.studies.segments import Driven
 
 #: Columns of the CSV of loops; they have the names of a dataset's force.csv. ``run`` is the cycle.
 LOOP_COLUMNS: tuple[Column, ...] = (
@@ -74,13 +75,12 @@ class ForceLimit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceCurve:
+class ForceCurve(Driven):
     """Force on the plate at one voltage; each list has one value for each displacement.
 
     The fields are the columns of the CSV, in this order.
     """
 
-    voltage_V: Annotated[float, Key("nominal voltage")]
     displacement_m: Annotated[tuple[float, ...], Key("displacements of the plate, ascending")]
     force_N: Annotated[tuple[float, ...], Key(
         "force that holds the plate there, positive along the displacement")]
@@ -129,10 +129,9 @@ class ForceCurve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crossing:
+class Crossing(Driven):
     """Crossing of a load line and a curve: an equilibrium under that load at that voltage."""
 
-    voltage_V: Annotated[float, Key("nominal voltage")]
     displacement_m: Annotated[float, Key("displacement of the plate")]
     force_N: Annotated[float, Key("force that the film carries there")]
     stable: Annotated[bool, Key("whether it is stable under the load")]
@@ -170,12 +169,20 @@ class LoadLine:
         "work of a stroke under the load over the energy that the supply gives for it, with none "
         "got back; none where the plate snaps")] = None
 
+    def reached_at(self, voltage: float, segments: Mapping[str, float]) -> float | None:
+        """Find the displacement [m] that the plate comes to at a voltage [V] of a curve.
+
+        ``segments``: voltages of the segments by name. None where it comes to none.
+        """
+        return next((crossing.displacement_m for crossing in self.crossings if crossing.reached and
+                     (crossing.voltage_V, crossing.segment_voltages_V) == (voltage, segments)),
+                    None)
+
 
 @dataclass(frozen=True, kw_only=True)
-class ForceLoop:
+class ForceLoop(Driven):
     """Motion of the plate out and back at a speed, at one voltage."""
 
-    voltage_V: Annotated[float, Key("nominal voltage")]
     rate_m_per_s: Annotated[float, Key("speed of the plate")]
     leg_s: Annotated[float, Key("time of one way, half a cycle")]
     time_s: Annotated[tuple[float, ...], Key("times, from the beginning of the motion")]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -29,11 +29,16 @@ _BORNE: Rule = (lambda x: 0 < x <= MOST_MASS, f"must be above 0, at most {MOST_M
 
 @dataclass(frozen=True)
 class LoadGrid:
-    """Masses and voltages; every combination is one load."""
+    """Masses and voltages; every combination is one load.
+
+    ``segment_voltages``: voltages of the segments of an electrode by name, a set for each voltage.
+    """
 
     masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", _BORNE, "mass")]
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE,
                                                "voltage")] = ()
+    #: Not stored: only loads of α are, which have none.
+    segment_voltages: tuple[Mapping[str, float], ...] = field(default=(), compare=False)
 
     @property
     def count(self) -> int:

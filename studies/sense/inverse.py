@@ -7,8 +7,8 @@ minimum grows as the square of the deflection. So the polynomial is in the root 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from string import Template
 from typing import Annotated, Any
@@ -18,6 +18,7 @@ from numpy.polynomial import polynomial
 
 from tympan.base.arrays import AnyArray, Array
 from tympan.base.fields import Key
+from tympan.studies.segments import share_words
 
 #: Degrees of the root of the excess that are tried.
 _DEGREES = range(2, 11)
@@ -51,6 +52,9 @@ class Inverse:
         "voltage, that were not fitted")]
     voltages_V: Annotated[tuple[float, ...], Key("voltages of the curves, ascending")]
     largest_F: Annotated[tuple[float, ...], Key("largest capacitance of each of these curves")]
+    segment_shares: Annotated[Mapping[str, float], Key(
+        "voltages of the segments over U, by their names; empty for an electrode in one piece")] = (
+            field(default_factory=dict))
 
     def root(self, capacitance: Any, voltage: Any) -> Array:
         """Compute the root u of the excess, 0 where there is no excess."""
@@ -82,17 +86,22 @@ class Inverse:
         total = polynomial.polyval2d(u, v + 0 * u, np.array(self.coefficients_m))
         return np.asarray(self.start_m + u * total)
 
-    def c_source(self, name: str) -> str:
-        """Write the inverse as a function of C99, named after a specimen."""
+    def c_source(self, name: str, number: int = 1) -> str:
+        """Write the inverse as a function of C99, named after a specimen.
+
+        ``number``: of the proportion of the segments' voltages; from the second on names have it.
+        """
         word = re.sub(r"[^A-Za-z0-9_]", "_", name)
         word = word if word[0].isalpha() else f"model_{word}"
+        word += f"_{number}" * (number > 1)
+        title = ": ".join(filter(None, (name, share_words(self.segment_shares))))
         text = resources.files("tympan.studies.sense").joinpath("source.txt")
         rows = [", ".join(map(repr, row)) for row in self.coefficients_m]
         known = [f" * {voltage:g} V: up to {1e12 * largest:.6g} pF"
                  for voltage, largest in zip(self.voltages_V, self.largest_F, strict=True)]
         at, ends = (", ".join(map(repr, part.tolist())) for part in self.ends)
         return Template(text.read_text(encoding="utf-8")).substitute(
-            title=name, name=word, start=repr(self.start_m), highest=repr(self.highest_V),
+            title=title, name=word, start=repr(self.start_m), highest=repr(self.highest_V),
             error=f"{1e3 * self.error_m:.2g}", base=", ".join(map(repr, self.base_F)),
             rows=len(rows), columns=len(self.coefficients_m[0]),
             powers=len(self.base_F), known="\n".join(known), at=at, ends=ends,

@@ -29,6 +29,7 @@ from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.fem.results.segments import segment_capacitances
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, bare_film
+from tympan.studies.segments import Driven
 
 #: Number of segments whose capacitances give three numbers.
 LEAST = 3
@@ -53,14 +54,13 @@ _LAST = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlateSense:
+class PlateSense(Driven):
     """Plate sensed by the capacitances of segments, at one proportion of their voltages.
 
     The capacitance of segment i is Σ a[i][j] u^p[j][0] v^p[j][1] w^p[j][2] with deflection and
     slopes scaled to -1 to 1 over their ranges.
     """
 
-    voltage_V: Annotated[float, Key("nominal voltage of the film")]
     segments: Annotated[tuple[str, ...], Key("segments whose capacitances are read")]
     deflection_m: Annotated[tuple[float, float], Key("range of the deflection")]
     tilt_rad: Annotated[float, Key("largest slope along x and y of the range")]
@@ -168,8 +168,8 @@ def plate_sense(specimen: Specimen, settings: Settings, loading: Loading, voltag
         coefficients = np.linalg.lstsq(_terms(scaled[fitted], powers), found[fitted],
                                        rcond=None)[0].T
         made = PlateSense(
-            voltage_V=voltage, segments=tuple(segments), deflection_m=(low, high),
-            tilt_rad=steepest, powers=powers,
+            voltage_V=voltage, segment_voltages_V=specimen.electrode.voltages(voltage),
+            segments=tuple(segments), deflection_m=(low, high), tilt_rad=steepest, powers=powers,
             coefficients_F=tuple(map(tuple, coefficients.tolist())), error_deflection_m=np.inf,
             error_tilt_rad=np.inf, noise=noise, noise_deflection_m=0.0, noise_tilt_x_rad=0.0,
             noise_tilt_y_rad=0.0, per_percent_prestretch_m=None, per_percent_prestretch_rad=None)

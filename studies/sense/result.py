@@ -11,24 +11,29 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import InputError
-from tympan.base.fields import Key
+from tympan.base.fields import Key, Printed
 from tympan.studies.case import SpecimenRecord, UnknownCount, WallTime, Warnings
 from tympan.studies.columns import write_rows
+from tympan.studies.driven import by_segment, drives_by_name
 from tympan.studies.files import remove, write_text
 from tympan.studies.force.result import ForceLimit
-from tympan.studies.rows import column_of_part, rows_in
+from tympan.studies.rows import rows_in
+from tympan.studies.segments import Driven, share_words
 from tympan.studies.sense.inverse import Inverse
 from tympan.studies.sense.plate import PlateSense
 
+#: Relative difference of voltages, and difference [V], within which they are the same: files have
+#: 12 digits, and people write six.
+_SAME = 1e-6
+
 
 @dataclass(frozen=True, kw_only=True)
-class SenseCurve:
+class SenseCurve(Driven):
     """The capacitance at one voltage; a number of each list for each deflection.
 
     The change of the sensed deflection is none where the capacitance does not rise.
     """
 
-    voltage_V: Annotated[float, Key("nominal voltage")]
     capacitance_F: Annotated[tuple[float, ...], Key("capacitance of the film, ascending")]
     displacement_m: Annotated[tuple[float, ...], Key("deflections of the plate there, ascending")]
     force_N: Annotated[tuple[float, ...], Key("force that holds the plate there")]
@@ -41,17 +46,17 @@ class SenseCurve:
         "the same by a permittivity that is 1 % higher")]
     segment_capacitances_F: Annotated[Mapping[str, tuple[float, ...]], Key(
         "capacitance of each segment of the electrode there, by its name: charge over its own "
-        "voltage; empty for an electrode in one piece")] = field(default_factory=dict)
+        "voltage; empty for an electrode in one piece"), Printed(columns="capacitance_F")] = (
+            field(default_factory=dict))
     ended: Annotated[ForceLimit | None, Key(
         "where the film ends before the last deflection; none where it reaches that")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensedState:
+class SensedState(Driven):
     """An equilibrium under a load at a voltage."""
 
     mass_kg: Annotated[float, Key("nominal load on the plate")]
-    voltage_V: Annotated[float, Key("nominal voltage")]
     displacement_m: Annotated[float, Key("deflection")]
     capacitance_F: Annotated[float, Key("capacitance there")]
     sensed_m: Annotated[float | None, Key(
@@ -69,7 +74,11 @@ class SenseResult(SpecimenRecord):
     drawn = ("png", "svg")
 
     curves: Annotated[tuple[SenseCurve, ...], Key("a curve for each voltage, ascending")]
-    inverse: Annotated[Inverse, Key("deflection from capacitance and voltage")]
+    inverse: Annotated[Inverse, Key(
+        "deflection from capacitance and voltage, in the first proportion of the segments' "
+        "voltages")]
+    other_inverses: Annotated[tuple[Inverse, ...], Key(
+        "the same in other proportions; empty for one proportion")] = ()
     table_error_m: Annotated[float, Key(
         "largest error of the table between its rows, straight in the root of the capacitance over "
         "its first")]
@@ -81,29 +90,62 @@ class SenseResult(SpecimenRecord):
     wall_s: WallTime
     warnings: Warnings = ()
 
+    @property
+    def inverses(self) -> tuple[Inverse, ...]:
+        """Inverse of each proportion of the segments' voltages."""
+        return self.inverse, *self.other_inverses
+
     def sensed(self, capacitance: Any, voltage: Any) -> Array:
         """Compute the deflection [m] from capacitances [F] and nominal voltages [V] by polynomial.
 
-        It is NaN beyond the curves.
+        It is NaN beyond the curves. Voltages of segments are given by name, one for each; so they
+        must be where the result has several proportions.
+
+        Raises
+        ------
+        InputError
+            When the proportion of the voltages is none of those that were solved.
         """
+        if by_segment(voltage):
+            names, = drives_by_name(voltage, shares=False)
+            top = max(names.values())
+            return self._inverse(names, top).deflection(capacitance, top)
+        if self.other_inverses:
+            raise InputError('must name the segments, such as "A = 3 kV, B = 1 kV": this result '
+                             "has several proportions of their voltages", key="voltage",
+                             given=str(voltage))
         return self.inverse.deflection(capacitance, voltage)
 
-    def sensed_plate(self, capacitances: Mapping[str, Any], voltage: float) -> dict[str, Array]:
+    def _inverse(self, voltages: Mapping[str, float], top: float) -> Inverse:
+        """Find the inverse of the proportion of voltages by name, the highest of which is given."""
+        for inverse in self.inverses:
+            shares = inverse.segment_shares
+            if top == 0 or _near(voltages, {name: top * share for name, share in shares.items()}):
+                return inverse
+        known = "; ".join(share_words(each.segment_shares) for each in self.inverses)
+        raise InputError(f"must be in a proportion that was solved: {known or 'one piece'}",
+                         key="voltage", given=str(dict(voltages)))
+
+    def sensed_plate(self, capacitances: Mapping[str, Any], voltage: Any) -> dict[str, Array]:
         """Sense the plate from the capacitances of segments [F] by their names, at a voltage [V].
 
-        The result has ``deflection_m``, ``tilt_x_rad`` and ``tilt_y_rad``, which are NaN beyond the
-        range.
+        Voltages of segments are given by name, one for each, as for :meth:`sensed`. The result has
+        ``deflection_m``, ``tilt_x_rad`` and ``tilt_y_rad``, which are NaN beyond the range.
 
         Raises
         ------
         InputError
             When the voltage is none of those that were solved, or a capacitance is missing.
         """
-        plate = next((each for each in self.plates if np.isclose(each.voltage_V, voltage)), None)
-        if plate is None:
-            known = ", ".join(f"{each.voltage_V:g} V" for each in self.plates) or "none"
+        names, = drives_by_name(voltage, shares=False) if by_segment(voltage) else ({},)
+        top = max(names.values()) if names else float(voltage)
+        solved = [each for each in self.plates if np.isclose(each.voltage_V, top) and (
+            not names or _near(names, each.segment_voltages_V))]
+        if not solved or (len(solved) > 1 and top > 0):
+            known = "; ".join(each.drive for each in self.plates) or "none"
             raise InputError(f"must be one of the solved voltages: {known}", key="voltage",
-                             given=f"{voltage:g} V")
+                             given=str(voltage))
+        plate = solved[0]
         for name in plate.segments:
             if name not in capacitances:
                 raise InputError(f"must have the capacitance of {name}", key="capacitances",
@@ -117,11 +159,10 @@ class SenseResult(SpecimenRecord):
     def rows(self) -> dict[str, Array]:
         """The curves, a row for each deflection, with what the polynomial makes of each."""
         found = rows_in(self.curves, specimen=self.specimen)
-        sensed = self.sensed(found["capacitance_F"], found["voltage_V"])
+        sensed = np.concatenate([self._inverse(
+            curve.segment_voltages_V, curve.voltage_V).deflection(
+                np.array(curve.capacitance_F), curve.voltage_V) for curve in self.curves])
         rows: dict[str, Array] = {}
-        found |= {column_of_part("capacitance_F", name): np.concatenate(
-            [curve.segment_capacitances_F[name] for curve in self.curves])
-            for name in self.curves[0].segment_capacitances_F}
         for name, values in found.items():
             rows[name] = values
             if name == "tense":
@@ -133,4 +174,11 @@ class SenseResult(SpecimenRecord):
         remove(folder, *(f"{self.specimen}-sense.{kind}" for kind in self.kinds))
         super().save(folder)
         write_rows(folder / f"{self.specimen}-sense.csv", self.rows)
-        write_text(folder / f"{self.specimen}-sense.c", self.inverse.c_source(self.specimen))
+        write_text(folder / f"{self.specimen}-sense.c", "\n".join(
+            each.c_source(self.specimen, number) for number, each in enumerate(self.inverses, 1)))
+
+
+def _near(voltages: Mapping[str, float], others: Mapping[str, float]) -> bool:
+    """Check whether voltages of segments by name are the same [V]; a missing name has none."""
+    return all(np.isclose(voltages.get(name, 0.0), others.get(name, 0.0), rtol=_SAME, atol=_SAME)
+               for name in {*voltages, *others})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -18,13 +19,16 @@ from tympan.fem.derivatives.quantities import named_functional
 from tympan.fem.derivatives.sensitivity import gradient_many, parameters
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import held
+from tympan.fem.membrane.model import Model
 from tympan.fem.results.segments import segment_capacitances
 from tympan.fem.rig import MASS_RULE, VOLTAGE_RULE, Rig, Supply
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Case, Settings, build_model, solve_grid
+from tympan.studies.case import Case, Settings, build_models, solve_grid
+from tympan.studies.driven import in_proportion, require_different
 from tympan.studies.force.follow import FollowedForce, at_displacement
 from tympan.studies.force.force import ROOM, ForceCase, followed_curves, left_out
 from tympan.studies.limits.loads import usual_masses
+from tympan.studies.segments import Driven
 from tympan.studies.sense.inverse import Inverse, SampledCurve, fit_inverse
 from tympan.studies.sense.plate import LEAST, PlateSense, plate_sense
 from tympan.studies.sense.result import SenseCurve, SensedState, SenseResult
@@ -55,14 +59,17 @@ _FLAT = 1e-9
 class SenseCase:
     """A specimen whose capacitance determines its deflection, at nominal voltages [V].
 
-    Deflections are those from ``start`` to ``to`` [m]; without ``to`` a little further than the
-    ``masses`` [kg] deflect the plate, and without these further than typical ones do.
+    Voltages of the segments of an electrode by name, ``segment_voltages``, are a set for each of
+    the ``voltages``. Deflections are those from ``start`` to ``to`` [m]; without ``to`` a little
+    further than the ``masses`` [kg] deflect the plate, and without these further than typical ones
+    do.
     """
 
     specimen: Specimen
     _: KW_ONLY
     voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGE_RULE)] = (
         0.0,)
+    segment_voltages: tuple[Mapping[str, float], ...] = ()
     masses: Annotated[tuple[float, ...], Key("loads on the plate", "mass", MASS_RULE,
                                              name="mass")] = ()
     start: Annotated[float, Key("first deflection", "length", name="from")] = 0.0
@@ -81,6 +88,7 @@ class SenseCase:
 
     if TYPE_CHECKING:
         def __init__(self, specimen: Specimen, *, voltages: Sequence[float | str] = ...,
+                     segment_voltages: Sequence[Mapping[str, float]] = ...,
                      masses: Sequence[float | str] = ..., start: float | str = ...,
                      to: float | str | None = ..., points: int = ...,
                      sensing: Sequence[str] = ..., tilt: float | str | None = ...,
@@ -88,6 +96,8 @@ class SenseCase:
 
     def __post_init__(self) -> None:
         self.specimen.needed_plate()
+        require_different(self.voltages, self.segment_voltages)
+        in_proportion(self.specimen, self.voltages, self.segment_voltages)  # known names
         if not self.sensing:
             return
         known = self.specimen.electrode.names
@@ -104,6 +114,17 @@ class SenseCase:
                              key="sensing", given=", ".join(self.sensing))
 
     @property
+    def films(self) -> list[tuple[Specimen, tuple[float, ...]]]:
+        """Specimens with the shares of each proportion of voltages, and their voltages [V]."""
+        return in_proportion(self.specimen, self.voltages, self.segment_voltages)
+
+    @property
+    def steps(self) -> int:
+        """Number of times that :func:`sense` reports progress."""
+        return sum(len(voltages) * (1 + bool(self.readers)) + (len(voltages) > 1)
+                   for _, voltages in self.films)
+
+    @property
     def readers(self) -> tuple[str, ...]:
         """Segments whose capacitances are read; none where they do not give the plate's tilts."""
         names = self.sensing or self.specimen.electrode.names
@@ -112,50 +133,93 @@ class SenseCase:
 
 def sense(case: SenseCase, settings: Settings,
           progress: Progress = lambda words: None) -> SenseResult:
-    """Displace the plate at each voltage; fit and test the deflection from capacitance."""
+    """Displace the plate at each voltage; fit and test the deflection from capacitance.
+
+    There is one inverse for each proportion of the segments' voltages.
+    """
     began = time.perf_counter()
-    specimen, rig, voltages = case.specimen, case.rig, sorted(case.voltages)
+    specimen, rig = case.specimen, case.rig
     masses = case.masses or (usual_masses(specimen, settings, rig) if case.to is None else ())
-    states = _states(case, settings, masses) if masses else []
+    states = _states(case, settings, masses)
     # Where nothing weighs on the film itself, states above its plane mirror those below.
     even = not (rig.gas_pressure or any(rig.weight_offset) or specimen.membrane.density
                 or specimen.electrode.mass)
+    displaced = ForceCase(specimen, voltages=case.voltages, segment_voltages=case.segment_voltages,
+                          start=case.start, points=2 * case.points - 1, rig=rig,
+                          to=_last_deflection(case, [*chain(*states)], even))
+    models = build_models([film for film, _ in case.films], settings,
+                          replace(rig.loading, biases=()))
+    path = settings.bounded(models[0], loads=len(case.voltages)).path
+    parts = [_fitted(displaced, model, voltages, path, progress)
+             for model, (_, voltages) in zip(models, case.films, strict=True)]
+    place = min(part.place for part in parts)
+    highest = min((state.displacement_m for state in chain(*states)), default=0.0)
+    mirrored = even and place == 0 and highest < 0
+    plates = list(_plates(case, settings, displaced.last, progress))
+    starts = [part.place for part in parts if part.first]
+    ambiguous = _ambiguous(highest if mirrored else None, max(starts, default=None))
+    sensed = [_sensed(state, part.inverse, mirrored)
+              for part, several in zip(parts, states, strict=True) for state in several]
+    return SenseResult(
+        specimen=specimen.name, inverse=parts[0].inverse,
+        other_inverses=tuple(part.inverse for part in parts[1:]),
+        table_error_m=max(part.table_error for part in parts),
+        curves=tuple(sorted(chain(*(part.curves for part in parts)), key=_voltage)),
+        states=tuple(sorted(sensed, key=lambda state: (masses.index(state.mass_kg),
+                                                       state.voltage_V))),
+        plates=tuple(sorted((plate for plate in plates if plate is not None), key=_voltage)),
+        dofs=models[0].unknowns, wall_s=time.perf_counter() - began,
+        warnings=(*left_out(displaced), *ambiguous, *_unsensed(plates),
+                  *Case.greatest(specimen, masses, case.voltages, rig).remarks))
+
+
+def _voltage(part: Driven) -> float:
+    return part.voltage_V
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Film sensed in one proportion of its segments' voltages.
+
+    Its curves begin at their row ``first``, of a deflection ``place`` [m].
+    """
+
+    curves: list[SenseCurve]
+    inverse: Inverse
+    table_error: float
+    first: int
+    place: float
+
+
+def _fitted(case: ForceCase, model: Model, voltages: Sequence[float], path: PathSettings,
+            progress: Progress) -> _Part:
+    """Displace a film's plate at its voltages, and fit the deflection from capacitance."""
     # A curve between the two highest voltages tests the polynomial.
     middle = float(np.sqrt(np.mean(np.square(voltages[-2:]))))
     between = [middle] if len(voltages) > 1 else []
-    displaced = ForceCase(specimen, voltages=(*voltages, *between), start=case.start,
-                          to=_last_deflection(case, states, even), points=2 * case.points - 1,
-                          rig=rig)
-    model = build_model(specimen, settings, replace(rig.loading, biases=()))
-    path = settings.bounded(model, loads=len(displaced.voltages)).path
-    every = {curve.voltage: curve for curve in followed_curves(displaced, model, path, progress)}
+    alone = replace(case, specimen=model.specimen, voltages=(*voltages, *between),
+                    segment_voltages=())
+    every = {curve.voltage: curve for curve in followed_curves(alone, [model], path, progress)}
     first, sampled = _sampled(every, voltages)
     given = [sampled[voltage] for voltage in voltages]
     place = float(given[0].deflection[0])
-    firsts = [SampledCurve(voltage, np.array([place]), np.array([capacitance]))
-              for voltage, capacitance in _firsts(every[voltages[0]], place, voltages, rig, path)]
+    firsts = [SampledCurve(voltage, np.array([place]), np.array([capacitance])) for
+              voltage, capacitance in _firsts(every[voltages[0]], place, voltages, case.rig, path)]
     tests = [sampled[voltage] for voltage in between if voltage in sampled]
-    inverse = fit_inverse(given, tests, firsts)
-    highest = min((state.displacement_m for state in states), default=0.0)
-    mirrored = even and place == 0 and highest < 0
-    plates = list(_plates(case, settings, displaced.last, progress))
-    ambiguous = _ambiguous(highest if mirrored else None, place if first else None)
-    return SenseResult(
-        specimen=specimen.name, inverse=inverse, table_error_m=max(map(_between_rows, given)),
-        curves=tuple(_curve(every[each.voltage], each, first) for each in given),
-        states=tuple(_sensed(state, inverse, mirrored) for state in states),
-        plates=tuple(plate for plate in plates if plate is not None),
-        dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(*left_out(displaced), *ambiguous, *_unsensed(plates),
-                  *Case.greatest(specimen, masses, voltages, rig).remarks))
+    inverse = replace(fit_inverse(given, tests, firsts),
+                      segment_shares=model.specimen.electrode.voltages(1.0))
+    return _Part([_curve(every[each.voltage], each, first) for each in given], inverse,
+                 max(map(_between_rows, given)), first, place)
 
 
 def _plates(case: SenseCase, settings: Settings, last: float, progress: Progress
             ) -> Iterator[PlateSense | None]:
     """Sense deflection and tilts at each voltage; None where the film cannot be held so far."""
-    for voltage in sorted(case.voltages) if case.readers else ():
-        progress(f"{case.specimen.name}: tilts at {voltage / 1e3:g} kV")
-        yield plate_sense(case.specimen, settings, case.rig.loading, voltage,
+    films = case.films if case.readers else ()
+    for film, voltage in ((film, voltage) for film, voltages in films for voltage in voltages):
+        driven = Driven(voltage_V=voltage, segment_voltages_V=film.electrode.voltages(voltage))
+        progress(f"{film.name}: tilts at {driven.drive}")
+        yield plate_sense(film, settings, case.rig.loading, voltage,
                           float(case.rig.film_voltage(voltage)), (case.start, last), case.tilt,
                           USUAL_NOISE if case.noise is None else case.noise, case.readers)
 
@@ -220,16 +284,19 @@ def _sensed(state: SensedState, inverse: Inverse, mirrored: bool) -> SensedState
     return replace(state, sensed_m=sensed)
 
 
-def _states(case: SenseCase, settings: Settings, masses: Sequence[float]) -> list[SensedState]:
-    """List every equilibrium under the masses [kg], not yet sensed."""
-    model = build_model(case.specimen, settings, case.rig.loading)
-    path = settings.bounded(model, loads=len(masses) * len(case.voltages)).path
-    solved = solve_grid(model, masses, sorted(case.voltages), case.rig, path)
-    return [SensedState(mass_kg=result.mass_kg, voltage_V=result.voltage_V, sensed_m=None,
-                        displacement_m=model.deflection(outcome.state),
-                        capacitance_F=result.capacitance_F)
-            for result, outcome in solved
-            if outcome.status == "equilibrium" and result.capacitance_F is not None]
+def _states(case: SenseCase, settings: Settings, masses: Sequence[float]
+            ) -> list[list[SensedState]]:
+    """List every equilibrium of each film under the masses [kg], not yet sensed."""
+    films = case.films
+    models = build_models([film for film, _ in films], settings, case.rig.loading)
+    path = settings.bounded(models[0], loads=len(masses) * len(case.voltages)).path
+    return [[SensedState(mass_kg=result.mass_kg, voltage_V=result.voltage_V, sensed_m=None,
+                         segment_voltages_V=film.electrode.voltages(result.voltage_V),
+                         displacement_m=model.deflection(outcome.state),
+                         capacitance_F=result.capacitance_F)
+             for result, outcome in solve_grid(model, masses, voltages, case.rig, path)
+             if outcome.status == "equilibrium" and result.capacitance_F is not None]
+            for model, (film, voltages) in zip(models, films, strict=True)]
 
 
 def _firsts(curve: FollowedForce, place: float, voltages: Sequence[float],
@@ -265,7 +332,8 @@ def _curve(followed: FollowedForce, sampled: SampledCurve, first: int) -> SenseC
     names = model.specimen.electrode.names if model.meshed else ()
     alone = segment_capacitances(model, [followed.states[row] for row in rows])
     return SenseCurve(
-        voltage_V=curve.voltage_V, displacement_m=tuple(curve.displacement_m[row] for row in rows),
+        voltage_V=curve.voltage_V, segment_voltages_V=curve.segment_voltages_V,
+        displacement_m=tuple(curve.displacement_m[row] for row in rows),
         capacitance_F=tuple(curve.capacitance_F[row] for row in rows),
         force_N=tuple(curve.force_N[row] for row in rows),
         tense=tuple(curve.tense[row] for row in rows),

@@ -15,9 +15,10 @@ from tympan.base.points import drawn_points
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Band, Case, CaseResult, Settings
+from tympan.studies.driven import grouped
 from tympan.studies.films.family import FilmFamily
 from tympan.studies.films.population import Population
-from tympan.studies.force.result import ForceResult
+from tympan.studies.force.result import ForceCurve, ForceResult
 from tympan.studies.limits.curve import CurveResult
 from tympan.studies.limits.voltages import first_limit
 from tympan.studies.tolerance.drawn import BY_SPREAD, Scattered
@@ -104,13 +105,17 @@ def _(result: CurveResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
     there = table["status"] == "equilibrium"
     if not there.any():
         return result
-    films = _under(specimen, tolerances, masses, float(table["voltage"][there].max()), rig,
-                    settings)
+    highest = float(table["voltage"][there].max())
+    made = dict[tuple[float, ...], Population]()
     curves = []
     for curve in result.curves:
-        of_mass = there & np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
-        voltages = np.linspace(0.0, table["voltage"][of_mass].max(initial=0.0), _VOLTAGES)
-        deflections = films.numbers(curve.mass_kg, voltages)["deflection_m"]
+        shares = tuple(curve.segment_shares.values())
+        if shares not in made:
+            wired = replace(specimen, electrode=specimen.electrode.with_shares(shares))
+            made[shares] = _under(wired, tolerances, masses, highest, rig, settings)
+        of_curve = there & result.rows_of(curve)
+        voltages = np.linspace(0.0, table["voltage"][of_curve].max(initial=0.0), _VOLTAGES)
+        deflections = made[shares].numbers(curve.mass_kg, voltages)["deflection_m"]
         curves.append(replace(curve, band_voltage_V=tuple(voltages.tolist()),
                               band_deflection_m=bands(deflections)))
     return replace(result, curves=tuple(curves))
@@ -123,21 +128,31 @@ def _(result: ForceResult, specimen: Specimen, tolerances: Tolerances, rig: Rig,
     most = _FORCES * float(forces.max(initial=0.0))
     if most <= 0:
         return result
-    highest = max(abs(curve.voltage_V) for curve in result.curves)
+    voltages = [curve.voltage_V for curve in result.curves]
+    segments = [curve.segment_voltages_V for curve in result.curves]
+    highest = max(map(abs, voltages))
+    found: list[ForceCurve] = [*result.curves]
+    first = result.curves[0]
+    for wired, numbers in grouped(specimen, voltages, segments if any(segments) else ()):
+        films = _held_films(wired, tolerances, most, highest, rig, settings)
+        for number in numbers:
+            across = films.across(voltages[number])[:, 0]
+            columns = [_held(films, place, force, across) for place, force in
+                       zip(found[number].displacement_m, first.force_N, strict=False)]
+            band = bands(np.array(columns).reshape(len(columns), -1).T) if columns else ()
+            found[number] = replace(found[number], band_force_N=band)
+    return replace(result, curves=tuple(found))
+
+
+def _held_films(specimen: Specimen, tolerances: Tolerances, most: float, voltage: float, rig: Rig,
+                settings: Settings) -> Population:
+    """Draw films whose plate is held by forces up to ``most`` [N], up to a nominal voltage [V]."""
     scattered = Scattered.of(specimen, tolerances)
     box = scattered.box()
-    across = scattered.scaled(AMPLIFIER, 0.0, float(rig.film_voltage(highest)))
+    across = scattered.scaled(AMPLIFIER, 0.0, float(rig.film_voltage(voltage)))
     family = FilmFamily.over(box, scattered.scaled(LOAD, _LEAST * most, most), across, rig,
                              settings, BY_SPREAD)
-    films = scattered.films(family, box.row(specimen), points(scattered), rig)
-    curves, first = [], result.curves[0]
-    for curve in result.curves:
-        across_films = films.across(curve.voltage_V)[:, 0]
-        columns = [_held(films, place, force, across_films) for place, force in
-                   zip(curve.displacement_m, first.force_N, strict=False)]
-        found = bands(np.array(columns).reshape(len(columns), -1).T) if columns else ()
-        curves.append(replace(curve, band_force_N=found))
-    return replace(result, curves=tuple(curves))
+    return scattered.films(family, box.row(specimen), points(scattered), rig)
 
 
 def deflection_bands(specimen: Specimen, tolerances: Tolerances, masses: Sequence[float],

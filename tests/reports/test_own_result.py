@@ -153,7 +153,8 @@ def test_a_film_s_own_number_is_in_all_of_them_too(tmp_path: Path) -> None:
 def test_the_columns_of_forces_are_the_fields_of_their_curves(tmp_path: Path) -> None:
     """A number of each kind: nothing names the columns a second time."""
     lists = {item.name: (1.5,) for item in fields(ForceCurve)
-             if item.name not in ("voltage_V", "limits", "ended", "band_force_N")}
+             if item.name not in ("voltage_V", "segment_voltages_V", "limits", "ended",
+                                  "band_force_N")}
     curve = ForceCurve(voltage_V=1e3, limits=(), ended=None, **lists)  # type: ignore[arg-type]
     result = ForceResult(specimen="oval", curves=(curve,), dofs=1, wall_s=0.0)
     result.save(tmp_path)

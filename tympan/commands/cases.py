@@ -31,6 +31,7 @@ from tympan.options import (
     read_case,
     read_mounted,
     read_settings,
+    read_voltages,
 )
 from tympan.progress import waiting
 
@@ -154,21 +155,26 @@ def limits(options: argparse.Namespace) -> None:
 def curve(options: argparse.Namespace) -> None:
     """Compute deflection against voltage, to the film's limit and on to its end."""
     from tympan.progress import bar
+    from tympan.studies.driven import in_proportion
     from tympan.studies.limits.curve import curve
 
-    specimen, rig, settings, masses = _loaded(options)
-    voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))
-    with bar(len(masses) * (1 + len(voltages))) as progress:
-        result = curve(specimen, masses, settings, rig, voltages, progress, options.beyond)
+    specimen, rig, settings, masses = _loaded(options, driven=False)
+    voltages = read_voltages(options)
+    with naming_options(options):
+        films = in_proportion(specimen, voltages.film, voltages.segments)
+    with bar(len(masses) * (len(films) + len(voltages.film))) as progress:
+        result = curve(specimen, masses, settings, rig, voltages.film, progress, options.beyond,
+                       voltages.segments)
     finish(options, _banded(options, result, specimen, rig))
 
 
-def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
+def _loaded(options: argparse.Namespace, driven: bool = True
+            ) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
     """Read specimen, rig, settings, and masses that are given or suit the film."""
     from tympan.fem.rig import checked_load
     from tympan.studies.limits.loads import usual_masses
 
-    specimen, rig = read_mounted(options)
+    specimen, rig = read_mounted(options, driven)
     settings = read_settings(options)
     if specimen.plate is None and options.mass is None:
         return specimen, rig, settings, (0.0,)
@@ -214,16 +220,17 @@ def force(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.force import ForceCase, force
 
-    specimen, rig = read_mounted(options)
-    voltages = parse_quantities(options.voltage, "voltage", "--voltage")
+    specimen, rig = read_mounted(options, driven=False)
+    voltages = read_voltages(options)
     with naming_options(options):
         case = ForceCase(
-            specimen, voltages=voltages, rig=rig, points=options.points,
+            specimen, voltages=voltages.film, segment_voltages=voltages.segments, rig=rig,
+            points=options.points,
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
             to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
             masses=parse_quantities(options.mass or "", "mass", "--mass"), cycles=options.cycles,
             rate=None if options.rate is None else parse_quantity(options.rate, "speed", "--rate"))
-        with bar(len(voltages) * (1 if case.rate is None else 2)) as progress:
+        with bar(len(voltages.film) * (1 if case.rate is None else 2)) as progress:
             result = force(case, read_settings(options), progress)
     finish(options, _banded(options, result, specimen, rig))
 
@@ -261,19 +268,19 @@ def sense(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.sense import SenseCase, sense
 
-    specimen, rig = read_mounted(options)
-    voltages = parse_quantities(options.voltage, "voltage", "--voltage")
+    specimen, rig = read_mounted(options, driven=False)
+    voltages = read_voltages(options)
     with naming_options(options):
         case = SenseCase(
-            specimen, voltages=voltages, rig=rig, points=options.points,
+            specimen, voltages=voltages.film, segment_voltages=voltages.segments, rig=rig,
+            points=options.points,
             masses=parse_quantities(options.mass or "", "mass", "--mass"),
             start=parse_quantity(getattr(options, "from"), "length", "--from"),
             to=None if options.to is None else parse_quantity(options.to, "length", "--to"),
             sensing=tuple(filter(None, map(str.strip, (options.sensing or "").split(",")))),
             tilt=None if options.tilt is None else parse_quantity(options.tilt, "angle", "--tilt"),
             noise=options.noise)
-        steps = len(voltages) + (len(voltages) > 1) + len(voltages) * bool(case.readers)
-        with bar(steps) as progress:
+        with bar(case.steps) as progress:
             result = sense(case, read_settings(options), progress)
     finish(options, result)
 

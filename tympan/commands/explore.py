@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,18 +70,22 @@ def _explorer(options: argparse.Namespace) -> Explorer:
     from tympan.explore.subject import read_subject
     from tympan.explore.view import changed
     from tympan.studies.case import Settings
+    from tympan.studies.driven import driven
     from tympan.studies.films.family import require_reducible
     from tympan.studies.limits.loads import usual_masses
     from tympan.studies.tolerance.given import causes
 
     subject = read_subject(options.subject, options.rig)
+    pairs = [driven(specimen, options.voltage, "--voltage") for specimen in subject.specimens]
+    subject = replace(subject, specimens=tuple(specimen for specimen, _ in pairs))
+    voltage = parse_quantity(str(pairs[0][1]), "voltage", "--voltage")
     mass = None
     if options.mass is not None:
         mass = parse_quantity(options.mass, "mass", "--mass")
     elif not subject.masses(0):
         mass = usual_masses(subject.specimens[0], Settings(), subject.rig)[0]
     start = changed(subject.view(0, mass), "mass", subject.view(0, mass).mass)
-    start = changed(start, "voltage", parse_quantity(options.voltage, "voltage", "--voltage"))
+    start = changed(start, "voltage", voltage)
     tolerances = given_tolerances(options)
     if tolerances is not None:
         with naming_file(options.tolerances or None), naming_options(options):

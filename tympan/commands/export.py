@@ -18,6 +18,7 @@ from tympan.options import (
     parse_quantities,
     parse_quantity,
     read_settings,
+    read_voltages,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +74,8 @@ def _export_input(options: argparse.Namespace, specimen: Specimen, settings: Set
     from tympan.studies.export import export_input
 
     masses = parse_quantities(options.mass or "", "mass", "--mass")
-    voltages = parse_quantities(options.voltage or "", "voltage", "--voltage")
+    voltages = read_voltages(options)
     pressure = parse_quantity(options.pressure or "0 Pa", "stress", "--pressure")
-    return export_input(specimen, settings.mesh, options.output, masses, sorted(voltages),
-                        pressure)
+    with naming_options(options):
+        return export_input(specimen, settings.mesh, options.output, masses, voltages.film,
+                            pressure, voltages.segments)

@@ -150,9 +150,11 @@ def _film(options: argparse.Namespace) -> Case | None:
             raise InputError("is missing: --mass and --voltage are of its film", key="--film")
         return None
     from tympan.studies.case import Case
+    from tympan.studies.driven import driven
     from tympan.studies.shipped import load_named
 
     if options.mass is None:
         raise InputError('must be given with --film, such as "17.9 g"', key="--mass")
-    return Case(load_named(options.film), mass=parse_quantity(options.mass, "mass", "--mass"),
-                voltage=parse_quantity(options.voltage, "voltage", "--voltage"))
+    specimen, voltage = driven(load_named(options.film), options.voltage, "--voltage")
+    return Case(specimen, mass=parse_quantity(options.mass, "mass", "--mass"),
+                voltage=parse_quantity(str(voltage), "voltage", "--voltage"))

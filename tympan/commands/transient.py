@@ -53,6 +53,7 @@ def transient(options: argparse.Namespace) -> None:
     from tympan.studies.transient import responses
 
     mass = None if options.mass is None else parse_quantity(options.mass, "mass", "--mass")
+    specimens, rig = read_mounted_all(options)
     wave, signal = wave_of(options, len(options.specimens))
     rest = None if options.rest is None else parse_quantity(options.rest, "time", "--rest")
     films = parse_quantities(options.at or "", "time", "--at")
@@ -61,7 +62,6 @@ def transient(options: argparse.Namespace) -> None:
         raise InputError("must be given to say where the pictures go", key="-o")
     shown = (tuple(signal.end * number / (_FRAMES - 1) for number in range(_FRAMES))
              if options.animate else ())
-    specimens, rig = read_mounted_all(options)
     with bar(len(specimens)) as progress:
         result = responses(specimens, wave, signal, settings, mass=mass, rest=rest,
                            swing=options.swing, films=(*films, *shown), rig=rig, progress=progress,

@@ -26,7 +26,11 @@ const SHOWS = {
   controls: showControls,
   texts: () => { for (const control of state.controls) showText(control); showMasses(); },
   sliders: (places) => {
-    for (const key in places) part(`slider-${key}`).value = places[key];
+    for (const key in places) {
+      const slider = part(`slider-${key}`);
+      // One that is being dragged is where the pointer is.
+      if (!slider.matches(":active")) slider.value = places[key];
+    }
   },
   errors: (words) => {
     for (const {key} of state.shapes) {

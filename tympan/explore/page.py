@@ -230,11 +230,21 @@ class Page:
         """Handle a moved slider; it is where it is."""
         if control := self._taken(key, text):
             self.state["sliders"][key] = control.position(self.view)
+            if control.dimension == "voltage" and len(self.view.specimen.electrode.segments):
+                self._voltages_follow()
 
     def _typed(self, key: str, text: str) -> None:
         """Handle a typed number; the slider follows."""
         if control := self._taken(key, text):
             self.tell(sliders=self.state["sliders"] | {key: control.position(self.view)})
+            if control.dimension == "voltage":
+                self._voltages_follow()
+
+    def _voltages_follow(self) -> None:
+        """Move the sliders of other voltages: that of the film is the highest of its segments."""
+        self.tell(sliders=self.state["sliders"] | {
+            control.key: control.position(self.view) for control in self.controls
+            if control.dimension == "voltage"})
 
     def _shape(self, part: str, shape: str) -> None:
         """Handle another shape of frame or plate; its sliders are centred on the new size."""

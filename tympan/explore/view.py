@@ -43,8 +43,8 @@ _LOADS = ("mass", "voltage", "stiffness")
 #: Parts whose shape can be chosen.
 SHAPED = ("frame", "plate.outline")
 
-#: Beginning of the paths of the numbers of segments.
-_SEGMENTS = ("electrode", "segments")
+#: Key of the control of a segment's voltage, by the segment's number.
+_SEGMENT = re.compile(r"electrode\.segments\.(\d+)\.voltage", re.ASCII)
 
 #: Approximate number of positions of a slider.
 _POSITIONS = 400
@@ -140,6 +140,8 @@ def control_value(view: FilmView, key: str) -> float:
     """Read the value of a control with this key in a view, in SI."""
     if key in _LOADS:
         return float(getattr(view, key))
+    if segment := _SEGMENT.fullmatch(key):
+        return float(view.specimen.electrode.segments[int(segment[1])].share) * view.voltage
     return float(at(view.specimen, key.split(".")))
 
 
@@ -151,6 +153,8 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
     InputError
         When such a film cannot be made, with the message of reading it from a file.
     """
+    if segment := _SEGMENT.fullmatch(key):
+        return _with_voltage(view, int(segment[1]), value)
     if key not in _LOADS:
         return replace(view, specimen=as_read(with_number(view.specimen, key.split("."), value)))
     if key == "stiffness":
@@ -162,6 +166,15 @@ def changed(view: FilmView, key: str, value: float) -> FilmView:
         return replace(view, mass=value)
     checked_load(0.0, value)
     return replace(view, voltage=value)
+
+
+def _with_voltage(view: FilmView, number: int, value: float) -> FilmView:
+    """Give a segment a voltage [V]; the others keep theirs, and the highest is the film's."""
+    checked_load(0.0, value)
+    electrode = view.specimen.electrode
+    voltages = electrode.voltages(view.voltage) | {electrode.names[number]: value}
+    wired, top = electrode.driven(voltages)
+    return replace(view, specimen=replace(view.specimen, electrode=wired), voltage=top)
 
 
 def as_read(specimen: Specimen) -> Specimen:
@@ -196,7 +209,10 @@ def controls(view: FilmView, most_voltage: float = _VOLTAGE, most_mass: float = 
              ) -> tuple[Control, ...]:
     """Make the controls of a film about its values; ``most_...`` [SI] end the loads' sliders."""
     reach = 1.0 if most_voltage <= 0 else most_voltage
-    loads = (_control("voltage", "voltage", "voltage", 0.0, reach),
+    names = view.specimen.electrode.names
+    loads = (_control("voltage", "highest voltage" if names else "voltage", "voltage", 0.0, reach),
+             *(_control(f"electrode.segments.{number}.voltage", f"voltage of {name}", "voltage",
+                        0.0, reach) for number, name in enumerate(names)),
              _control("mass", "mass", "mass", 0.0, max(2 * view.mass, most_mass) or _MASS))
     sizes = [_of_number(view, path) for path in _paths(view.specimen)]
     factor = _control("stiffness", "stiffness factor", "", _LEAST, _MOST)
@@ -215,8 +231,6 @@ def _paths(specimen: Specimen) -> Iterator[str]:
             yield from inner
     yield "plate.offset.0"
     yield "plate.offset.1"
-    for number in range(len(specimen.electrode.segments)):
-        yield f"electrode.segments.{number}.share"
 
 
 def _of_number(view: FilmView, path: str) -> Control:
@@ -231,9 +245,6 @@ def _of_number(view: FilmView, path: str) -> Control:
         low, high = 1.0, max(6.0, value)
     elif value == 0:
         low, high = (-180 / 57.3, 180 / 57.3) if dimension == "angle" else (0.0, 1.0)
-    if keys[:2] == _SEGMENTS:
-        name = view.specimen.electrode.names[int(keys[2])]
-        return _control(path, f"segment {name}: share of the voltage", dimension, 0.0, 1.0)
     return _control(path, _label(keys, field), dimension, min(low, high), max(low, high))
 
 

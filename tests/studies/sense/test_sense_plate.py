@@ -108,7 +108,7 @@ def test_the_command_and_the_function_sense_tilts() -> None:
     assert sensed["deflection_m"] == pytest.approx(2e-3, rel=1e-6)
     assert sensed["tilt_x_rad"] == pytest.approx(0.01, rel=1e-5)
     assert sensed["tilt_y_rad"] == pytest.approx(-0.005, rel=1e-5)
-    with pytest.raises(InputError, match="solved voltages: 3000 V"):
+    with pytest.raises(InputError, match="solved voltages: A 3 kV"):
         result.sensed_plate({}, 1e3)
     with pytest.raises(InputError, match="capacitance of B"):
         result.sensed_plate({"A": 1e-10}, 3e3)

@@ -51,11 +51,11 @@ def lumped_build(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings
 
+    specimens, rig = read_mounted_all(options)
     masses = (parse_quantities(options.mass, "mass", "--mass") if options.mass is not None
               else None)
     voltages = _voltages(options) if options.voltage is not None else None
     settings = read_settings(options)
-    specimens, rig = read_mounted_all(options)
     with naming_options(options, masses="mass"):
         chosen = BuildSettings.suited(
             specimens, settings, rig, masses=masses, voltages=voltages,

@@ -52,6 +52,7 @@ def lumped_control(options: argparse.Namespace) -> None:
 
     if options.fmu and not options.output:
         raise InputError("must be given to say where the FMU goes", key="-o")
+    case = read_case(options)
     with naming_options(options):
         settings = ControlSettings(
             supply=parse_quantity(options.supply, "voltage", "--supply"),
@@ -60,7 +61,6 @@ def lumped_control(options: argparse.Namespace) -> None:
             else parse_quantity(options.sensor_lag, "time", "--sensor-lag"),
             method=options.method, sensor=options.sensor, fmu=options.fmu)
     _, signal = wave_of(options, len(options.specimens) + len(options.model), settings.usual_high)
-    case = read_case(options)
     with naming_options(options), bar(4 * len(case.specimens)) as progress:
         chosen = supplied(case, settings, read_settings(options), progress)
     with naming_options(options), bar(len(chosen.actuators)) as progress:

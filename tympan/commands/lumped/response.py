@@ -85,8 +85,9 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     """Simulate a step, ramp, sine, random steps or a CSV file. Deflections count downwards."""
     from tympan.progress import bar
 
+    case = read_case(options)
     wave, signal = wave_of(options, len(options.specimens) + len(options.model))
-    chosen = chosen_actuators(options, read_case(options), signal.peak)
+    chosen = chosen_actuators(options, case, signal.peak)
     with bar(len(chosen.actuators)) as progress:
         result = chosen.responses(wave, signal, options.swing, progress)
     finish(options, result)
@@ -107,10 +108,11 @@ def lumped_linearise(options: argparse.Namespace) -> None:
     from tympan.result import Result, file_writers
     from tympan.studies.lumped.linear import LinearResult
 
-    voltage = parse_quantity(options.voltage, "voltage", "--voltage")
     if options.save is not None:
         file_writers(LinearResult, options.save, "--save")
-    chosen = chosen_actuators(options, read_case(options), abs(voltage))
+    case = read_case(options)
+    voltage = parse_quantity(options.voltage, "voltage", "--voltage")
+    chosen = chosen_actuators(options, case, abs(voltage))
     result = Result(chosen.linear(voltage, options.input))
     drawn = [] if options.save is None else [result.save(options.save)]
     print_record(options, result.json(), drawn)
