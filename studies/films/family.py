@@ -262,7 +262,8 @@ class Ground(FieldsAlone):
                 np.broadcast_to(columns.get(f"plate.offset.{axis}", own), len(rows))
                 for axis, own in enumerate(self.box.specimen.centre)])
             arms = nodes[:, self.model.discretisation.plate_nodes] - centre[:, None]
-        return Tilting.of(reduction.arms[:, :2], arms, reduction.slides)
+        return Tilting.of(reduction.arms[:, :2], arms, reduction.slides,
+                          bool(self.model.discretisation.planes))
 
     def solved(self, row: AnyArray, force: float, squared: float, motion: AnyArray | None = None,
                partly: bool = False) -> tuple[Model, Solution] | None:

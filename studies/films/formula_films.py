@@ -51,7 +51,7 @@ class FormulaFilms(Films):
                    np.broadcast_to(centre, (len(rows), *centre.shape)), point, point, loading,
                    box.springs(rows), box.pressures(rows, pressure),
                    np.array([box.specimen.gap]), np.zeros((2, 1)),
-                   Tilting.of(none, none[None], none.T[:0]),
+                   Tilting.of(none, none[None], none.T[:0], mirrored=False),
                    np.zeros((2, 1)),
                    formula=formula, step=step_of(box.specimen))
 

@@ -264,12 +264,13 @@ class Reduction:
         equilibrium, to ``work_left_out`` over ``balance`` of the range of each of these freedoms.
         """
         arms = snapshots[0].model.arms
-        slides = slides_of(arms[:, :2], [shot.model.arms[:, :2] for shot in snapshots])
+        mirrored = bool(snapshots[0].model.discretisation.planes)
+        slides = slides_of(arms[:, :2], [shot.model.arms[:, :2] for shot in snapshots], mirrored)
         bends = motions_by_tilt(snapshots[0].model, slides)[: None if turning else 0]
         motions = []
         for shot in snapshots:
             motion = shot.state.positions - shot.model.discretisation.reference
-            tilting = Tilting.of(arms[:, :2], shot.model.arms[None, :, :2], slides)
+            tilting = Tilting.of(arms[:, :2], shot.model.arms[None, :, :2], slides, mirrored)
             rest = _rigid(shot.model, motion, bends, tilting)
             others = (_rigid(shot.model, motion + rate, bends, tilting) for rate in shot.rates)
             motions += [rest, *((there - rest[0], lifted - rest[1]) for there, lifted in others)]
@@ -344,7 +345,8 @@ class Reduction:
         if not at or not len(self.bends):
             return np.zeros((0, led, led))
         some = [turn - TURNS.start for turn in turns if turn in self.freedoms]
-        tilting = Tilting.of(self.arms[:, :2], model.arms[None, :, :2], self.slides)
+        tilting = Tilting.of(self.arms[:, :2], model.arms[None, :, :2], self.slides,
+                             bool(model.discretisation.planes))
         bends = np.zeros((len(self.bends), led, led))
         for row, turn in zip(at, some, strict=True):
             bends[:, row, at] = tilting.bends[0][:, turn, some]

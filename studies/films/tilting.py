@@ -49,20 +49,22 @@ class Tilting:
     bends: AnyArray
 
     @classmethod
-    def of(cls, arms: AnyArray, others: AnyArray, slides: AnyArray) -> Self:
+    def of(cls, arms: AnyArray, others: AnyArray, slides: AnyArray, mirrored: bool) -> Self:
         """Make it from the arms of nodes on the plate's edge [m], (nodes, 2), and of other plates.
 
         The others' have the shape (films, nodes, 2). A plate of another size, or a turned one, has
         the arms of the first one times a matrix, apart from what nodes slide along its edge:
-        ``slides`` of :func:`slides_of`, (slides, nodes).
+        ``slides`` of :func:`slides_of`, (slides, nodes). ``mirrored``: the nodes are those of a half
+        or a quarter of the plate.
         """
         count = _BENDS + len(slides)
         if not len(arms):
             return cls(np.eye(2)[None], np.zeros((1, count, 2)), np.zeros((1, count, 2, 2)))
-        matrices = np.swapaxes(others, 1, 2) @ arms @ np.linalg.inv(arms.T @ arms)
+        matrices = (_products(others, arms, mirrored)
+                    @ np.linalg.inv(_products(arms, arms, mirrored)))
         own = others @ _ROUND
-        slants = np.linalg.solve(np.swapaxes(own, 1, 2) @ own,
-                                 np.swapaxes(own, 1, 2) @ (arms @ _ROUND))
+        slants = np.linalg.solve(_products(own, own, mirrored),
+                                 _products(own, arms @ _ROUND, mirrored))
         leans, bends = np.zeros((len(others), count, 2)), np.zeros((len(others), count, 2, 2))
         leans[:, _BENDS:] = slides @ (own @ slants - arms @ _ROUND)
         bends[:, :_BENDS] = np.einsum("ikab,nac,nbd,nkj->nijcd", _SQUARES, slants, slants, matrices
@@ -85,16 +87,27 @@ def each_of(values: AnyArray, films: AnyArray) -> AnyArray:
     return values if len(values) == 1 else values[films]
 
 
-def slides_of(arms: AnyArray, others: Sequence[AnyArray]) -> Array:
+def _products(left: AnyArray, right: AnyArray, mirrored: bool) -> AnyArray:
+    """Multiply components of arms, summed over all nodes, (…, 2, 2).
+
+    Those of x with y cancel between a part of a plate and its mirror image, on which no nodes are.
+    """
+    products = np.swapaxes(left, -1, -2) @ right
+    return products * np.eye(2) if mirrored else products
+
+
+def slides_of(arms: AnyArray, others: Sequence[AnyArray], mirrored: bool) -> Array:
     """Find how heights of nodes on the plate's edge change by slides, (slides, nodes), orthonormal.
 
-    ``arms`` of the nodes of the first plate [m], (nodes, 2), and of other plates, (nodes, 2) each.
+    ``arms`` of the nodes of the first plate [m], (nodes, 2), and of other plates, (nodes, 2) each;
+    ``mirrored`` as in :meth:`Tilting.of`.
     """
     if not len(arms):
         return np.zeros((0, len(arms)))
     apart = []
     for other in others:
-        matrix = np.linalg.lstsq(other, arms, rcond=None)[0]
+        matrix = np.linalg.solve(_products(other, other, mirrored),
+                                 _products(other, arms, mirrored))
         apart.append((other @ matrix - arms).T)
     _, sizes, ways = np.linalg.svd(np.concatenate(apart), full_matrices=False)
     return np.asarray(ways[sizes > _SLID * np.abs(arms).max()])
