@@ -150,6 +150,14 @@ class SteeredModel:
         load = self.force * (np.arange(self.count) == 0)
         return first @ both - load, second @ both, -(first @ self.electric.T) / 2
 
+    def springs_over(self, duration: float) -> tuple[Array, Array]:
+        """Compute what is left of each branch's stretch after a time, and their stiffness then.
+
+        The plate stays still from the start of the time [s]; shapes (branches,) and (n, n).
+        """
+        left = np.exp(-duration / self.times)
+        return left, np.einsum("b,bij->ij", left, self.springs)
+
     def capacitances(self, p: Any) -> Array:
         """Compute the segments' capacitances [F], (segments,)."""
         return np.asarray(self.electric @ self.terms(p)[0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from tympan.studies.films.film import ReducedFilm
 from tympan.studies.films.segmented import error_in_time, levels, segmented_film
 from tympan.studies.lumped.plants import FilmPlant
 from tympan.studies.lumped.steered.inverse import SteeredInverse
-from tympan.studies.lumped.steered.law import SteeredLaw, design_law
+from tympan.studies.lumped.steered.law import SteeredDesign, SteeredLaw, design_law
 from tympan.studies.lumped.steered.model import NAMES, STEERED, SteeredModel
 
 #: Directions of a circle at which the inverse of the static map is checked.
@@ -57,9 +57,14 @@ class Steered:
     film: ReducedFilm
     model: SteeredModel
     inverse: SteeredInverse
-    law: SteeredLaw
+    design: SteeredDesign
     rig: Rig
     settings: SteerSettings
+
+    @property
+    def law(self) -> SteeredLaw:
+        """The controller."""
+        return self.design.law
 
 
 @dataclass(frozen=True)
@@ -176,8 +181,8 @@ def steered(film: ReducedFilm, settings: SteerSettings, rig: Rig = Rig()) -> Ste
     inverse = SteeredInverse.of(model, places, settings.supply)
     rests = [inverse.squared(place) for place in (inverse.centre,
                                                   *places[::_AROUND // _QUARTERS])]
-    law = design_law(model, inverse, rests, settings.interval, settings.frequency)
-    return Steered(film.tabulated, model, inverse, law, rig, settings)
+    design = design_law(model, inverse, rests, settings.interval, settings.frequency)
+    return Steered(film.tabulated, model, inverse, design, rig, settings)
 
 
 def circle(centre: Array, radius: Any, turns: Array) -> Array:
@@ -187,34 +192,43 @@ def circle(centre: Array, radius: Any, turns: Array) -> Array:
                      centre[2] + radius * np.sin(along)], axis=-1)
 
 
-def run(actuator: Steered, film: ReducedFilm | None = None, feedback: bool = True,
+#: How the segments' voltages are found: by the static inverse of the wanted place alone, by the
+#: feed-forward of the wanted motion alone, or with feedback about it.
+Drive = Literal["static", "motion", "feedback"]
+
+
+def run(actuator: Steered, film: ReducedFilm | None = None, drive: Drive = "feedback",
         progress: ShareDone = lambda share: None) -> SteerRun:
     """Draw the circle on a film in time, by default on the actuator's own.
 
-    Another film may differ from that of the design in its material, not in its shape. Without
-    ``feedback`` the segments get the voltages that hold the wanted places at rest.
+    Another film may differ from that of the design in its material, not in its shape.
     """
-    settings, law, inverse = actuator.settings, actuator.law, actuator.inverse
+    settings, inverse = actuator.settings, actuator.inverse
+    law = actuator.law if drive == "feedback" else replace(actuator.law, feedback=None)
     count = round((1 + settings.turns) / settings.frequency / settings.interval)
-    time = settings.interval * np.arange(count, dtype=float)
-    grown = np.clip(time * settings.frequency, 0.0, 1.0)
-    wanted = circle(inverse.centre, settings.tilt * grown**2 * (3 - 2 * grown),
-                    time * settings.frequency)
+    time = settings.interval * np.arange(count + 1, dtype=float)
+    wanted = wanted_circle(inverse.centre, settings, time)
     plant = _resting(actuator, actuator.film if film is None else film.tabulated)
-    memory = law.resting(place_of(plant))
+    memory = law.resting(inverse.centre, place_of(plant))
     reached, voltages = [], []
-    for number, place in enumerate(wanted):
+    for number in range(count):
         reading = place_of(plant)
-        if feedback:
-            given, memory = law.voltages(memory, place, reading)
+        if drive == "static":
+            given = np.sqrt(np.clip(inverse.squared(wanted[number]), 0.0, inverse.supply**2))
         else:
-            given = np.sqrt(np.clip(inverse.squared(place), 0.0, inverse.supply**2))
+            given, memory = law.voltages(memory, wanted[number + 1], reading)
         reached.append(reading)
         voltages.append(given)
         plant = plant.after(given, settings.interval)
         progress((number + 1) / count)
-    return SteerRun(actuator.model.segments, time, wanted, np.array(reached), np.array(voltages),
-                    settings.frequency)
+    return SteerRun(actuator.model.segments, time[:-1], wanted[:-1], np.array(reached),
+                    np.array(voltages), settings.frequency)
+
+
+def wanted_circle(centre: Array, settings: SteerSettings, time: Array) -> Array:
+    """Compute the wanted places at times [s]: a circle that grows in its first turn."""
+    grown = np.clip(time * settings.frequency, 0.0, 1.0)
+    return circle(centre, settings.tilt * grown**2 * (3 - 2 * grown), time * settings.frequency)
 
 
 def place_of(plant: FilmPlant) -> Array:
