@@ -10,6 +10,8 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import Failure
+from tympan.fem.rig import Sensor
+from tympan.studies.lumped.control.controller import Method
 from tympan.studies.lumped.control.design import SENSITIVITY
 from tympan.studies.lumped.control.loop import RunMargins
 from tympan.studies.lumped.steered.forward import Forward
@@ -17,20 +19,18 @@ from tympan.studies.lumped.steered.inverse import SteeredInverse
 from tympan.studies.lumped.steered.loop import (
     Feedback,
     SteeredLoop,
-    response,
+    frequencies,
     sensitivities,
 )
 from tympan.studies.lumped.steered.lqg import lqg_candidates
 from tympan.studies.lumped.steered.model import SteeredModel
+from tympan.studies.lumped.steered.pi import pi_by_channel
 
 #: Frequency at which laws are compared, over the reference's. At that itself every law follows
 #: after a time; the faster it learns, the better it is beside it.
 _BESIDE = 1.05
-#: Frequencies of a loop in the search, and for the margins of the one that is found.
-_COARSE = 120
+#: Number of frequencies for the margins.
 _FREQUENCIES = 1500
-#: Lowest frequency of a loop over the highest that the sampling allows.
-_LOWEST = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,8 @@ class SteeredLaw:
     s is the memory, r the places wanted at the end of the sample, y the readings at its start, v
     the asked places at rest; v' are those that the supply can hold. ``rest``: the memory after a
     long rest with wanted places r and readings y. All places are relative to ``inverse.centre``.
-    ``slopes``: places at rest by U². Without a ``feedback`` the readings are ignored.
+    ``slopes``: places at rest by U². Without a ``feedback`` the readings are ignored. The sensor
+    lags by ``sensor_lag`` [s]: its reading is compared with wanted places that lag as much.
     """
 
     forward: Forward
@@ -48,6 +49,7 @@ class SteeredLaw:
     interval: float
     inverse: SteeredInverse
     slopes: Array
+    sensor_lag: float = 0.0
 
     @cached_property
     def parts(self) -> tuple[Array, Array, Array, Array, Array, Array]:
@@ -59,16 +61,21 @@ class SteeredLaw:
             return (forward.a, np.hstack([forward.b, idle]), forward.c,
                     np.hstack([forward.d, none]), idle, np.hstack([forward.rest, idle]))
         own, size, more = self.feedback, len(forward.a), len(self.feedback.a)
-        # The error is the reading less the place wanted now, which the forward part remembers.
-        now = np.zeros((count, size))
-        now[:, size - 2 * count:size - count] = np.eye(count)
-        idle = np.zeros((size, count))
-        return (np.block([[forward.a, np.zeros((size, more))], [-own.b @ now, own.a]]),
-                np.block([[forward.b, idle], [np.zeros((more, count)), own.b]]),
-                np.hstack([forward.c - own.d @ now, own.c]),
+        # Parts of the memory: the forward part, wanted places as the sensor shows them, feedback.
+        unit, sensor = np.eye(count), Sensor(sensor_lag=self.sensor_lag)
+        shown, now, ahead = (sensor.lagged(*each, self.interval) for each in np.eye(3).tolist())
+        held = np.zeros((count, size))
+        held[:, size - 2 * count:size - count] = now * unit
+        tall, wide, still = (np.zeros(each) for each in ((size, count), (count, more),
+                                                         (count, count)))
+        return (np.block([[forward.a, tall, np.zeros((size, more))],
+                          [held, shown * unit, wide],
+                          [np.zeros((more, size)), -own.b, own.a]]),
+                np.block([[forward.b, tall], [ahead * unit, still], [wide.T, own.b]]),
+                np.hstack([forward.c, -own.d, own.c]),
                 np.hstack([forward.d, own.d]),
-                np.vstack([idle, own.g]),
-                np.block([[forward.rest, idle], [-own.rest, own.rest]]))
+                np.vstack([tall, still, own.g]),
+                np.block([[forward.rest, tall], [unit, still], [-own.rest, own.rest]]))
 
     def resting(self, wanted: Array, reading: Array) -> Array:
         """Make the memory of a plate that has rested at a place, where another one was wanted."""
@@ -104,7 +111,7 @@ class SteeredDesign:
         """Margins of each channel with the others closed; the largest singular sensitivity."""
         feedback, scale = self.law.feedback, self.law.inverse.scale
         assert feedback is not None
-        omega = frequencies(self.law.interval, _FREQUENCIES)
+        omega = frequencies(self.plants, self.law.interval, _FREQUENCIES)
         z = np.exp(1j * omega * self.law.interval)
         loops, largest = [], 0.0
         for plant in self.plants:
@@ -116,34 +123,38 @@ class SteeredDesign:
         return RunMargins(each.gain, each.phase, each.delay, largest)
 
 
-def frequencies(interval: float, count: int = _COARSE) -> Array:
-    """Space frequencies [rad/s] up to the sampling's highest."""
-    return np.geomspace(_LOWEST, 1.0, count) * np.pi / interval
-
-
 def design_law(model: SteeredModel, inverse: SteeredInverse, rests: Sequence[Array],
-               interval: float, frequency: float) -> SteeredDesign:
-    """Design the law that is least sensitive beside a frequency [Hz], of those that are robust.
+               interval: float, frequency: float, method: Method = "lqg",
+               sensor_lag: float = 0.0) -> SteeredDesign:
+    """Design a law about a motion of a frequency [Hz] that is robust at several rests.
 
     ``rests``: U² of the segments [V²] about which the model is linearised; the law is that of the
-    first one. At all of them it must be stable, and its sensitivity bounded.
+    first one. At all of them it must be stable, and its sensitivity bounded. Of LQG it is the one
+    that is least sensitive beside the frequency, of PI the one of the largest integral gains.
 
     Raises
     ------
     Failure
         Where no law tried is stable and robust at all of them.
     """
-    plants = tuple(SteeredLoop.of(model, squared, inverse, interval) for squared in rests)
-    tried = lqg_candidates(plants[0], inverse.scale, 2 * np.pi * frequency * interval)
-    omega = np.append(frequencies(interval), 2 * np.pi * _BESIDE * frequency)
-    feedback = _best(tried, plants, inverse.scale, np.exp(1j * omega * interval))
+    plants = tuple(SteeredLoop.of(model, squared, inverse, interval, sensor_lag)
+                   for squared in rests)
+    if method == "pi":
+        feedback = pi_by_channel(plants, inverse.scale, interval)
+    else:
+        tried = lqg_candidates(plants[0], inverse.scale, 2 * np.pi * frequency * interval)
+        omega = np.append(frequencies(plants, interval), 2 * np.pi * _BESIDE * frequency)
+        feedback = _best(tried, plants, inverse.scale, np.exp(1j * omega * interval))
+    if feedback is None:
+        raise Failure(f"no controller of this sampling and method, {method}, steers the film: "
+                      "sample it more often (--interval), or choose the other --method")
     law = SteeredLaw(Forward.of(model, inverse, interval), feedback, interval, inverse,
-                     model.linearise(rests[0]).gain)
+                     model.linearise(rests[0]).gain, sensor_lag)
     return SteeredDesign(law, plants)
 
 
 def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array, z: Array
-          ) -> Feedback:
+          ) -> Feedback | None:
     """Choose the stable and robust feedback that is least sensitive at the last point z."""
     responses = [plant.response(z) for plant in plants]
     best, least = None, np.inf
@@ -156,7 +167,4 @@ def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array
             continue
         if max(plant.largest_pole(feedback) for plant in plants) < 1:
             best, least = feedback, left
-    if best is None:
-        raise Failure("no controller of this sampling steers the film: sample it more often "
-                      "(--interval)")
     return best

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,14 @@ from scipy.linalg import expm
 from tympan.base.arrays import Array
 from tympan.studies.lumped.steered.inverse import SteeredInverse
 from tympan.studies.lumped.steered.model import SteeredModel
+
+#: Number of frequencies of a loop, and the lowest over the highest that the sampling allows.
+_FREQUENCIES = 120
+_LOWEST = 1e-4
+#: Imaginary part of a pole from which on it is a swing; creep has none.
+_SWINGS = 1e-6
+#: Distances of frequencies from a swing's, over it: down to the width of one of 0.01 % damping.
+_ABOUT = np.geomspace(1e-4, 0.3, 24)
 
 Complex = NDArray[np.complex128]
 
@@ -48,16 +57,25 @@ class SteeredLoop:
     c: Array
 
     @classmethod
-    def of(cls, model: SteeredModel, squared: Array, inverse: SteeredInverse, interval: float
-           ) -> SteeredLoop:
-        """Sample a model about its equilibrium at U² of the segments [V²]."""
+    def of(cls, model: SteeredModel, squared: Array, inverse: SteeredInverse, interval: float,
+           sensor_lag: float = 0.0) -> SteeredLoop:
+        """Sample a model about its equilibrium at U² of the segments [V²], with a sensor's lag [s].
+
+        The states behind the model's are what a sensor that lags shows.
+        """
         linear = model.linearise(squared)
         size, count = linear.b.shape[0], linear.c.shape[0]
         asked = np.linalg.pinv(linear.gain * inverse.supply**2) * inverse.supply**2
-        whole = np.zeros((size + count, size + count))
-        whole[:size, :size], whole[:size, size:] = linear.a, linear.b @ asked
+        shown = size + (count if sensor_lag else 0)
+        whole = np.zeros((shown + count, shown + count))
+        whole[:size, :size], whole[:size, shown:] = linear.a, linear.b @ asked
+        c = linear.c
+        if sensor_lag:
+            c = np.hstack([np.zeros((count, size)), np.eye(count)])
+            whole[size:shown, :size] = linear.c / sensor_lag
+            whole[size:shown, size:shown] = -np.eye(count) / sensor_lag
         passed = expm(interval * whole)
-        return cls(passed[:size, :size], passed[:size, size:], linear.c)
+        return cls(passed[:shown, :shown], passed[:shown, shown:], c)
 
     def response(self, z: Complex) -> Complex:
         """Compute the transfer matrices y/v at points of the z-plane, (points, n, n)."""
@@ -74,6 +92,24 @@ def response(a: Array, b: Array, c: Array, z: Complex) -> Any:
     """Compute C (z − A)⁻¹ B at points of the z-plane."""
     matrices = z[:, None, None] * np.eye(len(a)) - a
     return np.asarray(c @ np.linalg.solve(matrices, np.broadcast_to(b, (len(z), *b.shape))))
+
+
+def swings(plants: Sequence[SteeredLoop], interval: float) -> Array:
+    """Find the frequencies of the plants' swings [rad/s]."""
+    poles = np.concatenate([np.linalg.eigvals(plant.a) for plant in plants])
+    return np.abs(np.log(poles[poles.imag > _SWINGS])) / interval
+
+
+def frequencies(plants: Sequence[SteeredLoop], interval: float, count: int = _FREQUENCIES) -> Array:
+    """Space frequencies [rad/s] up to the sampling's highest, more of them about the swings.
+
+    Tilts may swing with hardly any damping: a loop then passes all its values in a narrow band.
+    """
+    highest = np.pi / interval
+    about = 1 + np.concatenate([-_ABOUT, _ABOUT])
+    near = np.multiply.outer(swings(plants, interval), about).ravel()
+    spread = np.geomspace(_LOWEST, 1.0, count) * highest
+    return np.sort(np.concatenate([spread, near[near < highest]]))
 
 
 def sensitivities(plant: Complex, feedback: Complex, scale: Array) -> Complex:

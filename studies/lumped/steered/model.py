@@ -22,6 +22,7 @@ from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import Failure
 from tympan.base.extras import needs
 from tympan.base.paths import with_arrays
+from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS
 from tympan.geometry.specimen import Specimen
@@ -75,15 +76,17 @@ class SteeredModel:
 
     @classmethod
     def of(cls, film: ReducedFilm, plate: RigidPlate, force: float, supply: float,
-           damper: float = 0.0) -> SteeredModel:
+           damper: float = 0.0, biases: tuple[Bias, ...] = ()) -> SteeredModel:
         """Fit the model to a film under a force [N] with voltages up to a supply's [V].
 
-        ``damper`` on the deflection [N s/m].
+        ``damper`` on the deflection [N s/m]. ``biases``: mechanisms on the plate, whose energy is
+        part of the elastic one.
         """
         freedoms = tuple(name for name, (_, of) in NAMES.items()
                          if FREEDOMS.index(of) in film.freedoms)
         to_film = _turned(film, freedoms)
-        states = [_states(film, force, supply, seed) for seed in (_SEED, _SEED + 1)]
+        held = FilmLoads(force, supply**2, biases)
+        states = [_states(film, held, seed) for seed in (_SEED, _SEED + 1)]
         places = states[0].q[:, :film.led] @ np.linalg.inv(to_film).T
         centre, scale = places.mean(0), np.ptp(places, axis=0) / 2
         powers = powers_of(len(freedoms), _DEGREES[0])
@@ -92,7 +95,7 @@ class SteeredModel:
                     np.diag([damper, *[0.0] * (len(freedoms) - 1)]), centre, scale, powers,
                     np.zeros(len(powers)),
                     np.zeros((len(film.specimen.electrode.names), len(powers))),
-                    *_branches(film, force, supply, to_film), supply, 0.0)
+                    *_branches(film, held, to_film), supply, 0.0)
         fitted = blank._fitted(states[0], to_film)
         return replace(fitted, error=fitted._missed(states[1], to_film))
 
@@ -317,12 +320,16 @@ def _shared(film: ReducedFilm, squared: Array, supply: float) -> ReducedFilm:
     return replace(film, specimen=specimen, table=None)
 
 
-def _states(film: ReducedFilm, force: float, supply: float, seed: int) -> _States:
-    """Hold the plate near random equilibria, under other random voltages."""
+def _states(film: ReducedFilm, held: FilmLoads, seed: int) -> _States:
+    """Hold the plate near random equilibria, under other random voltages.
+
+    ``held``: the loads with the supply's U².
+    """
+    supply = float(np.sqrt(held.voltage_squared))
     random, count = np.random.default_rng(seed), len(film.specimen.electrode.segments)
     first, squared = supply**2 * random.uniform(size=(2, _STATES, count))
     squared[:count] = supply**2 * np.eye(count)  # a segment alone
-    loads = FilmLoads(np.full(_STATES, force), np.full(_STATES, supply**2))
+    loads = FilmLoads(np.full(_STATES, held.force), np.full(_STATES, supply**2), held.biases)
     try:
         q = _shared(film, first, supply).at_rest(loads)
     except NoBalance:
@@ -333,13 +340,13 @@ def _states(film: ReducedFilm, force: float, supply: float, seed: int) -> _State
     wired = _shared(film, squared, supply)
     q = wired.balanced(q, loads, clamped=led, last=1e-7)
     pull = wired.pull(q, loads.voltage_squared)[0][:, :led]
+    pull[:, 0] += acting(held.biases, q[:, 0])[1]
     alone = [_shared(film, supply**2 * np.eye(count)[[number] * _STATES], supply).capacitance(
         q, loads.voltage_squared) for number in range(count)]
     return _States(q, squared, pull, np.array(alone).T)
 
 
-def _branches(film: ReducedFilm, force: float, supply: float, to_film: Array
-              ) -> tuple[Array, Array]:
+def _branches(film: ReducedFilm, held: FilmLoads, to_film: Array) -> tuple[Array, Array]:
     """Find times and springs of the branches about the middle of the supply.
 
     Together the springs stiffen the plate as the branches do at once; each has the share of its
@@ -347,10 +354,11 @@ def _branches(film: ReducedFilm, force: float, supply: float, to_film: Array
     """
     branches = film.specimen.membrane.branches
     count = len(film.specimen.electrode.segments)
-    middle = _shared(film, np.full((1, count), supply**2 / 2), supply)
-    q = middle.at_rest(FilmLoads(np.array([force]), np.array([supply**2])))
+    squared = held.voltage_squared
+    middle = _shared(film, np.full((1, count), squared / 2), float(np.sqrt(squared)))
+    q = middle.at_rest(FilmLoads(np.array([held.force]), np.array([squared]), held.biases))
     flow = middle.relaxed(q).step(middle.strain(q), 0.0)
-    firm, soft = (_condensed(middle.pull(q, supply**2, each)[1][0], film.led)
+    firm, soft = (_condensed(middle.pull(q, squared, each)[1][0], film.led)
                   for each in (flow, None))
     moduli = np.array([branch.modulus for branch in branches])
     stiffer = to_film.T @ (firm - soft) @ to_film
