@@ -316,7 +316,6 @@ def _(result: SteerResult, axes: Axes) -> None:
 def _(result: SteeredResult, axes: Axes) -> None:
     draw_normal(axes, result)
     look.describe(axes, "tilt along x (mrad)", "tilt along y (mrad)")
-    look.legend(axes)
 
 
 @draw.register

@@ -17,6 +17,9 @@ _VOLTAGES = 78.0
 _GAP = 16.0
 #: Height above for the titles [mm].
 _TOP = 8.0
+#: Half width of the plane over the largest tilt, and room for the legend over it.
+_BEYOND = 1.08
+_ROOM = 0.12
 #: Words and colours of the runs; the one with feedback is drawn last.
 _RUNS = (("static", "static inverse", style.GREY), ("motion", "motion fed forward", style.PALETTE[1]),
          ("feedback", "with feedback", style.PALETTE[0]))
@@ -35,7 +38,6 @@ def _compose(result: SteeredResult) -> Figure:
     draw_normal(plane, result)
     style.describe(plane, "tilt along x (mrad)", "tilt along y (mrad)", "path of the normal",
                    bold=True)
-    style.legend(plane)
     _draw_voltages(beside, result)
     style.describe(beside, "time (s)", "voltage (kV)", "voltages with feedback", bold=True)
     style.legend(beside)
@@ -50,7 +52,12 @@ def draw_normal(axes: Axes, result: SteeredResult) -> None:
                   linewidth=0.8, label=words)
     axes.plot(1e3 * samples["wanted_tilt_x"], 1e3 * samples["wanted_tilt_y"], "--", color="black",
               linewidth=0.8, label="wanted")
-    axes.set_aspect("equal", adjustable="datalim")
+    reach = _BEYOND * 1e3 * max(abs(samples[f"{name}_tilt_{along}"]).max() for along in "xy"
+                                for name in ("wanted", *(drive for drive, *_ in _RUNS)))
+    # The plane is square, with room for the legend above the path.
+    axes.set(xlim=(-(1 + _ROOM) * reach, (1 + _ROOM) * reach),
+             ylim=(-reach, (1 + 2 * _ROOM) * reach), aspect="equal")
+    axes.legend(loc="upper left", ncols=2)
 
 
 def _draw_voltages(axes: Axes, result: SteeredResult) -> None:
