@@ -111,7 +111,7 @@ class SteeredDesign:
         """Margins of each channel with the others closed; the largest singular sensitivity."""
         feedback, scale = self.law.feedback, self.law.inverse.scale
         assert feedback is not None
-        omega = frequencies(self.plants, self.law.interval, _FREQUENCIES)
+        omega = frequencies(self.plants, self.law.interval, _FREQUENCIES, fine=True)
         z = np.exp(1j * omega * self.law.interval)
         loops, largest = [], 0.0
         for plant in self.plants:

@@ -19,8 +19,10 @@ _FREQUENCIES = 120
 _LOWEST = 1e-4
 #: Imaginary part of a pole from which on it is a swing; creep has none.
 _SWINGS = 1e-6
-#: Distances of frequencies from a swing's, over it: down to the width of one of 0.01 % damping.
+#: Distances of frequencies from a swing's, over it: down to the width of one of 0.01 % damping,
+#: and, where a controller leaves a swing as it is, of one that only the slowest creep damps.
 _ABOUT = np.geomspace(1e-4, 0.3, 24)
+_NEAR = np.geomspace(1e-7, 0.3, 40)
 
 Complex = NDArray[np.complex128]
 
@@ -100,13 +102,14 @@ def swings(plants: Sequence[SteeredLoop], interval: float) -> Array:
     return np.abs(np.log(poles[poles.imag > _SWINGS])) / interval
 
 
-def frequencies(plants: Sequence[SteeredLoop], interval: float, count: int = _FREQUENCIES) -> Array:
+def frequencies(plants: Sequence[SteeredLoop], interval: float, count: int = _FREQUENCIES,
+                fine: bool = False) -> Array:
     """Space frequencies [rad/s] up to the sampling's highest, more of them about the swings.
 
     Tilts may swing with hardly any damping: a loop then passes all its values in a narrow band.
     """
-    highest = np.pi / interval
-    about = 1 + np.concatenate([-_ABOUT, _ABOUT])
+    highest, width = np.pi / interval, _NEAR if fine else _ABOUT
+    about = 1 + np.concatenate([-width, width])
     near = np.multiply.outer(swings(plants, interval), about).ravel()
     spread = np.geomspace(_LOWEST, 1.0, count) * highest
     return np.sort(np.concatenate([spread, near[near < highest]]))

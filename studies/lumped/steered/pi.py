@@ -30,7 +30,7 @@ _LOWERED = 1.08 ** -np.arange(40.0)
 def pi_by_channel(plants: Sequence[SteeredLoop], scale: Array, interval: float
                   ) -> Feedback | None:
     """Find the PI controllers of plants; None where none is stable and robust on all of them."""
-    z = np.exp(1j * frequencies(plants, interval) * interval)
+    z = np.exp(1j * frequencies(plants, interval, fine=True) * interval)
     responses = [plant.response(z) for plant in plants]
     swing = float(swings(plants[:1], interval).min())
     found = []
