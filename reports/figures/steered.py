@@ -21,7 +21,8 @@ _TOP = 8.0
 _BEYOND = 1.08
 _ROOM = 0.12
 #: Words and colours of the runs; the one with feedback is drawn last.
-_RUNS = (("static", "static inverse", style.GREY), ("motion", "motion fed forward", style.PALETTE[1]),
+_RUNS = (("static", "static inverse", style.GREY),
+         ("motion", "motion fed forward", style.PALETTE[1]),
          ("feedback", "with feedback", style.PALETTE[0]))
 
 

@@ -17,6 +17,7 @@ from tympan.studies.lumped.control.loop import RunMargins
 from tympan.studies.lumped.steered.forward import Forward
 from tympan.studies.lumped.steered.inverse import SteeredInverse
 from tympan.studies.lumped.steered.loop import (
+    Complex,
     Feedback,
     SteeredLoop,
     frequencies,
@@ -63,7 +64,8 @@ class SteeredLaw:
         own, size, more = self.feedback, len(forward.a), len(self.feedback.a)
         # Parts of the memory: the forward part, wanted places as the sensor shows them, feedback.
         unit, sensor = np.eye(count), Sensor(sensor_lag=self.sensor_lag)
-        shown, now, ahead = (sensor.lagged(*each, self.interval) for each in np.eye(3).tolist())
+        shown, now, ahead = (sensor.lagged(*each, self.interval) for each in (
+            (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         held = np.zeros((count, size))
         held[:, size - 2 * count:size - count] = now * unit
         tall, wide, still = (np.zeros(each) for each in ((size, count), (count, more),
@@ -153,7 +155,7 @@ def design_law(model: SteeredModel, inverse: SteeredInverse, rests: Sequence[Arr
     return SteeredDesign(law, plants)
 
 
-def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array, z: Array
+def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array, z: Complex
           ) -> Feedback | None:
     """Choose the stable and robust feedback that is least sensitive at the last point z."""
     responses = [plant.response(z) for plant in plants]

@@ -44,7 +44,7 @@ class Feedback:
 
     def response(self, z: Complex) -> Complex:
         """Compute the transfer matrices w/e at points of the z-plane, (points, n, n)."""
-        return response(self.a, self.b, self.c, z) + self.d
+        return np.asarray(response(self.a, self.b, self.c, z) + self.d)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class SteeredLoop:
 
     def response(self, z: Complex) -> Complex:
         """Compute the transfer matrices y/v at points of the z-plane, (points, n, n)."""
-        return response(self.a, self.b, self.c, z)
+        return np.asarray(response(self.a, self.b, self.c, z))
 
     def largest_pole(self, feedback: Feedback) -> float:
         """Find the largest magnitude of the closed loop's poles; below 1 it is stable."""
@@ -99,7 +99,7 @@ def response(a: Array, b: Array, c: Array, z: Complex) -> Any:
 def swings(plants: Sequence[SteeredLoop], interval: float) -> Array:
     """Find the frequencies of the plants' swings [rad/s]."""
     poles = np.concatenate([np.linalg.eigvals(plant.a) for plant in plants])
-    return np.abs(np.log(poles[poles.imag > _SWINGS])) / interval
+    return np.asarray(np.abs(np.log(poles[poles.imag > _SWINGS])) / interval)
 
 
 def frequencies(plants: Sequence[SteeredLoop], interval: float, count: int = _FREQUENCIES,
