@@ -40,6 +40,12 @@ _DEGREES = (4, 3)
 _STATES = 600
 #: Deviation of the plate from its equilibrium in these states, over the range of each freedom.
 _AWAY = 0.05
+#: Number of changes of voltages after which the plate is compared at once, and how far they go,
+#: over the supply's U².
+_CHANGES = 60
+_CHANGED = 0.25
+#: Weight of the correction of springs against the errors that it removes.
+_LITTLE = 1e-3
 #: Seed of the states; its value is arbitrary.
 _SEED = 11
 #: Newton's corrections of an equilibrium, and the last one over the range of the freedoms.
@@ -97,6 +103,7 @@ class SteeredModel:
                     np.zeros((len(film.specimen.electrode.names), len(powers))),
                     *_branches(film, held, to_film), supply, 0.0)
         fitted = blank._fitted(states[0], to_film)
+        fitted = replace(fitted, springs=_as_at_once(fitted, film, held, to_film))
         return replace(fitted, error=fitted._missed(states[1], to_film))
 
     @property
@@ -364,6 +371,44 @@ def _branches(film: ReducedFilm, held: FilmLoads, to_film: Array) -> tuple[Array
     stiffer = to_film.T @ (firm - soft) @ to_film
     return (np.array([branch.time for branch in branches]),
             np.multiply.outer(moduli / moduli.sum(), (stiffer + stiffer.T) / 2))
+
+
+def _as_at_once(model: SteeredModel, film: ReducedFilm, held: FilmLoads, to_film: Array) -> Array:
+    """Correct the springs of the branches so that voltages move the plate at once as on the film.
+
+    Few points stand for a film. How stiff they are against slides and tilts is much less exact than
+    how far voltages move the plate, for which they were chosen. The correction is symmetric, and
+    the least that makes the errors of the places small. Each branch keeps its share.
+    """
+    count, number = model.count, len(model.segments)
+    random, most = np.random.default_rng(_SEED), held.voltage_squared
+    squared = most * (0.5 + _CHANGED * random.uniform(-1, 1, size=(_CHANGES, number)))
+    supply = float(np.sqrt(most))
+    loads = FilmLoads(np.full(_CHANGES, held.force), np.full(_CHANGES, most), held.biases)
+    middle = _shared(film, np.full((_CHANGES, number), most / 2), supply)
+    q = middle.at_rest(loads)
+    flow = middle.relaxed(q).step(middle.strain(q), 0.0)
+    moved = _shared(film, squared, supply).carried(q, loads, loads, flow)
+    back = np.linalg.inv(to_film).T
+    start, places = (np.asarray(each[:, :count] @ back) for each in (q, moved))
+    still, stiffness, _ = model.pull(start[0], np.full(number, most / 2))
+    springs = model.springs.sum(0)
+    shares = model.springs[:, :1, :1] / springs[0, 0]
+    forces = np.array([model.pull(p, u)[0] - still for p, u in zip(places, squared, strict=True)])
+    away = places - start
+    # Errors of places over their ranges, by each entry of a symmetric correction over its size.
+    compliance = np.linalg.inv(stiffness + springs) / model.scale[:, None]
+    sizes = np.sqrt(np.outer(stiffness.diagonal(), stiffness.diagonal()))
+    pairs = [(i, j) for i in range(count) for j in range(i, count)]
+    unit = np.zeros((len(pairs), count, count))
+    for each, (i, j) in zip(unit, pairs, strict=True):
+        each[i, j] = each[j, i] = sizes[i, j]
+    matrix = np.einsum("ki,cij,nj->nkc", compliance, unit, away).reshape(-1, len(pairs))
+    missed = ((forces + away @ springs) @ compliance.T).ravel()
+    least = _LITTLE * np.linalg.norm(matrix)
+    found = np.linalg.lstsq(np.vstack([matrix, least * np.eye(len(pairs))]),
+                            np.append(-missed, np.zeros(len(pairs))))[0]
+    return np.asarray(shares * (springs + np.einsum("c,cij->ij", found, unit)))
 
 
 def _condensed(stiffness: Array, led: int) -> Array:
