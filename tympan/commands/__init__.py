@@ -21,7 +21,6 @@ from tympan.commands.lumped import export as lumped_export
 from tympan.commands.lumped import identify as lumped_identify
 from tympan.commands.lumped import paper as lumped_paper
 from tympan.commands.lumped import response as lumped_response
-from tympan.commands.lumped import steer as lumped_steer
 
 #: Every command in the order of ``tympan --help``, by heading.
 HEADINGS = {
@@ -37,7 +36,7 @@ HEADINGS = {
     "lumped models": (
         lumped_build.lumped_build, lumped_response.lumped_simulate,
         lumped_response.lumped_linearise, lumped_control.lumped_control,
-        lumped_steer.lumped_steer, lumped_identify.lumped_identify, lumped_export.lumped_export,
+        lumped_control.lumped_steer, lumped_identify.lumped_identify, lumped_export.lumped_export,
         lumped_paper.lumped_paper),
 }
 #: Commands that ``tympan --help`` shows, by what one wants; ``tympan help all`` shows all.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,9 @@ from tympan.studies.lumped.steered.pi import pi_by_channel
 #: Frequency at which laws are compared, over the reference's. At that itself every law follows
 #: after a time; the faster it learns, the better it is beside it.
 _BESIDE = 1.05
+#: Factors on the inertia of plates that the law must hold, too: of the swings no more is known
+#: than that their frequencies are right to a tenth.
+_INERTIAS = (0.9, 1.1)
 #: Number of frequencies for the margins.
 _FREQUENCIES = 1500
 
@@ -139,13 +142,15 @@ def design_law(model: SteeredModel, inverse: SteeredInverse, rests: Sequence[Arr
     Failure
         Where no law tried is stable and robust at all of them.
     """
-    plants = tuple(SteeredLoop.of(model, squared, inverse, interval, sensor_lag)
-                   for squared in rests)
+    others = (replace(model, mass=factor * model.mass) for factor in _INERTIAS)
+    plants = tuple(SteeredLoop.of(each, squared, inverse, interval, sensor_lag)
+                   for each, squared in (*((model, squared) for squared in rests),
+                                         *((other, rests[0]) for other in others)))
     if method == "pi":
         feedback = pi_by_channel(plants, inverse.scale, interval)
     else:
         tried = lqg_candidates(plants[0], inverse.scale, 2 * np.pi * frequency * interval)
-        omega = np.append(frequencies(plants, interval), 2 * np.pi * _BESIDE * frequency)
+        omega = np.append(frequencies((plants[0], *plants[-2:]), interval), 2 * np.pi * _BESIDE * frequency)
         feedback = _best(tried, plants, inverse.scale, np.exp(1j * omega * interval))
     if feedback is None:
         raise Failure(f"no controller of this sampling and method, {method}, steers the film: "

@@ -20,11 +20,11 @@ from tympan.base.arrays import Array
 from tympan.studies.lumped.steered.loop import Feedback, SteeredLoop
 
 #: Weights of the asked place to try, over that of the error.
-_WEIGHTS = np.geomspace(1e-3, 1e0, 4)
+_WEIGHTS = np.geomspace(1e-2, 1e2, 5)
 #: Variances to try of what acts on the plate at each sample, over the reading's.
-_SHAKEN = np.geomspace(1e-2, 1e1, 4)
+_SHAKEN = np.geomspace(1e-4, 1e1, 6)
 #: Variances of the random walks' steps to try, over the reading's variance.
-_WALKS = np.geomspace(1e-4, 1e0, 5)
+_WALKS = np.geomspace(1e-6, 1e0, 7)
 
 
 def lqg_candidates(plant: SteeredLoop, scale: Array, angle: float) -> Iterator[Feedback]:

@@ -107,12 +107,12 @@ class SteeredResult(SpecimenRecord):
     tilt_rad: Annotated[float | None, Key("radius of the circle; none for another path")]
     method: Annotated[Method, Key("how the feedback is designed")]
     margins: Annotated[LoopMargins, Key(
-        "margins on the linearised model, the worst at five places: of each channel with the "
-        "others closed; the sensitivity is the largest singular value of that of all channels")]
+        "margins on the linearised model, the worst at five places and with an inertia that is "
+        "10 % off: of each channel with the others closed; the sensitivity is the largest singular value of that of all channels")]
     runs: Annotated[tuple[SteeredRun, ...], Key("runs on the film in time, by their drive")]
     film_error: Annotated[dict[str, float], Key(
-        "errors of the reduced film in a run in time, over the range of the quantity, against "
-        "finite elements")]
+        "errors of the reduced film against finite elements: of deflection and tilt in a run in "
+        "time, over the range; of tilts at once after voltages of the path, over the largest")]
     force_error: Annotated[float, Key(
         "largest error of a generalised force of the lumped model, over its standard deviation")]
     inverse_error: Annotated[float, Key("largest error of U² of the static inverse, over the "

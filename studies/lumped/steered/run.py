@@ -22,7 +22,7 @@ from tympan.fem.rig import OWN, Rig, mounted
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.films.film import ReducedFilm
-from tympan.studies.films.segmented import error_in_time, levels, segmented_film
+from tympan.studies.films.segmented import error_at_once, error_in_time, levels, segmented_film
 from tympan.studies.lumped.control.controller import Method
 from tympan.studies.lumped.control.result import LoopMargins
 from tympan.studies.lumped.export.fmu import require_compiler
@@ -225,7 +225,8 @@ def steerable(specimen: Specimen, settings: SteerSettings, rig: Rig = Rig(),
               mesh: Settings = Settings()) -> tuple[Steered, dict[str, float]]:
     """Make film, model and controller of a specimen; also the film's errors in time.
 
-    The errors are those of deflection and tilt in a run against finite elements, over their ranges.
+    The errors are those of deflection and tilt in a run against finite elements, over their ranges,
+    and those of tilts at once after the voltages of places of the path, over the largest.
 
     Raises
     ------
@@ -237,7 +238,12 @@ def steerable(specimen: Specimen, settings: SteerSettings, rig: Rig = Rig(),
     force = _force(specimen, settings, rig)
     film = segmented_film(model, force, settings.supply, mesh.path)
     errors = error_in_time(film, model, force, levels(specimen, settings.supply))
-    return steered(film, settings, rig), errors
+    made = steered(film, settings, rig)
+    centre, *about = (
+        dict(zip(specimen.electrode.names, np.sqrt(made.inverse.squared(place)).tolist(),
+                 strict=True))
+        for place in (made.inverse.centre, *made.path.spread(_ALONG)))
+    return made, errors | {"tilt_at_once": error_at_once(film, model, force, centre, about)}
 
 
 def _force(specimen: Specimen, settings: SteerSettings, rig: Rig) -> float:
