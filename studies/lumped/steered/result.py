@@ -108,7 +108,8 @@ class SteeredResult(SpecimenRecord):
     method: Annotated[Method, Key("how the feedback is designed")]
     margins: Annotated[LoopMargins, Key(
         "margins on the linearised model, the worst at five places and with an inertia that is "
-        "10 % off: of each channel with the others closed; the sensitivity is the largest singular value of that of all channels")]
+        "10 % off: of each channel with the others closed; the sensitivity is the largest "
+        "singular value of that of all channels")]
     runs: Annotated[tuple[SteeredRun, ...], Key("runs on the film in time, by their drive")]
     film_error: Annotated[dict[str, float], Key(
         "errors of the reduced film against finite elements: of deflection and tilt in a run in "
