@@ -30,9 +30,9 @@ from tympan.studies.lumped.steered.pi import pi_by_channel
 #: Frequency at which laws are compared, over the reference's. At that itself every law follows
 #: after a time; the faster it learns, the better it is beside it.
 _BESIDE = 1.05
-#: Factors on the inertia of plates that the law must hold, too: of the swings no more is known
-#: than that their frequencies are right to a tenth.
-_INERTIAS = (0.9, 1.1)
+#: Errors of the inertia for which a law is sought that bears them, in this order: the frequencies
+#: of the swings are not known better than to a twentieth.
+_INERTIAS_OFF = (0.1, 0.05, 0.0)
 #: Number of frequencies for the margins.
 _FREQUENCIES = 1500
 
@@ -106,10 +106,14 @@ class SteeredLaw:
 
 @dataclass(frozen=True, eq=False)
 class SteeredDesign:
-    """A law, the plants that it was designed on, and its margins, the worst of them."""
+    """A law, the plants that it was designed on, and its margins, the worst of them.
+
+    ``inertia_off``: relative error of the plate's inertia for which it is as robust at the first.
+    """
 
     law: SteeredLaw
     plants: tuple[SteeredLoop, ...]
+    inertia_off: float
 
     @cached_property
     def margins(self) -> RunMargins:
@@ -142,22 +146,33 @@ def design_law(model: SteeredModel, inverse: SteeredInverse, rests: Sequence[Arr
     Failure
         Where no law tried is stable and robust at all of them.
     """
-    others = (replace(model, mass=factor * model.mass) for factor in _INERTIAS)
-    plants = tuple(SteeredLoop.of(each, squared, inverse, interval, sensor_lag)
-                   for each, squared in (*((model, squared) for squared in rests),
-                                         *((other, rests[0]) for other in others)))
-    if method == "pi":
-        feedback = pi_by_channel(plants, inverse.scale, interval)
-    else:
-        tried = lqg_candidates(plants[0], inverse.scale, 2 * np.pi * frequency * interval)
-        omega = np.append(frequencies((plants[0], *plants[-2:]), interval), 2 * np.pi * _BESIDE * frequency)
-        feedback = _best(tried, plants, inverse.scale, np.exp(1j * omega * interval))
+    plants = tuple(SteeredLoop.of(model, squared, inverse, interval, sensor_lag)
+                   for squared in rests)
+    feedback, off = None, 0.0
+    for off in _INERTIAS_OFF:
+        others = [SteeredLoop.of(replace(model, mass=factor * model.mass), rests[0], inverse,
+                                 interval, sensor_lag)
+                  for factor in (1 - off, 1 + off) if off]
+        feedback = _found([*plants, *others], [plants[0], *others], inverse.scale, interval,
+                          frequency, method)
+        if feedback is not None:
+            break
     if feedback is None:
         raise Failure(f"no controller of this sampling and method, {method}, steers the film: "
                       "sample it more often (--interval), or choose the other --method")
     law = SteeredLaw(Forward.of(model, inverse, interval), feedback, interval, inverse,
                      model.linearise(rests[0]).gain, sensor_lag)
-    return SteeredDesign(law, plants)
+    return SteeredDesign(law, plants, off)
+
+
+def _found(plants: Sequence[SteeredLoop], centres: Sequence[SteeredLoop], scale: Array,
+           interval: float, frequency: float, method: Method) -> Feedback | None:
+    """Find the feedback of a method; the swings of ``centres`` are looked at closely."""
+    if method == "pi":
+        return pi_by_channel(plants, scale, interval)
+    tried = lqg_candidates(plants[0], scale, 2 * np.pi * frequency * interval)
+    omega = np.append(frequencies(centres, interval), 2 * np.pi * _BESIDE * frequency)
+    return _best(tried, plants, scale, np.exp(1j * omega * interval))
 
 
 def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array, z: Complex

@@ -107,9 +107,11 @@ class SteeredResult(SpecimenRecord):
     tilt_rad: Annotated[float | None, Key("radius of the circle; none for another path")]
     method: Annotated[Method, Key("how the feedback is designed")]
     margins: Annotated[LoopMargins, Key(
-        "margins on the linearised model, the worst at five places and with an inertia that is "
-        "10 % off: of each channel with the others closed; the sensitivity is the largest "
-        "singular value of that of all channels")]
+        "margins on the linearised model, the worst at five places: of each channel with the "
+        "others closed; the sensitivity is the largest singular value of that of all channels")]
+    inertia_off: Annotated[float, Key(
+        "relative error of the plate's inertia for which the loop is as robust at the centre; the "
+        "frequency of a swing is then half as much off")]
     runs: Annotated[tuple[SteeredRun, ...], Key("runs on the film in time, by their drive")]
     film_error: Annotated[dict[str, float], Key(
         "errors of the reduced film against finite elements: of deflection and tilt in a run in "

@@ -189,6 +189,7 @@ def steer(specimen: Specimen, settings: SteerSettings = SteerSettings(), rig: Ri
         frequency_Hz=settings.frequency, method=settings.method,
         tilt_rad=None if path.period is None else settings.tilt,
         margins=LoopMargins.of(actuator.design.margins),
+        inertia_off=actuator.design.inertia_off,
         runs=tuple(each.summary for each in runs),
         film_error={name: error for name, error in errors.items() if np.isfinite(error)},
         force_error=model.error, inverse_error=law.inverse.error,
