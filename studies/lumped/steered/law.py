@@ -30,6 +30,8 @@ from tympan.studies.lumped.steered.pi import pi_by_channel
 #: Frequency at which laws are compared, over the reference's. At that itself every law follows
 #: after a time; the faster it learns, the better it is beside it.
 _BESIDE = 1.05
+#: Sensitivity beside the frequency from which on a law hardly helps: it is none.
+_HELPS = 0.7
 #: Errors of the inertia for which a law is sought that bears them, in this order: the frequencies
 #: of the swings are not known better than to a twentieth.
 _INERTIAS_OFF = (0.1, 0.05, 0.0)
@@ -179,7 +181,7 @@ def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array
           ) -> Feedback | None:
     """Choose the stable and robust feedback that is least sensitive at the last point z."""
     responses = [plant.response(z) for plant in plants]
-    best, least = None, np.inf
+    best, least = None, _HELPS
     for feedback in tried:
         own = feedback.response(z)
         sizes = np.array([np.linalg.norm(sensitivities(each, own, scale), 2, axis=(1, 2))
