@@ -51,6 +51,8 @@ _ALONG = 4
 #: Distance of a voltage squared from an end of the supply that counts as being there, over the
 #: supply's.
 _AT_END = 1e-9
+#: Error of a circle's radius from which on a run with feedback has a remark.
+_ROUND = 0.05
 #: A circle is judged over its last turn.
 _TURNS: Rule = (lambda x: 1 <= x <= 1e4, "must be from 1 to 10000")
 
@@ -216,6 +218,9 @@ def _remarks(run: SteerRun, settings: SteerSettings, errors: dict[str, float]) -
     if (np.minimum(squared, most - squared) < _AT_END * most).any():
         remarks.append("with feedback a voltage reaches an end of the supply: choose a smaller "
                        "tilt or a higher supply")
+    if (run.summary.radius_error or 0.0) > _ROUND:
+        remarks.append(f"with feedback the radius is off by more than {100 * _ROUND:g} %: choose a "
+                       "lower frequency, a shorter interval or the other method")
     if not np.isfinite(list(errors.values())).all():
         remarks.append("the film pulls in at random voltages up to the supply's: its reduced film "
                        "was not compared with finite elements")
