@@ -65,6 +65,11 @@ sector = ["-90 deg", "90 deg"]
 name = "B"
 sector = ["90 deg", "270 deg"]
 """
+THIRDS = "".join(f"""
+[[electrode.segment]]
+name = "{name}"
+sector = ["{start} deg", "{start + 120} deg"]
+""" for name, start in zip("ABC", (0, 120, 240), strict=True))
 BRANCH = """
 [[membrane.branch]]
 modulus = "31.2 kPa"
@@ -100,6 +105,7 @@ TESTS = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2)}\n"
 FILES = {"rounded.toml": ROUNDED, "round.toml": ROUND, "film.toml": FILM, "STUDY.toml": STUDY,
          "SWEEP.toml": SWEEP, "REQUIREMENTS.toml": REQUIREMENTS,
          "viscous.toml": ROUND + BRANCH, "halves.toml": ROUND + HALVES,
+         "thirds.toml": ROUND.replace("vhb-4910", "vhb-4910-viscous") + THIRDS,
          "coupon.csv": f"mode,stretch,nominal_stress_kPa\n{TESTS}",
          "readings/dataset.toml": DATASET,
          "readings/static.csv": f"specimen,mass_g,voltage_kV,displacement_mm\n{READINGS}"}
@@ -143,6 +149,7 @@ lumped build round.toml -o built
 lumped simulate --model models/round.lumped.toml --mass 20g --signal step --high 3kV
 lumped linearise --model models/round.lumped.toml --mass 20g
 lumped control --model models/round.lumped.toml --mass 20g --high 2kV --supply 3kV --duration 1s
+lumped steer thirds.toml --mass 15g --tilt 1mrad --frequency 4Hz --turns 1 --refine 0.5
 lumped identify readings --model models/round.lumped.toml --no-limits
 lumped export models/round.lumped.toml -o controller
 lumped paper --help

@@ -32,6 +32,7 @@ from tympan.reports.figures.path import draw_stations
 from tympan.reports.figures.sense import draw_capacitance
 from tympan.reports.figures.specimen import draw_to_scale, segment_handles, segment_words
 from tympan.reports.figures.steer import draw_reach
+from tympan.reports.figures.steered import draw_normal
 from tympan.reports.figures.tolerance import draw_histogram
 from tympan.reports.sweep.figure import draw_over
 from tympan.reports.sweep.view import SweepView
@@ -48,6 +49,7 @@ from tympan.studies.limits import LimitsResult
 from tympan.studies.limits.curve import CurveResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.lumped.control.result import ControlResult
+from tympan.studies.lumped.steered.result import SteeredResult
 from tympan.studies.material.result import MaterialFitResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.path import PathResult
@@ -308,6 +310,12 @@ def _(result: SenseResult, axes: Axes) -> None:
 @draw.register
 def _(result: SteerResult, axes: Axes) -> None:
     draw_reach(axes, result)
+
+
+@draw.register
+def _(result: SteeredResult, axes: Axes) -> None:
+    draw_normal(axes, result)
+    look.describe(axes, "tilt along x (mrad)", "tilt along y (mrad)")
 
 
 @draw.register

@@ -74,6 +74,9 @@ _KINDS = {
     "lumped control": (
         "control.json", "reports.figures.control:draw_control",
         "studies.lumped.control.result:ControlResult"),
+    "lumped steer": (
+        "*-steered.json", "reports.figures.steered:draw_steered",
+        "studies.lumped.steered.result:SteeredResult"),
     "transient": (
         "transient.json", "reports.figures.response:draw_simulated", "studies.trace:Responses",
         "studies.transient:FieldResponse"),

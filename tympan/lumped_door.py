@@ -19,12 +19,13 @@ from tympan.door import (
     Stated,
     Voltages,
     Waves,
+    held,
     held_together,
     loaded,
     several,
 )
 from tympan.geometry.specimen import Specimen, require_different_names
-from tympan.grammar import public
+from tympan.grammar import combining, public
 from tympan.result import Result
 from tympan.studies.case import Settings
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from tympan.studies.lumped.control.result import ControlResult
     from tympan.studies.lumped.linear import Input, LinearResult
     from tympan.studies.lumped.model_file import LumpedModel
+    from tympan.studies.lumped.steered.result import SteeredResult
     from tympan.studies.trace import Responses
 
 
@@ -140,6 +142,35 @@ def control(*models: Specimen | LumpedModel | Result[BuildResult] | Stated,
 
 
 @public()
+@combining
+@one_thread()
+def steer(specimen: SpecimenOrFile, *, mass: Load | None = None, rig: Holder = None,
+          tilt: float | str = 3e-3, frequency: float | str = 1.0, turns: float = 2.0,
+          supply: float | str = 2.8e3, interval: float | str = 10e-3,
+          method: Literal["pi", "lqg"] = "lqg", reference: File | None = None, fmu: bool = False,
+          settings: Settings | None = None) -> Result[SteeredResult]:
+    """Design a controller that tilts a plate by its segments, and run it on the film in time.
+
+    The plate's normal draws a circle of radius ``tilt``, or follows the path of a ``reference``.
+    The controller is designed on a lumped model of the plate's freedoms; ``result.linear`` has that
+    linearised, ``result.run("feedback")`` what came of it, ``result.to_pandas()`` the samples.
+    With ``fmu=True`` ``result.save(folder)`` also writes model and controller as FMUs.
+    """
+    from tympan.studies.case import NO_MASS
+    from tympan.studies.lumped.steered.run import SteerSettings
+    from tympan.studies.lumped.steered.run import steer as steered
+
+    film, on = held(specimen, rig)
+    if mass is None:
+        raise InputError(NO_MASS, key="mass")
+    chosen = SteerSettings(
+        mass=number(only(mass, "mass"), "mass", "mass"), tilt=tilt, frequency=frequency,
+        turns=turns, supply=supply, interval=interval, method=method,
+        reference=None if reference is None else Path(reference), fmu=fmu)
+    return Result(steered(film, chosen, on, settings or Settings()), film)
+
+
+@public()
 @one_thread()
 def identify(dataset: File, *, model: Sequence[LumpedModel | File] = (), paper: bool = False,
              dynamic: bool = False, law: Literal["eq8", "film"] | None = None,
@@ -191,6 +222,7 @@ class Lumped:
     simulate = staticmethod(simulate)
     linearise = staticmethod(linearise)
     control = staticmethod(control)
+    steer = staticmethod(steer)
     identify = staticmethod(identify)
     export = staticmethod(export)
     __call__ = staticmethod(build)

@@ -71,7 +71,8 @@ ELSEWHERE: Mapping[str, str] = {
     "study": "asks solve, curve, force and alpha",
     "materials": "of the library", "material show": "of the library", "effects": "a list",
     "doctor": "of the installation",
-    "steer": "needs segments", "data": "of readings", "diagnose": "of readings",
+    "steer": "needs segments", "lumped steer": "needs segments",
+    "data": "of readings", "diagnose": "of readings",
     "material fit": "of readings", "lumped identify": "of readings",
     "lumped export": "of a model", "lumped paper": "of the source paper's actuators"}
 

@@ -20,13 +20,14 @@ from tympan.fem.equilibrium.newton import WORK, Budget
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.memory import Memory
+from tympan.fem.membrane.biases import Bias
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.transient.ends import Stopped
 from tympan.fem.transient.film_memory import first_memory
 from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
-from tympan.studies.films.film import NoBalance, ReducedFilm, arms_of
+from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm, arms_of
 from tympan.studies.films.motion import ReducedMotion
 from tympan.studies.films.reduction import IN_TIME, Reduction, Snapshot, plate_freedoms
 from tympan.studies.motion import Trace
@@ -177,7 +178,8 @@ def error_in_time(film: ReducedFilm, model: Model, force: float, run: Sequence[L
     Tilts have one range, the larger. The errors are infinite if a film pulls in.
     """
     try:
-        exact, near = field_run(model, force, run), reduced_run(film, force, run)
+        exact = field_run(model, force, run)
+        near = reduced_run(film, force, run, model.loading.biases)
     except (NoBalance, Stopped):
         return {"deflection": np.inf, "tilt": np.inf}
     missed, span = np.abs(near - exact).max(0), np.ptp(exact, axis=0)
@@ -185,12 +187,43 @@ def error_in_time(film: ReducedFilm, model: Model, force: float, run: Sequence[L
             "tilt": float(missed[1:].max() / span[1:].max())}
 
 
-def reduced_run(film: ReducedFilm, force: float, run: Sequence[Level]) -> Array:
+def error_at_once(film: ReducedFilm, model: Model, force: float, begin: Voltages,
+                  changes: Sequence[Voltages]) -> float:
+    """Compute the largest error of tilts at once after voltages change, over the largest tilt.
+
+    The film has rested at the first voltages. In the time of a quick motion no branch flows, and
+    then errors of the points may be larger than at rest. The error is infinite if a film pulls in.
+    """
+    biases, wired, top = model.loading.biases, *film.driven(begin)
+    whole, _ = driven_model(model, begin)
+    try:
+        state = _at_rest(whole, force, top, PathSettings())
+        memory, loads = first_memory(whole, state), FilmLoads(force, top**2, biases)
+        q = wired.at_rest(loads)
+        flow = wired.relaxed(q).step(wired.strain(q), 0.0)
+        tilts = []
+        for change in changes:
+            other, high = film.driven(change)
+            plate = _at_once(driven_model(model, change)[0], force, state, high, memory
+                             ).state.plate
+            after = FilmLoads(force, high**2, biases)
+            moved = other.plate(other.carried(q, after, after, flow) - q)[list(STEERED[1:])]
+            exact = (plate.slope - state.plate.slope)[::-1] * (1, -1)
+            tilts.append((moved, exact))
+    except (NoBalance, Stopped):
+        return np.inf
+    near, exact = np.swapaxes(np.array(tilts), 0, 1)
+    return float(np.abs(near - exact).max() / np.linalg.norm(exact, axis=1).max())
+
+
+def reduced_run(film: ReducedFilm, force: float, run: Sequence[Level],
+                biases: tuple[Bias, ...] = ()) -> Array:
     """Move a film from rest through levels; return its deflection and tilts, (times, 3)."""
     quick, moment, parts = film.tabulated, None, []
     for level in run:
         wired, top = quick.driven(level.voltages)
-        motion = ReducedMotion(wired, force, _held(top, level.duration), budget=Budget(WORK))
+        motion = ReducedMotion(wired, force, _held(top, level.duration), biases,
+                               budget=Budget(WORK))
         if moment is None:
             moment = replace(motion, signal=_held(0.0, 1.0)).begin
         loads = replace(moment.loads, voltage_squared=top**2)

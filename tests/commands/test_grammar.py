@@ -100,7 +100,8 @@ def test_arguments_stand_in_order_and_are_few_lines(name: str) -> None:
 
 #: Functions of one state, and those that take several loads.
 ONE = ("solve", "limits", "tolerance", "path", "modes", "response", "sensitivity", "transient",
-       "lumped.simulate", "lumped.linearise", "lumped.control", "steer")
+       "lumped.simulate", "lumped.linearise", "lumped.control", "lumped.steer",
+       "steer")
 SEVERAL = ("curve", "force", "sense", "export", "films_within", "lumped.build")
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.costs import dear
 from tests.support.datasets import write_dataset
-from tests.support.specimens import SOFT, specimen_toml
+from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
 from tympan.geometry.outlines import examples
 from tympan.paper import page as paper_page
@@ -41,6 +41,9 @@ voltage = ["2.5 kV"]
 """
 
 
+CREEPING = specimen_toml("thirds", ROUND, 'material = "vhb-4910-viscous"', 3.0)
+
+
 def of_specimen(command: str, *options: str) -> Callable[[Path], None]:
     """What runs a command on the specimen, coarsely."""
     def run(folder: Path) -> None:
@@ -58,6 +61,15 @@ def steer(folder: Path) -> None:
     specimen.write_text(SPECIMEN + halves, encoding="utf-8")
     assert main(["steer", str(specimen), "-o", str(folder), "--voltage",
                  "A = 0 kV..2 kV in 3, B = 0 kV, 1 kV", *LOADED]) == 0
+
+
+def lumped_steer(folder: Path) -> None:
+    specimen = folder.parent / "thirds.toml"
+    specimen.write_text(CREEPING + "".join(
+        f'[[electrode.segment]]\nname = "{name}"\nsector = ["{start} deg", "{start + 120} deg"]\n'
+        for name, start in zip("ABC", (0, 120, 240), strict=True)), encoding="utf-8")
+    assert main(["lumped", "steer", str(specimen), "-o", str(folder), "--mass", "15 g", "--tilt",
+                 "1 mrad", "--frequency", "4 Hz", "--turns", "1", "--refine", "0.5"]) == 0
 
 
 def study(folder: Path) -> None:
@@ -142,6 +154,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "tolerance": of_specimen("tolerance", "--mass", "17.9 g", "--voltage", "2 kV", "--films",
                               "100", "--refine", "0.5"),
     "steer": steer,
+    "lumped steer": lumped_steer,
     "sense": of_specimen("sense", "--to", "4 mm", "--points", "5", "--refine", "0.5"),
     "force": of_specimen("force", "--to", "4 mm", "--mass", "20 g", "--refine", "0.5"),
     "outlines": outlines,
@@ -188,8 +201,9 @@ def whole(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bo
 
 
 @pytest.mark.parametrize(("command", "whole"), [
-    *((command, False) for command in KINDS if command not in ("diagnose", "lumped paper")),
-    dear("lumped paper", False, seconds=17),
+    *((command, False) for command in KINDS
+      if command not in ("diagnose", "lumped paper", "lumped steer")),
+    dear("lumped paper", False, seconds=17), dear("lumped steer", False, seconds=30),
     pytest.param("diagnose", True, marks=pytest.mark.study), dear("outlines", True, seconds=24),
     dear("lumped paper", True, seconds=23)], indirect=["whole"])
 def test_figures_are_drawn_again_byte_for_byte(

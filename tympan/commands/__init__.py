@@ -36,7 +36,7 @@ HEADINGS = {
     "lumped models": (
         lumped_build.lumped_build, lumped_response.lumped_simulate,
         lumped_response.lumped_linearise, lumped_control.lumped_control,
-        lumped_identify.lumped_identify, lumped_export.lumped_export,
+        lumped_control.lumped_steer, lumped_identify.lumped_identify, lumped_export.lumped_export,
         lumped_paper.lumped_paper),
 }
 #: Commands that ``tympan --help`` shows, by what one wants; ``tympan help all`` shows all.

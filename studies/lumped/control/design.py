@@ -6,7 +6,7 @@ inverse of the integrated error after a slow disturbance), here over the whole r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -108,23 +108,51 @@ def design_controller(actuator: Actuator, supply: float, interval: float, sensor
     return ControllerDesign(controller, plants, tuple(linear), sensor_lag)
 
 
+@dataclass(frozen=True, order=True)
+class PiGains:
+    """Gains of a PI controller behind two lags: K_i [1/s], K_p over K_i [s], the lags' time [s]."""
+
+    integral: float
+    ratio: float
+    lag: float
+
+    @property
+    def proportional(self) -> float:
+        """K_p."""
+        return self.integral * self.ratio
+
+    def share(self, interval: float) -> float:
+        """Compute the share of the remaining way that a lag covers in an interval."""
+        return float(-np.expm1(-interval / self.lag)) if self.lag else 1.0
+
+    def lowered(self, factor: float) -> PiGains:
+        """Multiply both gains by a factor."""
+        return PiGains(factor * self.integral, self.ratio, self.lag)
+
+
+def pi_gains(responses: Complex, z: Complex, interval: float, swing: float) -> Iterator[PiGains]:
+    """Yield the highest robust gains for each lag and ratio tried; 0 where none is robust.
+
+    ``responses`` of plants at points of the z-plane, (plants, points); ``swing`` of the plate
+    [rad/s].
+    """
+    for lag in (0.0, *(_LAGS / swing).tolist()):
+        share = PiGains(0.0, 0.0, lag).share(interval)
+        lagged = responses * (share / (1 - (1 - share) / z)) ** 2
+        for ratio in (_RATIOS / swing).tolist():
+            gain = _highest_gain(lagged * (ratio + interval / (1 - 1 / z)), _GAINS * swing)
+            yield PiGains(float(gain), ratio, lag)
+
+
 def _pi(plants: Sequence[SampledLoop], swing: float) -> Made | None:
     """Find lags, K_p/K_i and gain for plants with a swing [rad/s]; None where none is stable."""
     interval = plants[0].interval
     z = np.exp(1j * frequencies(interval)[::3] * interval)
-    responses = np.array([plant.response(z) for plant in plants])
-    best = (0.0, 0.0, 0.0)
-    for lag in (0.0, *(_LAGS / swing)):
-        share = -np.expm1(-interval / lag) if lag else 1.0
-        lagged = responses * (share / (1 - (1 - share) / z)) ** 2
-        for ratio in _RATIOS / swing:
-            gain = _highest_gain(lagged * (ratio + interval / (1 - 1 / z)), _GAINS * swing)
-            best = max(best, (gain, ratio, lag))
-    gain, ratio, lag = map(float, best)
-    if not gain:
+    best = max(pi_gains(np.array([plant.response(z) for plant in plants]), z, interval, swing))
+    if not best.integral:
         return None
-    return lambda inverse, supply: Controller.pi(inverse, supply, interval, lag, gain * ratio,
-                                                 gain)
+    return lambda inverse, supply: Controller.pi(inverse, supply, interval, best.lag,
+                                                 best.proportional, best.integral)
 
 
 def _highest_gain(loops: Complex, gains: Array) -> float:

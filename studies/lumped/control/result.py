@@ -15,6 +15,7 @@ from tympan.studies.columns import as_written, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json, write_text
 from tympan.studies.lumped.control.controller import Controller
 from tympan.studies.lumped.control.fmu import write_controller_fmu
+from tympan.studies.lumped.control.loop import RunMargins
 from tympan.studies.rows import named_apart
 from tympan.studies.sense.inverse import Inverse
 from tympan.tables.column import Column
@@ -79,6 +80,15 @@ class LoopMargins:
     phase_deg: Annotated[float | None, Key("phase margin [°]; none where there is none to lose")]
     delay_s: Annotated[float | None, Key("delay that may be added")]
     sensitivity: Annotated[float, Key("largest sensitivity |1/(1 + L)|")]
+
+    @classmethod
+    def of(cls, found: RunMargins) -> LoopMargins:
+        """Store margins; a margin without a limit is none."""
+        def limit(value: float) -> float | None:
+            return value if np.isfinite(value) else None
+
+        return cls(gain=limit(found.gain), phase_deg=limit(found.phase),
+                   delay_s=limit(found.delay), sensitivity=found.sensitivity)
 
 
 @dataclass(frozen=True, kw_only=True)

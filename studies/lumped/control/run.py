@@ -21,7 +21,6 @@ from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.case import ChosenActuators, LumpedCase
 from tympan.studies.lumped.control.controller import Controller, Method
 from tympan.studies.lumped.control.design import ControllerDesign, design_controller
-from tympan.studies.lumped.control.loop import RunMargins
 from tympan.studies.lumped.control.result import (
     ControlledFilm,
     ControlledFilms,
@@ -221,7 +220,7 @@ def _controlled(driven: InTime, signal: Signal, settings: ControlSettings, count
     swings = [_swing(each) for each in ends]
     return ControlledFilm(
         specimen=actuator.specimen.name, mass_kg=float(actuator.mass), controller=controller,
-        margins=_margins(designed.margins),
+        margins=LoopMargins.of(designed.margins),
         travel_m=(controller.inverse.lowest_m, controller.inverse.highest_m),
         swing_Hz=(swings[0][0], swings[1][0]), damping_ratio=(swings[0][1], swings[1][1]),
         creep_share=(_creep(ends[0])[0], _creep(ends[1])[0]),
@@ -275,14 +274,6 @@ def _times(count: int, interval: float) -> Array:
 
 def _rms(run: LoopRun) -> float:
     return float(np.sqrt(np.mean((run.wanted - run.deflection) ** 2)))
-
-
-def _margins(found: RunMargins) -> LoopMargins:
-    def limit(value: float) -> float | None:
-        return value if np.isfinite(value) else None
-
-    return LoopMargins(gain=limit(found.gain), phase_deg=limit(found.phase),
-                       delay_s=limit(found.delay), sensitivity=found.sensitivity)
 
 
 def _swing(linear: Linear) -> tuple[float, float]:

@@ -51,10 +51,9 @@ class SteeredInverse:
         centre = (wanted.max(0) + wanted.min(0)) / 2
         scale = np.maximum((1 + _BEYOND) * np.ptp(wanted, axis=0) / 2,
                            _LEAST * model.scale[model.steered])
-        first = voltages_at(model, centre, supply)
         random = np.random.default_rng(_SEED)
         places = centre + scale * random.uniform(-1, 1, size=(_PLACES, len(scale)))
-        made = np.array([voltages_at(model, place, supply, first) for place in places])
+        made = np.array([voltages_at(model, place, supply) for place in places])
         powers = powers_of(len(centre), _DEGREE)
         blank = cls(centre, scale, powers, np.zeros((made.shape[1], len(powers))), supply, 0.0)
         terms = np.array([blank._terms(place) for place in places])
@@ -78,21 +77,31 @@ class SteeredInverse:
         return np.asarray(power[np.arange(len(s)), self.powers].prod(1))
 
 
-def voltages_at(model: SteeredModel, place: Array, supply: float,
-                start: tuple[Array, Array] | Array | None = None) -> Array:
+def voltages_at(model: SteeredModel, place: Array, supply: float) -> Array:
     """Solve U² of the segments [V²] that hold the plate at steered freedoms at rest.
 
     Freedoms that are not steered take their equilibrium. Of several solutions it is the one
     nearest to equal voltages, half of the supply's U².
     """
+    return held_at(model, place, supply)[0]
+
+
+def held_at(model: SteeredModel, place: Array, supply: float,
+            stiffness: Array | float = 0.0, force: Array | float = 0.0) -> tuple[Array, Array]:
+    """Solve U² [V²] as :func:`voltages_at` does, against an added stiffness and force.
+
+    The force on the freedoms p is ``stiffness`` @ p + ``force``. The second result is p.
+    """
     middle = np.full(len(model.segments), supply**2 / 2)
+    added = stiffness * np.eye(model.count) if np.ndim(stiffness) == 0 else np.asarray(stiffness)
     p, u = model.rest(middle), middle.copy()
     p[model.steered] = place
     hidden = [number for number in range(model.count) if number not in model.steered]
     for _ in range(_CORRECTIONS):
-        pull, stiffness, by_u = model.pull(p, u)
+        pull, own, by_u = model.pull(p, u)
+        pull = pull + added @ p + force
         # Unknowns in units of their size: U² over the supply's, freedoms over their ranges.
-        matrix = np.hstack([by_u * supply**2, stiffness[:, hidden] * model.scale[hidden]])
+        matrix = np.hstack([by_u * supply**2, (own + added)[:, hidden] * model.scale[hidden]])
         rows = 1 / np.linalg.norm(matrix, axis=1)
         offset = np.concatenate([(middle - u) / supply**2, np.zeros(len(hidden))])
         change = offset + np.linalg.pinv(matrix * rows[:, None]) @ (
@@ -100,5 +109,5 @@ def voltages_at(model: SteeredModel, place: Array, supply: float,
         u = u + supply**2 * change[:len(u)]
         p[hidden] += model.scale[hidden] * change[len(u):]
         if np.abs(change).max() < _LAST:
-            return np.asarray(u)
+            return u, p
     raise Failure("no voltages of the segments hold the plate there: choose a smaller tilt")

@@ -1,217 +1,194 @@
-"""Controller of a steered plate: LQG with integral action before the inverse of the static map.
-
-A Kalman filter estimates the plate's motion, the creep, and places added to the asked ones: they
-walk at random, and swing at the frequency of the reference with an amplitude that walks. A
-linear quadratic regulator moves the plate, and the added places are subtracted. So no error of
-the film's gain remains, neither at rest nor at that frequency
-(:mod:`tympan.studies.lumped.control.lqg` does the same for one voltage at rest).
-"""
+"""Controller of a steered plate: feed-forward of the wanted motion, and feedback about it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
 
 from tympan.base.arrays import Array
 from tympan.base.errors import Failure
+from tympan.fem.rig import Sensor
+from tympan.studies.lumped.control.controller import Method
+from tympan.studies.lumped.control.design import SENSITIVITY
+from tympan.studies.lumped.control.loop import RunMargins
+from tympan.studies.lumped.steered.forward import Forward
 from tympan.studies.lumped.steered.inverse import SteeredInverse
+from tympan.studies.lumped.steered.loop import (
+    Complex,
+    Feedback,
+    SteeredLoop,
+    frequencies,
+    sensitivities,
+)
+from tympan.studies.lumped.steered.lqg import lqg_candidates
 from tympan.studies.lumped.steered.model import SteeredModel
+from tympan.studies.lumped.steered.pi import pi_by_channel
 
-#: Weights of the asked place to try, over that of the error.
-_WEIGHTS = np.geomspace(1e-3, 1e0, 4)
-#: Variances to try of what acts on the plate at each sample, over the reading's.
-_SHAKEN = np.geomspace(1e-2, 1e1, 4)
-#: Variances of the random walks' steps to try, over the reading's variance.
-_WALKS = np.geomspace(1e-4, 1e0, 5)
-#: Largest singular value of the sensitivity: each channel then keeps a gain margin of 2.7 and a
-#: phase margin of 36°.
-_SENSITIVITY = 1.6
 #: Frequency at which laws are compared, over the reference's. At that itself every law follows
 #: after a time; the faster it learns, the better it is beside it.
 _BESIDE = 1.05
-#: Gain of the film on which laws are compared, over that of the design: a film is not known better.
-_GAIN = 0.9
-#: Frequencies of a loop, and the lowest over the highest.
-_FREQUENCIES = 120
-_LOWEST = 1e-4
+#: Sensitivity beside the frequency from which on a law hardly helps: it is none.
+_HELPS = 0.7
+#: Errors of the inertia for which a law is sought that bears them, in this order: the frequencies
+#: of the swings are not known better than to a twentieth.
+_INERTIAS_OFF = (0.1, 0.05, 0.0)
+#: Number of frequencies for the margins.
+_FREQUENCIES = 1500
 
 
 @dataclass(frozen=True, eq=False)
 class SteeredLaw:
     """v = C s + D (r, y) and s⁺ = A s + B (r, y) + G (v' − v), once an ``interval`` [s].
 
-    s is the memory, r the wanted places, y the readings, v the asked places at rest; v' are those
-    that the supply can hold. ``rest``: the memory after a long rest at places y. All places are
-    relative to ``inverse.centre``.
+    s is the memory, r the places wanted at the end of the sample, y the readings at its start, v
+    the asked places at rest; v' are those that the supply can hold. ``rest``: the memory after a
+    long rest with wanted places r and readings y. All places are relative to ``inverse.centre``.
+    ``slopes``: places at rest by U². Without a ``feedback`` the readings are ignored. The sensor
+    lags by ``sensor_lag`` [s]: its reading is compared with wanted places that lag as much.
     """
 
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-    g: Array
-    rest: Array
+    forward: Forward
+    feedback: Feedback | None
     interval: float
     inverse: SteeredInverse
     slopes: Array
-    sensitivity: float
-    amplitude: float
+    sensor_lag: float = 0.0
 
-    def resting(self, place: Array) -> Array:
-        """Make the memory of a plate that has rested at a place."""
-        return np.asarray(self.rest @ (place - self.inverse.centre))
+    @cached_property
+    def parts(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """A, B, C, D, G and ``rest``."""
+        forward, count = self.forward, len(self.inverse.centre)
+        if self.feedback is None:
+            none = np.zeros((count, count))
+            idle = np.zeros((len(forward.a), count))
+            return (forward.a, np.hstack([forward.b, idle]), forward.c,
+                    np.hstack([forward.d, none]), idle, np.hstack([forward.rest, idle]))
+        own, size, more = self.feedback, len(forward.a), len(self.feedback.a)
+        # Parts of the memory: the forward part, wanted places as the sensor shows them, feedback.
+        unit, sensor = np.eye(count), Sensor(sensor_lag=self.sensor_lag)
+        shown, now, ahead = (sensor.lagged(*each, self.interval) for each in (
+            (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+        held = np.zeros((count, size))
+        held[:, size - 2 * count:size - count] = now * unit
+        tall, wide, still = (np.zeros(each) for each in ((size, count), (count, more),
+                                                         (count, count)))
+        return (np.block([[forward.a, tall, np.zeros((size, more))],
+                          [held, shown * unit, wide],
+                          [np.zeros((more, size)), -own.b, own.a]]),
+                np.block([[forward.b, tall], [ahead * unit, still], [wide.T, own.b]]),
+                np.hstack([forward.c, -own.d, own.c]),
+                np.hstack([forward.d, own.d]),
+                np.vstack([tall, still, own.g]),
+                np.block([[forward.rest, tall], [unit, still], [-own.rest, own.rest]]))
+
+    def resting(self, wanted: Array, reading: Array) -> Array:
+        """Make the memory of a plate that has rested at a place, where another one was wanted."""
+        return np.asarray(self.parts[5] @ self._inputs(wanted, reading))
 
     def voltages(self, memory: Array, wanted: Array, reading: Array) -> tuple[Array, Array]:
-        """Compute the segments' voltages [V] until the next sample, and the next memory."""
-        inputs = np.concatenate([wanted, reading]) - np.tile(self.inverse.centre, 2)
-        asked = self.c @ memory + self.d @ inputs
+        """Compute the segments' voltages [V] until the next sample, and the next memory.
+
+        ``wanted`` are the places wanted at the next sample, ``reading`` those read now.
+        """
+        a, b, c, d, g, _ = self.parts
+        inputs = self._inputs(wanted, reading)
+        asked = c @ memory + d @ inputs
         known = np.clip(asked, -self.inverse.scale, self.inverse.scale)
         squared = self.inverse.squared(self.inverse.centre + known)
         given = np.clip(squared, 0.0, self.inverse.supply**2)
         missing = known - asked + self.slopes @ (given - squared)
-        return np.sqrt(given), self.a @ memory + self.b @ inputs + self.g @ missing
+        return np.sqrt(given), a @ memory + b @ inputs + g @ missing
+
+    def _inputs(self, wanted: Array, reading: Array) -> Array:
+        return np.concatenate([wanted, reading]) - np.tile(self.inverse.centre, 2)
 
 
 @dataclass(frozen=True, eq=False)
-class _Sampled:
-    """Small motions about a rest, x⁺ = A x + B v, y = C x; v are the asked places at rest."""
+class SteeredDesign:
+    """A law, the plants that it was designed on, and its margins, the worst of them.
 
-    a: Array
-    b: Array
-    c: Array
+    ``inertia_off``: relative error of the plate's inertia for which it is as robust at the first.
+    """
 
-    @classmethod
-    def of(cls, model: SteeredModel, squared: Array, inverse: SteeredInverse, interval: float
-           ) -> _Sampled:
-        linear = model.linearise(squared)
-        size, count = linear.b.shape[0], linear.c.shape[0]
-        asked = np.linalg.pinv(linear.gain * inverse.supply**2) * inverse.supply**2
-        whole = np.zeros((size + count, size + count))
-        whole[:size, :size], whole[:size, size:] = linear.a, linear.b @ asked
-        passed = expm(interval * whole)
-        return cls(passed[:size, :size], passed[:size, size:], linear.c)
+    law: SteeredLaw
+    plants: tuple[SteeredLoop, ...]
+    inertia_off: float
+
+    @cached_property
+    def margins(self) -> RunMargins:
+        """Margins of each channel with the others closed; the largest singular sensitivity."""
+        feedback, scale = self.law.feedback, self.law.inverse.scale
+        assert feedback is not None
+        omega = frequencies(self.plants, self.law.interval, _FREQUENCIES, fine=True)
+        z = np.exp(1j * omega * self.law.interval)
+        loops, largest = [], 0.0
+        for plant in self.plants:
+            found = sensitivities(plant.response(z), feedback.response(z), scale)
+            largest = max(largest, float(np.linalg.norm(found, 2, axis=(1, 2)).max()))
+            # With the others closed, the open loop L of a channel has 1/(1 + L) on the diagonal.
+            loops += [1 / found[:, channel, channel] - 1 for channel in range(len(scale))]
+        each = RunMargins.of(loops, omega)
+        return RunMargins(each.gain, each.phase, each.delay, largest)
 
 
 def design_law(model: SteeredModel, inverse: SteeredInverse, rests: Sequence[Array],
-               interval: float, frequency: float) -> SteeredLaw:
-    """Design the law that follows a frequency [Hz] best, of those that are robust at all rests.
-
-    They are compared on a film whose gain is less than that of the design.
+               interval: float, frequency: float, method: Method = "lqg",
+               sensor_lag: float = 0.0) -> SteeredDesign:
+    """Design a law about a motion of a frequency [Hz] that is robust at several rests.
 
     ``rests``: U² of the segments [V²] about which the model is linearised; the law is that of the
-    first one.
+    first one. At all of them it must be stable, and its sensitivity bounded. Of LQG it is the one
+    that is least sensitive beside the frequency, of PI the one of the largest integral gains.
 
     Raises
     ------
     Failure
         Where no law tried is stable and robust at all of them.
     """
-    plants = [_Sampled.of(model, squared, inverse, interval) for squared in rests]
-    first, count = plants[0], plants[0].c.shape[0]
-    omega = np.append(np.geomspace(_LOWEST, 1.0, _FREQUENCIES) * np.pi / interval,
-                      2 * np.pi * _BESIDE * frequency)
-    z = np.exp(1j * omega * interval)
-    responses = [_response(plant.a, plant.b, plant.c, z) for plant in plants]
-    unit = np.diag(1 / inverse.scale**2)
-    regulators = [_regulator(first, unit, weight) for weight in _WEIGHTS]
-    added = _Added.of(count, 2 * np.pi * frequency * interval)
-    filters = [_filter(first, added, inverse.scale, *noise)
-               for noise in product(_SHAKEN, _WALKS)]
-    best, least, found = None, np.inf, (np.nan, np.nan)
-    eye = np.eye(count)
-    for regulator, (moved, walked) in product(regulators, filters):
-        parts = _law(first, added, regulator, moved, walked)
-        a, b, c, d, *_ = parts
-        whole = _response(a, b, c, z) + d
-        forward, back = whole[..., :count], whole[..., count:]
-        sizes, errors = [], []
-        for response in responses:
-            turned = np.diag(1 / inverse.scale) @ (eye - response @ back) @ np.diag(inverse.scale)
-            sizes.append(float((1 / np.linalg.svd(turned, compute_uv=False)[:, -1]).max()))
-            weak = _GAIN * response[-1]
-            follows = np.linalg.solve(eye - weak @ back[-1], weak @ forward[-1])
-            errors.append(float(np.abs(np.abs(np.diag(follows)) - 1).max()))
-        if max(sizes) > _SENSITIVITY or max(errors) >= least:
+    plants = tuple(SteeredLoop.of(model, squared, inverse, interval, sensor_lag)
+                   for squared in rests)
+    feedback, off = None, 0.0
+    for off in _INERTIAS_OFF:
+        others = [SteeredLoop.of(replace(model, mass=factor * model.mass), rests[0], inverse,
+                                 interval, sensor_lag)
+                  for factor in (1 - off, 1 + off) if off]
+        feedback = _found([*plants, *others], [plants[0], *others], inverse.scale, interval,
+                          frequency, method)
+        if feedback is not None:
+            break
+    if feedback is None:
+        raise Failure(f"no controller of this sampling and method, {method}, steers the film: "
+                      "sample it more often (--interval), or choose the other --method")
+    law = SteeredLaw(Forward.of(model, inverse, interval), feedback, interval, inverse,
+                     model.linearise(rests[0]).gain, sensor_lag)
+    return SteeredDesign(law, plants, off)
+
+
+def _found(plants: Sequence[SteeredLoop], centres: Sequence[SteeredLoop], scale: Array,
+           interval: float, frequency: float, method: Method) -> Feedback | None:
+    """Find the feedback of a method; the swings of ``centres`` are looked at closely."""
+    if method == "pi":
+        return pi_by_channel(plants, scale, interval)
+    tried = lqg_candidates(plants[0], scale, 2 * np.pi * frequency * interval)
+    omega = np.append(frequencies(centres, interval), 2 * np.pi * _BESIDE * frequency)
+    return _best(tried, plants, scale, np.exp(1j * omega * interval))
+
+
+def _best(tried: Iterable[Feedback], plants: Sequence[SteeredLoop], scale: Array, z: Complex
+          ) -> Feedback | None:
+    """Choose the stable and robust feedback that is least sensitive at the last point z."""
+    responses = [plant.response(z) for plant in plants]
+    best, least = None, _HELPS
+    for feedback in tried:
+        own = feedback.response(z)
+        sizes = np.array([np.linalg.norm(sensitivities(each, own, scale), 2, axis=(1, 2))
+                          for each in responses])
+        left = float(sizes[:, -1].max())
+        if sizes.max() > SENSITIVITY or left >= least:
             continue
-        if max(_poles(plant, parts) for plant in plants) < 1:
-            best, least, found = parts, max(errors), (max(sizes), max(errors))
-    if best is None:
-        raise Failure("no controller of this sampling steers the film: sample it more often "
-                      "(--interval)")
-    slopes = model.linearise(rests[0]).gain
-    return SteeredLaw(*best, interval, inverse, slopes, *found)
-
-
-def _response(a: Array, b: Array, c: Array, z: Array) -> Array:
-    matrices = z[:, None, None] * np.eye(len(a)) - a
-    return np.asarray(c @ np.linalg.solve(matrices, np.broadcast_to(b, (len(z), *b.shape))))
-
-
-def _regulator(plant: _Sampled, unit: Array, weight: float) -> Array:
-    """Compute K of v = −K x that minimises e² + weight v², in units of the places' scales."""
-    a, b, c = plant.a, plant.b, plant.c
-    left = solve_discrete_are(a, b, c.T @ unit @ c, weight * unit)
-    return np.asarray(np.linalg.solve(weight * unit + b.T @ left @ b, b.T @ left @ a))
-
-
-@dataclass(frozen=True, eq=False)
-class _Added:
-    """Places that are added to the asked ones: w⁺ = R w, ``seen`` @ w is added."""
-
-    turned: Array
-    seen: Array
-
-    @classmethod
-    def of(cls, count: int, angle: float) -> _Added:
-        """Add for each place a constant, and a swing that turns by an angle [rad] a sample."""
-        cos, sin = np.cos(angle), np.sin(angle)
-        one = np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
-        unit, seen = np.eye(count), np.array([[1.0, 1.0, 0.0]])
-        return cls(np.asarray(np.kron(one, unit), float), np.asarray(np.kron(seen, unit), float))
-
-
-def _filter(plant: _Sampled, added: _Added, scale: Array, shaken: float, walk: float
-            ) -> tuple[Array, Array]:
-    """Compute a Kalman filter's gains of the state and of the added places."""
-    size, count = plant.b.shape
-    more, square = len(added.turned), np.diag(scale**2)
-    noise = np.zeros((size + more, size + more))
-    a, c = np.zeros_like(noise), np.zeros((count, size + more))
-    a[:size, :size], a[:size, size:], c[:, :size] = plant.a, plant.b @ added.seen, plant.c
-    a[size:, size:] = added.turned
-    noise[:size, :size] = shaken * plant.b @ square @ plant.b.T
-    noise[size:, size:] = walk * np.kron(np.eye(more // count), square)
-    spread = solve_discrete_are(a.T, c.T, noise, square)
-    gain = np.linalg.solve(c @ spread @ c.T + square, c @ spread).T
-    return gain[:size], gain[size:]
-
-
-def _law(plant: _Sampled, added: _Added, regulator: Array, moved: Array, walked: Array
-         ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Join filter and regulator in one law; its memory is the predicted state and what is added."""
-    a, b, c = plant.a, plant.b, plant.c
-    (size, count), more = b.shape, len(added.turned)
-    still = np.linalg.solve(np.eye(size) - a, b)
-    feed = np.eye(count) + regulator @ still
-    seen, slowed = np.eye(size) - moved @ c, a - b @ regulator
-    law = np.block([[slowed @ seen, np.zeros((size, more))],
-                    [-added.turned @ walked @ c, added.turned]])
-    inputs = np.block([[b @ feed, slowed @ moved],
-                       [np.zeros((more, count)), added.turned @ walked]])
-    asked = np.hstack([added.seen @ walked @ c - regulator @ seen, -added.seen])
-    through = np.hstack([feed, -added.seen @ walked - regulator @ moved])
-    held = np.vstack([b, np.zeros((more, count))])
-    return law, inputs, asked, through, held, np.vstack([still, np.zeros((more, count))])
-
-
-def _poles(plant: _Sampled, law: Sequence[Array]) -> float:
-    """Find the largest magnitude of the closed loop's poles."""
-    a, b, c, d = law[:4]
-    count = plant.c.shape[0]
-    back, through = b[:, count:], d[:, count:]
-    loop = np.block([[plant.a + plant.b @ through @ plant.c, plant.b @ c], [back @ plant.c, a]])
-    return float(np.abs(np.linalg.eigvals(loop)).max())
+        if max(plant.largest_pole(feedback) for plant in plants) < 1:
+            best, least = feedback, left
+    return best

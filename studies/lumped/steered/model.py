@@ -22,6 +22,7 @@ from tympan.base.arrays import Array, Numbers
 from tympan.base.errors import Failure
 from tympan.base.extras import needs
 from tympan.base.paths import with_arrays
+from tympan.fem.membrane.biases import Bias, acting
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS
 from tympan.geometry.specimen import Specimen
@@ -39,6 +40,12 @@ _DEGREES = (4, 3)
 _STATES = 600
 #: Deviation of the plate from its equilibrium in these states, over the range of each freedom.
 _AWAY = 0.05
+#: Number of changes of voltages after which the plate is compared at once, and how far they go,
+#: over the supply's U².
+_CHANGES = 60
+_CHANGED = 0.25
+#: Weight of the correction of springs against the errors that it removes.
+_LITTLE = 1e-3
 #: Seed of the states; its value is arbitrary.
 _SEED = 11
 #: Newton's corrections of an equilibrium, and the last one over the range of the freedoms.
@@ -75,15 +82,17 @@ class SteeredModel:
 
     @classmethod
     def of(cls, film: ReducedFilm, plate: RigidPlate, force: float, supply: float,
-           damper: float = 0.0) -> SteeredModel:
+           damper: float = 0.0, biases: tuple[Bias, ...] = ()) -> SteeredModel:
         """Fit the model to a film under a force [N] with voltages up to a supply's [V].
 
-        ``damper`` on the deflection [N s/m].
+        ``damper`` on the deflection [N s/m]. ``biases``: mechanisms on the plate, whose energy is
+        part of the elastic one.
         """
         freedoms = tuple(name for name, (_, of) in NAMES.items()
                          if FREEDOMS.index(of) in film.freedoms)
         to_film = _turned(film, freedoms)
-        states = [_states(film, force, supply, seed) for seed in (_SEED, _SEED + 1)]
+        held = FilmLoads(force, supply**2, biases)
+        states = [_states(film, held, seed) for seed in (_SEED, _SEED + 1)]
         places = states[0].q[:, :film.led] @ np.linalg.inv(to_film).T
         centre, scale = places.mean(0), np.ptp(places, axis=0) / 2
         powers = powers_of(len(freedoms), _DEGREES[0])
@@ -92,8 +101,9 @@ class SteeredModel:
                     np.diag([damper, *[0.0] * (len(freedoms) - 1)]), centre, scale, powers,
                     np.zeros(len(powers)),
                     np.zeros((len(film.specimen.electrode.names), len(powers))),
-                    *_branches(film, force, supply, to_film), supply, 0.0)
+                    *_branches(film, held, to_film), supply, 0.0)
         fitted = blank._fitted(states[0], to_film)
+        fitted = replace(fitted, springs=_as_at_once(fitted, film, held, to_film))
         return replace(fitted, error=fitted._missed(states[1], to_film))
 
     @property
@@ -149,6 +159,14 @@ class SteeredModel:
         both = self.elastic - np.asarray(u) @ self.electric / 2
         load = self.force * (np.arange(self.count) == 0)
         return first @ both - load, second @ both, -(first @ self.electric.T) / 2
+
+    def springs_over(self, duration: float) -> tuple[Array, Array]:
+        """Compute what is left of each branch's stretch after a time, and their stiffness then.
+
+        The plate stays still from the start of the time [s]; shapes (branches,) and (n, n).
+        """
+        left = np.exp(-duration / self.times)
+        return left, np.einsum("b,bij->ij", left, self.springs)
 
     def capacitances(self, p: Any) -> Array:
         """Compute the segments' capacitances [F], (segments,)."""
@@ -309,12 +327,16 @@ def _shared(film: ReducedFilm, squared: Array, supply: float) -> ReducedFilm:
     return replace(film, specimen=specimen, table=None)
 
 
-def _states(film: ReducedFilm, force: float, supply: float, seed: int) -> _States:
-    """Hold the plate near random equilibria, under other random voltages."""
+def _states(film: ReducedFilm, held: FilmLoads, seed: int) -> _States:
+    """Hold the plate near random equilibria, under other random voltages.
+
+    ``held``: the loads with the supply's U².
+    """
+    supply = float(np.sqrt(held.voltage_squared))
     random, count = np.random.default_rng(seed), len(film.specimen.electrode.segments)
     first, squared = supply**2 * random.uniform(size=(2, _STATES, count))
     squared[:count] = supply**2 * np.eye(count)  # a segment alone
-    loads = FilmLoads(np.full(_STATES, force), np.full(_STATES, supply**2))
+    loads = FilmLoads(np.full(_STATES, held.force), np.full(_STATES, supply**2), held.biases)
     try:
         q = _shared(film, first, supply).at_rest(loads)
     except NoBalance:
@@ -325,13 +347,13 @@ def _states(film: ReducedFilm, force: float, supply: float, seed: int) -> _State
     wired = _shared(film, squared, supply)
     q = wired.balanced(q, loads, clamped=led, last=1e-7)
     pull = wired.pull(q, loads.voltage_squared)[0][:, :led]
+    pull[:, 0] += acting(held.biases, q[:, 0])[1]
     alone = [_shared(film, supply**2 * np.eye(count)[[number] * _STATES], supply).capacitance(
         q, loads.voltage_squared) for number in range(count)]
     return _States(q, squared, pull, np.array(alone).T)
 
 
-def _branches(film: ReducedFilm, force: float, supply: float, to_film: Array
-              ) -> tuple[Array, Array]:
+def _branches(film: ReducedFilm, held: FilmLoads, to_film: Array) -> tuple[Array, Array]:
     """Find times and springs of the branches about the middle of the supply.
 
     Together the springs stiffen the plate as the branches do at once; each has the share of its
@@ -339,15 +361,54 @@ def _branches(film: ReducedFilm, force: float, supply: float, to_film: Array
     """
     branches = film.specimen.membrane.branches
     count = len(film.specimen.electrode.segments)
-    middle = _shared(film, np.full((1, count), supply**2 / 2), supply)
-    q = middle.at_rest(FilmLoads(np.array([force]), np.array([supply**2])))
+    squared = held.voltage_squared
+    middle = _shared(film, np.full((1, count), squared / 2), float(np.sqrt(squared)))
+    q = middle.at_rest(FilmLoads(np.array([held.force]), np.array([squared]), held.biases))
     flow = middle.relaxed(q).step(middle.strain(q), 0.0)
-    firm, soft = (_condensed(middle.pull(q, supply**2, each)[1][0], film.led)
+    firm, soft = (_condensed(middle.pull(q, squared, each)[1][0], film.led)
                   for each in (flow, None))
     moduli = np.array([branch.modulus for branch in branches])
     stiffer = to_film.T @ (firm - soft) @ to_film
     return (np.array([branch.time for branch in branches]),
             np.multiply.outer(moduli / moduli.sum(), (stiffer + stiffer.T) / 2))
+
+
+def _as_at_once(model: SteeredModel, film: ReducedFilm, held: FilmLoads, to_film: Array) -> Array:
+    """Correct the springs of the branches so that voltages move the plate at once as on the film.
+
+    Few points stand for a film. How stiff they are against slides and tilts is much less exact than
+    how far voltages move the plate, for which they were chosen. The correction is symmetric, and
+    the least that makes the errors of the places small. Each branch keeps its share.
+    """
+    count, number = model.count, len(model.segments)
+    random, most = np.random.default_rng(_SEED), held.voltage_squared
+    squared = most * (0.5 + _CHANGED * random.uniform(-1, 1, size=(_CHANGES, number)))
+    supply = float(np.sqrt(most))
+    loads = FilmLoads(np.full(_CHANGES, held.force), np.full(_CHANGES, most), held.biases)
+    middle = _shared(film, np.full((_CHANGES, number), most / 2), supply)
+    q = middle.at_rest(loads)
+    flow = middle.relaxed(q).step(middle.strain(q), 0.0)
+    moved = _shared(film, squared, supply).carried(q, loads, loads, flow)
+    back = np.linalg.inv(to_film).T
+    start, places = (np.asarray(each[:, :count] @ back) for each in (q, moved))
+    still, stiffness, _ = model.pull(start[0], np.full(number, most / 2))
+    springs = model.springs.sum(0)
+    shares = model.springs[:, :1, :1] / springs[0, 0]
+    forces = np.array([model.pull(p, u)[0] - still for p, u in zip(places, squared, strict=True)])
+    away = places - start
+    # Errors of places over their ranges, by each entry of a symmetric correction over its size.
+    compliance = np.linalg.inv(stiffness + springs) / model.scale[:, None]
+    sizes = np.sqrt(np.outer(stiffness.diagonal(), stiffness.diagonal()))
+    pairs = [(i, j) for i in range(count) for j in range(i, count)]
+    unit = np.zeros((len(pairs), count, count))
+    for each, (i, j) in zip(unit, pairs, strict=True):
+        each[i, j] = each[j, i] = sizes[i, j]
+    matrix = np.einsum("ki,cij,nj->nkc", compliance, unit, away).reshape(-1, len(pairs))
+    missed = ((forces + away @ springs) @ compliance.T).ravel()
+    least = _LITTLE * np.linalg.norm(matrix)
+    found = np.linalg.lstsq(np.vstack([matrix, least * np.eye(len(pairs))]),
+                            np.append(-missed, np.zeros(len(pairs))))[0]
+    return np.asarray(shares * (springs + np.einsum("c,cij->ij", found, unit)))
 
 
 def _condensed(stiffness: Array, led: int) -> Array:

@@ -1,9 +1,12 @@
-"""A plate's normal that draws a circle: with feedback and without, on the film in time."""
+"""A plate's normal that draws a circle, or follows a path, on the film in time."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Annotated, Any
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -12,116 +15,224 @@ from tympan.base.arrays import Array
 from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
 from tympan.base.progress import ShareDone
-from tympan.base.toml_reader import POSITIVE
+from tympan.base.toml_reader import POSITIVE, Rule
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS
-from tympan.fem.rig import Rig
+from tympan.fem.rig import OWN, Rig, mounted
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, build_model
+from tympan.studies.case import Case, Settings, build_model, solved_loading
 from tympan.studies.films.film import ReducedFilm
-from tympan.studies.films.segmented import error_in_time, levels, segmented_film
+from tympan.studies.films.segmented import error_at_once, error_in_time, levels, segmented_film
+from tympan.studies.lumped.control.controller import Method
+from tympan.studies.lumped.control.result import LoopMargins
+from tympan.studies.lumped.export.fmu import require_compiler
 from tympan.studies.lumped.plants import FilmPlant
+from tympan.studies.lumped.steered.export import Exported
 from tympan.studies.lumped.steered.inverse import SteeredInverse
-from tympan.studies.lumped.steered.law import SteeredLaw, design_law
+from tympan.studies.lumped.steered.law import SteeredDesign, SteeredLaw, design_law
 from tympan.studies.lumped.steered.model import NAMES, STEERED, SteeredModel
+from tympan.studies.lumped.steered.path import SteeredPath, circle_path, read_path
+from tympan.studies.lumped.steered.result import (
+    DRIVES,
+    Drive,
+    SteeredMatrices,
+    SteeredResult,
+    SteeredRun,
+    SteeringLaw,
+    columns,
+    rows_of,
+)
+from tympan.studies.trace import sample_count
 
-#: Directions of a circle at which the inverse of the static map is checked.
-_AROUND = 60
-#: Directions about which the controller is made robust, beside the centre.
-_QUARTERS = 4
+#: Most places of a path at which the inverse of the static map is checked.
+_CHECKED = 60
+#: Places of a path about which the controller is made robust, beside the centre.
+_ALONG = 4
+#: Distance of a voltage squared from an end of the supply that counts as being there, over the
+#: supply's.
+_AT_END = 1e-9
+#: Error of a circle's radius from which on a run with feedback has a remark.
+_ROUND = 0.05
+#: A circle is judged over its last turn.
+_TURNS: Rule = (lambda x: 1 <= x <= 1e4, "must be from 1 to 10000")
 
 
 @asks
 @dataclass(frozen=True)
 class SteerSettings:
-    """A circle that the plate's normal draws, and the supply, sampling and load."""
+    """The path of the plate's normal, and the supply, sampling and load.
+
+    Without a ``reference`` it is a circle.
+    """
 
     _: KW_ONLY
     mass: Annotated[float, Key("on the plate", "mass", POSITIVE)] = 15e-3
     tilt: Annotated[float, Key("radius of the circle", "angle", POSITIVE)] = 3e-3
-    frequency: Annotated[float, Key("turns a second", "frequency", POSITIVE)] = 1.0
-    turns: Annotated[float, Key("whole turns, after one in which the circle grows",
-                                rule=POSITIVE)] = 2.0
+    frequency: Annotated[float, Key("turns a second, for which the controller is designed",
+                                    "frequency", POSITIVE)] = 1.0
+    turns: Annotated[float, Key("turns, after one in which the circle grows",
+                                rule=_TURNS)] = 2.0
     supply: Annotated[float, Key("highest voltage of a segment; the lowest is 0", "voltage",
                                  POSITIVE)] = 2.8e3
     interval: Annotated[float, Key("sampling interval", "time", POSITIVE)] = 10e-3
+    method: Annotated[Method, Key("how the feedback is designed")] = "lqg"
+    reference: Annotated[Path | None, Key(
+        "CSV file of another path: t_s with deflection_mm, tilt_x_mrad, tilt_y_mrad")] = None
+    fmu: Annotated[bool, Key("whether model and controller are stored as FMUs, too")] = False
+
+    if TYPE_CHECKING:
+        def __init__(self, *, mass: float | str = 15e-3, tilt: float | str = 3e-3,
+                     frequency: float | str = 1.0, turns: float = 2.0,
+                     supply: float | str = 2.8e3, interval: float | str = 10e-3,
+                     method: Method = "lqg", reference: Path | str | None = None,
+                     fmu: bool = False) -> None: ...
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method):
+            raise InputError("must be one of " + ", ".join(get_args(Method)), key="method",
+                             given=self.method)
+        sample_count((1 + self.turns) / self.frequency, self.interval)
+
+    def path(self, middle: Array) -> SteeredPath:
+        """Make the path; ``middle``: deflection and tilts of equal voltages in mid-supply."""
+        if self.reference is not None:
+            return read_path(self.reference, middle, self.interval)
+        return circle_path(middle, self.tilt, self.frequency, self.turns, self.interval)
 
 
 @dataclass(frozen=True, eq=False)
 class Steered:
-    """An actuator that can be steered: film in time, lumped model, static inverse, controller.
-
-    ``errors``: errors of the reduced film in time against finite elements, over the ranges.
-    """
+    """An actuator that can be steered: film in time, lumped model, static inverse, controller."""
 
     film: ReducedFilm
     model: SteeredModel
     inverse: SteeredInverse
-    law: SteeredLaw
+    design: SteeredDesign
+    path: SteeredPath
     rig: Rig
     settings: SteerSettings
 
-
-@dataclass(frozen=True)
-class Circle:
-    """How a circle was drawn, after the turn in which it grew.
-
-    ``smallest`` and ``largest`` radius over the wanted one; ``drift``: distance of the mean of the
-    last turn from the wanted centre, over the radius; ``deflection``: range of the deflection [m].
-    """
-
-    smallest: float
-    largest: float
-    drift: float
-    deflection: float
-
     @property
-    def error(self) -> float:
-        """Largest error of the radius, over the wanted one."""
-        return max(self.largest - 1, 1 - self.smallest)
+    def law(self) -> SteeredLaw:
+        """The controller."""
+        return self.design.law
 
 
 @dataclass(frozen=True, eq=False)
 class SteerRun:
-    """Samples of a run at times [s]: wanted and reached places, voltages of the segments [V].
+    """Samples of a run: reached places and voltages of the segments [V], at the path's times.
 
     Places are deflection [m], tilt_x and tilt_y [rad], (times, 3).
     """
 
-    names: tuple[str, ...]
-    time: Array
-    wanted: Array
+    drive: Drive
+    path: SteeredPath
     reached: Array
     voltages: Array
-    frequency: float
 
     @property
-    def circle(self) -> Circle:
-        """Compare the circle with the wanted one."""
-        late = self.time * self.frequency >= 1 - 1e-9
-        wanted = np.hypot(*self.wanted[late, 1:].T)
-        radius = np.hypot(*self.reached[late, 1:].T) / wanted
-        last = self.time * self.frequency >= self.time[-1] * self.frequency - 1 + 1e-9
-        missed = (self.reached - self.wanted)[last, 1:].mean(0)
-        return Circle(float(radius.min()), float(radius.max()),
-                      float(np.hypot(*missed) / wanted.max()),
-                      float(np.ptp(self.reached[late, 0])))
+    def summary(self) -> SteeredRun:
+        """Compare the run with the wanted path."""
+        path, late = self.path, self.path.late
+        missed, wanted = (self.reached - path.now)[late], path.now[late, 1:]
+        off = np.hypot(*missed[:, 1:].T)
+        radius, drift = None, None
+        if path.period is not None:
+            relative = np.hypot(*self.reached[late, 1:].T) / np.hypot(*wanted.T)
+            radius = float(relative.min()), float(relative.max())
+            drift = float(np.hypot(*missed[-path.period:, 1:].mean(0)))
+        reached = self.reached[late, 0]
+        return SteeredRun(
+            drive=self.drive, radius=radius, drift_rad=drift,
+            radius_error=None if radius is None else max(radius[1] - 1, 1 - radius[0]),
+            tilt_error_rad=float(off.max()), tilt_rms_rad=float(np.sqrt(np.mean(off**2))),
+            deflection_error_m=float(np.abs(missed[:, 0]).max()),
+            deflection_m=(float(reached.min()), float(reached.max())),
+            highest_V=tuple(self.voltages.max(0).tolist()),
+            lowest_V=tuple(self.voltages.min(0).tolist()))
 
-    @property
-    def samples(self) -> pd.DataFrame:
-        """A row for each sample, in SI units."""
-        columns = {"t": self.time}
-        for number, name in enumerate(STEERED):
-            columns |= {f"wanted_{name}": self.wanted[:, number], name: self.reached[:, number]}
-        return pd.DataFrame(columns | {f"voltage_{name}": self.voltages[:, number]
-                                       for number, name in enumerate(self.names)})
+
+def steer(specimen: Specimen, settings: SteerSettings = SteerSettings(), rig: Rig = OWN,
+          mesh: Settings = Settings(),
+          progress: Callable[..., None] = lambda *words, share=0.0: None) -> SteeredResult:
+    """Design a controller that steers a specimen's plate, and run it on the film in time.
+
+    ``progress`` is called with the words of a step, then with the ``share`` of it that is done.
+
+    Raises
+    ------
+    InputError
+        Where the film cannot tilt the plate, or does not creep.
+    Failure
+        Where the supply cannot hold the plate on its path, or no controller is robust.
+    """
+    begin = perf_counter()
+    specimen, rig = mounted(specimen, rig)
+    if settings.fmu:
+        require_compiler()
+    progress("film")
+    actuator, errors = steerable(specimen, settings, rig, mesh)
+    runs = []
+    for drive in DRIVES:
+        progress(drive)
+        runs.append(run(actuator, drive=drive, progress=lambda share: progress(share=share)))
+    names, model, path, law = specimen.electrode.names, actuator.model, actuator.path, actuator.law
+    samples = {"t": path.time[:-1]}
+    for prefix, places in (("wanted", path.now), *((each.drive, each.reached) for each in runs)):
+        samples |= {f"{prefix}_{name}": places[:, number] for number, name in enumerate(STEERED)}
+    for each in runs:
+        samples |= {f"{each.drive}_voltage_{name}": each.voltages[:, number]
+                    for number, name in enumerate(names)}
+    linear = model.linearise(law.inverse.squared(law.inverse.centre))
+    case = Case(specimen, mass=settings.mass, voltage=settings.supply, rig=rig)
+    return SteeredResult(
+        specimen=specimen.name, mass_kg=settings.mass, segments=names, freedoms=model.freedoms,
+        supply_V=settings.supply, interval_s=settings.interval, sensor_lag_s=rig.sensor_lag,
+        frequency_Hz=settings.frequency, method=settings.method,
+        tilt_rad=None if path.period is None else settings.tilt,
+        margins=LoopMargins.of(actuator.design.margins),
+        inertia_off=actuator.design.inertia_off,
+        runs=tuple(each.summary for each in runs),
+        film_error={name: error for name, error in errors.items() if np.isfinite(error)},
+        force_error=model.error, inverse_error=law.inverse.error,
+        linear=SteeredMatrices(
+            a=rows_of(linear.a), b=rows_of(linear.b), c=rows_of(linear.c), states=linear.states,
+            inputs=linear.inputs, outputs=linear.outputs, rest=rows_of(linear.rest),
+            squared_V2=rows_of(linear.squared)),
+        law=SteeringLaw(
+            **{name: rows_of(part) for name, part in zip(
+                ("a", "b", "c", "d", "g", "rest"), law.parts, strict=True)},
+            centre=rows_of(law.inverse.centre), scale=rows_of(law.inverse.scale),
+            powers=rows_of(law.inverse.powers), coefficients_V2=rows_of(law.inverse.coefficients),
+            slopes_per_V2=rows_of(law.slopes)),
+        wall_s=perf_counter() - begin,
+        warnings=(*_remarks(runs[-1], settings, errors), *rig.in_motion, *case.remarks),
+        samples=pd.DataFrame({each.name: samples[each.name] for each in columns(names)}),
+        exported=Exported(model, law), fmu=settings.fmu)
+
+
+def _remarks(run: SteerRun, settings: SteerSettings, errors: dict[str, float]) -> list[str]:
+    """List what limits a run with feedback."""
+    squared, most = run.voltages**2, settings.supply**2
+    remarks = []
+    if (np.minimum(squared, most - squared) < _AT_END * most).any():
+        remarks.append("with feedback a voltage reaches an end of the supply: choose a smaller "
+                       "tilt or a higher supply")
+    if (run.summary.radius_error or 0.0) > _ROUND:
+        remarks.append(f"with feedback the radius is off by more than {100 * _ROUND:g} %: choose a "
+                       "lower frequency, a shorter interval or the other method")
+    if not np.isfinite(list(errors.values())).all():
+        remarks.append("the film pulls in at random voltages up to the supply's: its reduced film "
+                       "was not compared with finite elements")
+    return remarks
 
 
 def steerable(specimen: Specimen, settings: SteerSettings, rig: Rig = Rig(),
               mesh: Settings = Settings()) -> tuple[Steered, dict[str, float]]:
     """Make film, model and controller of a specimen; also the film's errors in time.
 
-    The errors are those of deflection and tilt in a run against finite elements, over their ranges.
+    The errors are those of deflection and tilt in a run against finite elements, over their ranges,
+    and those of tilts at once after the voltages of places of the path, over the largest.
 
     Raises
     ------
@@ -130,10 +241,21 @@ def steerable(specimen: Specimen, settings: SteerSettings, rig: Rig = Rig(),
     """
     _require(specimen, rig)
     model = full_model(specimen, mesh, rig)
-    force = float(rig.force(settings.mass))
+    force = _force(specimen, settings, rig)
     film = segmented_film(model, force, settings.supply, mesh.path)
     errors = error_in_time(film, model, force, levels(specimen, settings.supply))
-    return steered(film, settings, rig), errors
+    made = steered(film, settings, rig)
+    centre, *about = (
+        dict(zip(specimen.electrode.names, np.sqrt(made.inverse.squared(place)).tolist(),
+                 strict=True))
+        for place in (made.inverse.centre, *made.path.spread(_ALONG)))
+    return made, errors | {"tilt_at_once": error_at_once(film, model, force, centre, about)}
+
+
+def _force(specimen: Specimen, settings: SteerSettings, rig: Rig) -> float:
+    """Compute the force on the plate [N]."""
+    area = float(specimen.plate_area) if rig.plate_pressure else 0.0
+    return float(rig.force(settings.mass, area))
 
 
 def full_model(specimen: Specimen, mesh: Settings = Settings(), rig: Rig = Rig()) -> Any:
@@ -146,10 +268,12 @@ def full_model(specimen: Specimen, mesh: Settings = Settings(), rig: Rig = Rig()
 
 
 def _require(specimen: Specimen, rig: Rig) -> None:
-    if len(specimen.electrode.names) < len(STEERED):
+    specimen.needed_plate()
+    segments = specimen.electrode.names
+    if len(segments) < len(STEERED):
         raise InputError("must have three segments at least: fewer voltages cannot set a "
                          "deflection and two tilts", key="electrode.segment",
-                         given=len(specimen.electrode.names))
+                         given=len(segments))
     if not specimen.membrane.branches:
         raise InputError("must have viscous branches: a film without them follows its voltages at "
                          "once, and a plate on it swings without end", key="membrane.branch",
@@ -158,63 +282,63 @@ def _require(specimen: Specimen, rig: Rig) -> None:
         raise InputError("must be 0: each segment would charge through it at a rate of its own, "
                          "and the segments' charges are not read", key="rig.series_resistance",
                          given=f"{rig.series_resistance:g} ohm")
+    if rig.gas_pressure:
+        raise InputError("must be 0: gas below the film bulges it between plate and frame, and so "
+                         "changes how stiff it is against tilts, which the model leaves out",
+                         key="rig.gas_pressure", given=f"{rig.gas_pressure:g} Pa")
+    if any(rig.weight_offset):
+        raise InputError("must be 0: a mass beside the centre is a moment on the plate, which the "
+                         "model has not; feedback takes it off as an error of the film",
+                         key="rig.weight_offset",
+                         given=", ".join(f"{1e3 * each:g} mm" for each in rig.weight_offset))
 
 
 def steered(film: ReducedFilm, settings: SteerSettings, rig: Rig = Rig()) -> Steered:
     """Design a controller on the lumped model of a film."""
-    moved = rig.moving_mass(settings.mass)
-    plate = RigidPlate.uniform(film.specimen.needed_plate().outline, moved)
-    model = SteeredModel.of(film, plate, float(rig.force(settings.mass)), settings.supply,
-                            rig.plate_damping)
+    plate = RigidPlate.uniform(film.specimen.needed_plate().outline,
+                               rig.moving_mass(settings.mass))
+    model = SteeredModel.of(film, plate, _force(film.specimen, settings, rig), settings.supply,
+                            rig.plate_damping, solved_loading(rig.loading, Settings()).biases)
     missing = [name for name in STEERED if name not in model.freedoms]
     if missing:
         raise InputError("must let the plate tilt two ways", key="rig.guide",
                          given=f"{rig.guide}: no {', '.join(missing)}")
     middle = model.rest(np.full(len(model.segments), settings.supply**2 / 2))[model.steered]
     middle[1:] = 0.0
-    places = circle(middle, settings.tilt, np.arange(_AROUND, dtype=float) / _AROUND)
+    path = settings.path(middle)
+    places = path.spread(_CHECKED)
     inverse = SteeredInverse.of(model, places, settings.supply)
-    rests = [inverse.squared(place) for place in (inverse.centre,
-                                                  *places[::_AROUND // _QUARTERS])]
-    law = design_law(model, inverse, rests, settings.interval, settings.frequency)
-    return Steered(film.tabulated, model, inverse, law, rig, settings)
+    rests = [inverse.squared(place) for place in (inverse.centre, *path.spread(_ALONG))]
+    design = design_law(model, inverse, rests, settings.interval, settings.frequency,
+                        settings.method, rig.sensor_lag)
+    return Steered(film.tabulated, model, inverse, design, path, rig, settings)
 
 
-def circle(centre: Array, radius: Any, turns: Array) -> Array:
-    """Make the places of a circle about a centre, (turns, 3); it begins along x."""
-    along = 2 * np.pi * np.asarray(turns)
-    return np.stack([centre[0] + 0 * along, centre[1] + radius * np.cos(along),
-                     centre[2] + radius * np.sin(along)], axis=-1)
-
-
-def run(actuator: Steered, film: ReducedFilm | None = None, feedback: bool = True,
+def run(actuator: Steered, film: ReducedFilm | None = None, drive: Drive = "feedback",
         progress: ShareDone = lambda share: None) -> SteerRun:
-    """Draw the circle on a film in time, by default on the actuator's own.
+    """Follow the path on a film in time, by default on the actuator's own.
 
-    Another film may differ from that of the design in its material, not in its shape. Without
-    ``feedback`` the segments get the voltages that hold the wanted places at rest.
+    Another film may differ from that of the design in its material, not in its shape. The film
+    begins at rest at the voltages that hold the first place of the path on the film of the design.
     """
-    settings, law, inverse = actuator.settings, actuator.law, actuator.inverse
-    count = round((1 + settings.turns) / settings.frequency / settings.interval)
-    time = settings.interval * np.arange(count, dtype=float)
-    grown = np.clip(time * settings.frequency, 0.0, 1.0)
-    wanted = circle(inverse.centre, settings.tilt * grown**2 * (3 - 2 * grown),
-                    time * settings.frequency)
+    interval, inverse, path = actuator.settings.interval, actuator.inverse, actuator.path
+    law = actuator.law if drive == "feedback" else replace(actuator.law, feedback=None)
     plant = _resting(actuator, actuator.film if film is None else film.tabulated)
-    memory = law.resting(place_of(plant))
+    place = shown = place_of(plant)
+    memory = law.resting(path.wanted[0], shown)
     reached, voltages = [], []
-    for number, place in enumerate(wanted):
-        reading = place_of(plant)
-        if feedback:
-            given, memory = law.voltages(memory, place, reading)
+    for number, (now, ahead) in enumerate(zip(path.wanted, path.wanted[1:], strict=False), 1):
+        if drive == "static":
+            given = np.sqrt(np.clip(inverse.squared(now), 0.0, inverse.supply**2))
         else:
-            given = np.sqrt(np.clip(inverse.squared(place), 0.0, inverse.supply**2))
-        reached.append(reading)
+            given, memory = law.voltages(memory, ahead, shown)
+        reached.append(place)
         voltages.append(given)
-        plant = plant.after(given, settings.interval)
-        progress((number + 1) / count)
-    return SteerRun(actuator.model.segments, time, wanted, np.array(reached), np.array(voltages),
-                    settings.frequency)
+        plant, before = plant.after(given, interval), place
+        place = place_of(plant)
+        shown = actuator.rig.lagged(shown, before, place, interval)
+        progress(number / len(path.now))
+    return SteerRun(drive, path, np.array(reached), np.array(voltages))
 
 
 def place_of(plant: FilmPlant) -> Array:
@@ -225,10 +349,9 @@ def place_of(plant: FilmPlant) -> Array:
 
 
 def _resting(actuator: Steered, film: ReducedFilm) -> FilmPlant:
-    """Bring a film to rest at the voltages that hold the centre of the circle."""
-    voltages = np.sqrt(actuator.inverse.squared(actuator.inverse.centre)).tolist()
+    """Bring a film to rest at the voltages that hold the first place of the path."""
+    squared = actuator.inverse.squared(actuator.path.wanted[0])
+    voltages = np.sqrt(np.maximum(squared, 0.0)).tolist()
     wired, top = film.driven(dict(zip(actuator.model.segments, voltages, strict=True)))
     begin = FilmPlant.resting(wired, actuator.settings.mass, actuator.rig, top)
     return replace(begin, film=film)
-
-

@@ -6,7 +6,6 @@ import ctypes
 import shutil
 import subprocess
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import fmpy
@@ -15,68 +14,19 @@ import pytest
 from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 
-from tests.support.specimens import circular
+from tests.support.steered import LOAD, SUPPLY, model, places, quarters, small_film
 from tympan.base.errors import Failure, InputError
-from tympan.fem.equilibrium.solve import equilibrium
-from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.rig import Rig
-from tympan.geometry.electrode import Electrode, Segment
-from tympan.geometry.specimen import Specimen, ViscousBranch
-from tympan.studies.films.film import ReducedFilm
-from tympan.studies.films.reduction import Reduction, Snapshot
-from tympan.studies.films.segmented import driven_model
 from tympan.studies.lumped.steered.export import export_c, export_fmu
 from tympan.studies.lumped.steered.inverse import SteeredInverse, voltages_at
 from tympan.studies.lumped.steered.law import design_law
-from tympan.studies.lumped.steered.model import SteeredModel, powers_of
 from tympan.studies.lumped.steered.run import (
     SteerSettings,
-    circle,
-    full_model,
     steerable,
 )
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-
-SUPPLY, LOAD = 3e3, 0.15
-
-
-def quarters() -> Specimen:
-    """A round film with four quarters that creeps."""
-    film = circular(NeoHooke(13.6e3))
-    segments = tuple(Segment(name=name, sector=(number * np.pi / 2, (number + 1) * np.pi / 2))
-                     for number, name in enumerate("ABCD"))
-    branches = ViscousBranch(28.6e3, 8.1), ViscousBranch(10.7e3, 264.0)
-    return replace(film, name="quarters", electrode=Electrode(segments=segments, gap=1e-3),
-                   membrane=replace(film.membrane, branches=branches, prestretch=(3.0, 3.0)))
-
-
-@cache
-def model() -> SteeredModel:
-    """A model whose polynomials are stated: quarters of a plate on springs that stiffen."""
-    scale = np.array([3e-4, 0.01, 0.01])
-    powers = powers_of(3, 4)
-    elastic, electric = np.zeros(len(powers)), np.zeros((4, len(powers)))
-    stiffness = np.array([50.0, 0.017, 0.017])
-    for number, power in enumerate(powers.tolist()):
-        if sum(power) == 2 and max(power) == 2:
-            at = power.index(2)
-            elastic[number] = stiffness[at] / 2 * scale[at] ** 2
-        elif sum(power) == 4:
-            elastic[number] = 2e-8
-        elif sum(power) == 1:
-            at = power.index(1)
-            sides = [[1, 1, 1, 1], [1, -1, -1, 1], [1, 1, -1, -1]][at]
-            electric[:, number] = np.multiply([1.2e-12, 2e-11, 2e-11][at], sides)
-            elastic[number] = LOAD * scale[0] * (at == 0)
-        elif not sum(power):
-            electric[:, number] = 5e-10
-    springs = np.multiply.outer([0.7, 0.3], np.diag([0.8, 5e-3, 5e-3]))
-    return SteeredModel(quarters(), ("deflection", "tilt_x", "tilt_y"), tuple("ABCD"), LOAD,
-                        np.diag([0.015, 4e-7, 4e-7]), np.diag([0.05, 0.0, 0.0]),
-                        np.array([2.6e-3, 0.0, 0.0]), scale, powers, elastic, electric,
-                        np.array([8.0, 250.0]), springs, SUPPLY, 0.0)
 
 
 def some_state(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -122,12 +72,6 @@ def test_small_motions_are_the_derivatives_of_the_rates() -> None:
         "deflection", "U2_D", ("deflection", "tilt_x", "tilt_y"))
 
 
-def places(tilt: float) -> np.ndarray:
-    made = model()
-    middle = made.rest(np.full(4, SUPPLY**2 / 2))
-    return circle(middle, tilt, np.arange(24.0) / 24)
-
-
 def test_the_inverse_holds_the_plate_where_it_says() -> None:
     made, wanted = model(), places(2e-3)
     inverse = SteeredInverse.of(made, wanted, SUPPLY)
@@ -143,14 +87,15 @@ def test_the_inverse_holds_the_plate_where_it_says() -> None:
 def test_a_law_at_rest_asks_for_the_voltages_of_the_inverse() -> None:
     made, wanted = model(), places(2e-3)
     inverse = SteeredInverse.of(made, wanted, SUPPLY)
-    law = design_law(made, inverse, [inverse.squared(inverse.centre)], 0.01, 1.0)
-    assert law.sensitivity < 1.6
+    designed = design_law(made, inverse, [inverse.squared(inverse.centre)], 0.01, 1.0)
+    law = designed.law
+    assert designed.margins.sensitivity < 1.6
     for place in (inverse.centre, wanted[3]):
-        memory = law.resting(place)
+        memory = law.resting(place, place)
         for _ in range(3):
             voltages, memory = law.voltages(memory, place, place)
             np.testing.assert_allclose(voltages**2, inverse.squared(place), rtol=1e-6)
-        np.testing.assert_allclose(memory, law.resting(place), atol=1e-9)
+        np.testing.assert_allclose(memory, law.resting(place, place), atol=1e-9)
 
 
 @needs_compiler
@@ -186,17 +131,6 @@ def test_the_fmu_moves_as_the_model(use: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(motion[name], exact.y[number], atol=1e-6 * span)
 
 
-@cache
-def small_film() -> ReducedFilm:
-    """A film of a few snapshots of finite elements, tilted both ways."""
-    whole = full_model(quarters())
-    shots = []
-    for drive in ({}, {"A": 2e3}, {"B": 2e3}, {"A": 2e3, "D": 1e3}, dict.fromkeys("ABCD", 2e3)):
-        wired, top = driven_model(whole, drive)
-        shots.append(Snapshot(wired, equilibrium(wired, LOAD, top).state))
-    return Reduction.of(shots, 1e-3, 1e-2, 10, turning=True, freedoms=(2, 3, 4)).film(whole)
-
-
 def test_a_films_stiffness_is_the_derivative_of_its_pull() -> None:
     film, _ = small_film().driven({"A": 2e3, "B": 500.0})
     assert film.led == 3
@@ -223,7 +157,9 @@ def test_what_cannot_be_steered_is_refused() -> None:
     two = replace(film, electrode=replace(film.electrode, segments=film.electrode.segments[:2]))
     still = replace(film, membrane=replace(film.membrane, branches=()))
     for specimen, rig, key in ((two, Rig(), "electrode.segment"), (still, Rig(), "membrane.branch"),
-                               (film, Rig(series_resistance=1e6), "rig.series_resistance")):
+                               (film, Rig(series_resistance=1e6), "rig.series_resistance"),
+                               (film, Rig(gas_pressure=10.0), "rig.gas_pressure"),
+                               (film, Rig(weight_offset=(1e-3, 0.0)), "rig.weight_offset")):
         with pytest.raises(InputError) as caught:
             steerable(specimen, SteerSettings(), rig)
         assert caught.value.key == key
