@@ -168,12 +168,15 @@ class Transient:
         Stopped
             If film and plate have no equilibrium any more, or the plate has pulled in.
         """
-        breaks = self.signal.breaks
-        begin = Moment(float(breaks[0]), state, memory)
+        begin = Moment(float(self.signal.breaks[0]), state, memory)
         if self.circuit.resistance:
             charge = float(self.model.capacitance(state)) * np.sqrt(state.voltage_squared)
             begin = replace(begin, charge=float(np.copysign(charge, self.signal.first)))
-        return moments(_InMotion(self, [begin]), breaks.tolist())
+        return self.onward(begin)
+
+    def onward(self, begin: Moment) -> Iterator[Moment]:
+        """Yield moments from one that is in motion, as :meth:`moments` does."""
+        return moments(_InMotion(self, [begin]), self.signal.breaks.tolist())
 
     @property
     def control(self) -> StepControl:

@@ -25,7 +25,11 @@ from tympan.studies.data.checked_runs import CheckedRun, checked_runs
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.effort import Effort
 from tympan.studies.data.findings import CopiedRows, RunZeros, at_sensor_end
-from tympan.studies.data.segment_columns import segment_columns, with_voltages
+from tympan.studies.data.segment_columns import (
+    require_proportion,
+    segment_columns,
+    with_voltages,
+)
 from tympan.studies.shipped import FILES as SHIPPED
 from tympan.studies.shipped import specimen_tables
 from tympan.tables.formats import FORMATS, Format, format_of, suffixes
@@ -183,7 +187,9 @@ _OUTSIDE = {"table": 5e-3, "plate": 0.1}
 CHANNELS = ("capacitance", "film_voltage", "tilt", "tilt_x", "tilt_y")
 
 #: Files whose readings may be made with different voltages on segments.
-_SEGMENTED = ("static.csv", "frequency.csv", "force.csv")
+_SEGMENTED = ("static.csv", "frequency.csv", "force.csv", "transient.csv")
+#: Those of them whose segments keep the proportion of the specimen's file.
+_IN_PROPORTION = ("transient.csv",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,6 +410,8 @@ def _checked_sheet(file: Path, name: str, dataset: Dataset, planned: bool
     _check_specimens(sheet, names)
     if name in _SEGMENTED:
         sheet = with_voltages(sheet, dataset.specimens)
+    if name in _IN_PROPORTION:
+        require_proportion(sheet, dataset.specimens)
     if alone and "mass" in sheet.values:
         sheet = _unloaded(sheet, alone)
     return sheet, [*sheet.remarks, *_identical(sheet)]

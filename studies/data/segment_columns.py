@@ -15,6 +15,8 @@ from tympan.studies.columns import Column, Sheet
 
 #: Relative difference within which a voltage equals the highest one of its segments.
 _SAME = 1e-6
+#: Difference of a share from that of the file below which it is the same: that of a supply.
+_IN_PROPORTION = 0.01
 #: Digits of the shares in the name of a pattern of voltages.
 _DIGITS = 6
 
@@ -75,6 +77,26 @@ def with_voltages(sheet: Sheet, specimens: Sequence[Specimen]) -> Sheet:
         drive[row] = ", ".join(f"{name} {round(share, _DIGITS):g}"
                                for name, share in zip(names, shares.tolist(), strict=True) if share)
     return replace(sheet, values={**sheet.values, "voltage": voltage, "drive": drive.astype(str)})
+
+
+def require_proportion(sheet: Sheet, specimens: Sequence[Specimen]) -> None:
+    """Raise an :class:`InputError` for voltages of segments in another proportion than the file's.
+
+    A film in time is reduced for one proportion: its branches flow by all of its history.
+    """
+    shares, names = shares_of(sheet, specimens), segment_names(specimens)
+    for specimen in specimens:
+        electrode = specimen.electrode
+        own = np.array([segment.share for segment in electrode.segments])
+        for row in np.flatnonzero((sheet.specimen == specimen.name) & (sheet.voltage > 0)):
+            given = shares[row, : len(own)]
+            if np.isfinite(given).any() and np.abs(given - own).max() > _IN_PROPORTION:
+                told = ", ".join(f"{name} {share:.4g}" for name, share in zip(
+                    electrode.names, own.tolist(), strict=True))
+                raise sheet.error(int(row), f"voltage_{names[0]}", (
+                    f"must be in the proportion of the segments' shares in the file of "
+                    f"{specimen.name}, {told}: in time tympan follows a film in one proportion. "
+                    "Write the shares of this test into the specimen's file"))
 
 
 def shares_of(sheet: Sheet, specimens: Sequence[Specimen]) -> Array:

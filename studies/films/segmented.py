@@ -14,9 +14,9 @@ from itertools import combinations
 
 import numpy as np
 
-from tympan.base.arrays import Array
+from tympan.base.arrays import AnyArray, Array
 from tympan.base.errors import VoltageError
-from tympan.fem.equilibrium.newton import WORK, Budget
+from tympan.fem.equilibrium.newton import WORK, Budget, moved, tangent_at
 from tympan.fem.equilibrium.path_following import PathSettings
 from tympan.fem.equilibrium.solve import equilibrium
 from tympan.fem.film.memory import Memory
@@ -24,7 +24,7 @@ from tympan.fem.membrane.biases import Bias
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, HEAVE, State
 from tympan.fem.transient.ends import Stopped
-from tympan.fem.transient.film_memory import first_memory
+from tympan.fem.transient.film_memory import first_memory, virgin_strain
 from tympan.fem.transient.integrate import Moment, StepSettings, Transient
 from tympan.geometry.specimen import Specimen
 from tympan.studies.films.film import FilmLoads, NoBalance, ReducedFilm, arms_of
@@ -34,7 +34,7 @@ from tympan.studies.motion import Trace
 from tympan.studies.signals import Pieces
 
 #: Largest number of shapes, the plate's included.
-_MOST_SHAPES = 26
+_MOST_SHAPES = 36
 #: Part of a deformation that the shapes do not contain, over the largest one.
 _MOTION_LEFT_OUT = 5e-4
 #: Part of the forces that the points do not reproduce.
@@ -50,6 +50,8 @@ _ORDER = (*STEERED, *map(FREEDOMS.index, ("x", "y", "rz")))
 _STILL = 3e-3
 #: Shares of the supply's voltage at which segments are driven.
 _LEVELS = (0.55, 1.0)
+#: Number of states from which the plate is pushed in each freedom.
+_SWUNG = 4
 #: Number of random drives, and of those whose states at once are taken, too.
 _DRAWN = 10
 _CHANGED = 4
@@ -89,8 +91,32 @@ def segmented_film(model: Model, force: float, supply: float,
                          for shot in snapshots]).max(0) * arms_of(model.specimen)
     freedoms = tuple(number for number in _ORDER if number in model.plate_freedoms
                      and (number == HEAVE or amplitudes[number] > _STILL * amplitudes.max()))
+    snapshots += _swings(snapshots[::max(1, len(snapshots) // _SWUNG)], freedoms, amplitudes)
     return Reduction.of(snapshots, _MOTION_LEFT_OUT, _WORK_LEFT_OUT, _MOST_SHAPES,
                         turning=True, freedoms=freedoms, balance=_BALANCE).film(model)
+
+
+def _swings(shots: Sequence[Snapshot], freedoms: Sequence[int], amplitudes: Array
+            ) -> Iterator[Snapshot]:
+    """Push the plate at once in each freedom, as its inertia does, by as much as voltages do.
+
+    Without such shapes a film resists a swing several times as much as it should: voltages move
+    the plate in other ways than forces on it do.
+    """
+    for shot in shots:
+        memory = shot.memory or first_memory(shot.model, shot.state)
+        flow = memory.step(virgin_strain(shot.model, shot.state), 0.0)
+        stiff = replace(shot.model, flow=flow)
+        tangent, _ = tangent_at(stiff, shot.state)
+        if tangent is None:
+            continue
+        allowed, none = list(stiff.plate_freedoms), np.zeros(stiff.discretisation.free_count)
+        for number in freedoms:
+            at = allowed.index(number)
+            film, plate = tangent.respond((none, np.eye(len(allowed))[at]))
+            far = amplitudes[number] / arms_of(shot.model.specimen)[number] / plate[at]
+            yield Snapshot(shot.model, moved(stiff, shot.state, (film, plate), far),
+                           memory=memory)
 
 
 def _snapshots(model: Model, force: float, supply: float, path: PathSettings
@@ -191,8 +217,10 @@ def error_at_once(film: ReducedFilm, model: Model, force: float, begin: Voltages
                   changes: Sequence[Voltages]) -> float:
     """Compute the largest error of tilts at once after voltages change, over the largest tilt.
 
-    The film has rested at the first voltages. In the time of a quick motion no branch flows, and
-    then errors of the points may be larger than at rest. The error is infinite if a film pulls in.
+    Tilts by moments on the plate count, too: its inertia moves the film in other ways than voltages
+    do. The film has rested at the first voltages. In the time of a quick motion no branch flows,
+    and then errors of the points may be larger than at rest. The error is infinite if a film pulls
+    in.
     """
     biases, wired, top = model.loading.biases, *film.driven(begin)
     whole, _ = driven_model(model, begin)
@@ -213,7 +241,23 @@ def error_at_once(film: ReducedFilm, model: Model, force: float, begin: Voltages
     except (NoBalance, Stopped):
         return np.inf
     near, exact = np.swapaxes(np.array(tilts), 0, 1)
-    return float(np.abs(near - exact).max() / np.linalg.norm(exact, axis=1).max())
+    moved_by = float(np.abs(near - exact).max() / np.linalg.norm(exact, axis=1).max())
+    stiff = replace(whole, flow=memory.step(virgin_strain(whole, state), 0.0))
+    tangent, _ = tangent_at(stiff, state)
+    if tangent is None:
+        return np.inf
+    _, stiffness = wired.pull(q, top**2, flow)
+    arms = wired.arms[:wired.led]
+    near, exact = (_tilts_by_moments(compliance, freedoms) for compliance, freedoms in (
+        (np.linalg.inv(stiffness)[:wired.led, :wired.led] / np.outer(arms, arms), wired.freedoms),
+        (np.linalg.inv(tangent.plate_stiffness), stiff.plate_freedoms)))
+    return max(moved_by, float(np.abs(near - exact).max() / np.abs(exact).max()))
+
+
+def _tilts_by_moments(compliance: AnyArray, freedoms: Sequence[int]) -> Array:
+    """Select tilts by moments [rad/(N m)], (2, 2), from the compliance of a plate's freedoms."""
+    tilts = [list(freedoms).index(number) for number in STEERED[1:]]
+    return np.asarray(compliance[np.ix_(tilts, tilts)])
 
 
 def reduced_run(film: ReducedFilm, force: float, run: Sequence[Level],

@@ -54,8 +54,8 @@ class Tilting:
 
         The others' have the shape (films, nodes, 2). A plate of another size, or a turned one, has
         the arms of the first one times a matrix, apart from what nodes slide along its edge:
-        ``slides`` of :func:`slides_of`, (slides, nodes). ``mirrored``: the nodes are those of a half
-        or a quarter of the plate.
+        ``slides`` of :func:`slides_of`, (slides, nodes). ``mirrored``: the nodes are those of a
+        half or a quarter of the plate.
         """
         count = _BENDS + len(slides)
         if not len(arms):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
@@ -9,10 +10,17 @@ import numpy as np
 
 from tympan.base.arrays import Array
 from tympan.base.errors import Failure
+from tympan.fem.equilibrium.solve import equilibrium
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.rigid_plate import RigidPlate
+from tympan.fem.membrane.state import PlateMotion, turned
 from tympan.fem.rig import Rig
 from tympan.fem.transient.collocation import newton_matrix, radau
+from tympan.fem.transient.film_memory import first_memory
+from tympan.fem.transient.integrate import Moment, Transient
 from tympan.studies.films.driven_film import ReducedMoment
 from tympan.studies.films.film import ReducedFilm
+from tympan.studies.films.segmented import driven_model
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle, squared_at
 from tympan.studies.lumped.film_response import film_motion
@@ -189,6 +197,46 @@ class FilmPlant:
     def plate(self) -> Array:
         """The plate's six freedoms [m, rad]."""
         return self.film.plate(self.moment.q)
+
+
+@dataclass(frozen=True, eq=False)
+class FieldPlant:
+    """A film of finite elements in time whose segments have a voltage each; its plate swings."""
+
+    model: Model
+    mass: float
+    rig: Rig
+    moment: Moment
+
+    @classmethod
+    def resting(cls, model: Model, mass: float, rig: Rig, voltages: Mapping[str, float]
+                ) -> FieldPlant:
+        """Make the plant at rest at voltages of segments [V]."""
+        wired, top = driven_model(model, voltages)
+        area = float(model.specimen.plate_area)
+        outcome = equilibrium(wired, float(rig.force(mass, area)), top)
+        if outcome.status != "equilibrium":
+            raise Failure("the film has no equilibrium at these voltages")
+        return cls(model, mass, rig, Moment(0.0, outcome.state,
+                                            first_memory(wired, outcome.state)))
+
+    def after(self, voltages: Array, duration: float) -> FieldPlant:
+        """Move the plant under a held voltage of each segment, (segments,) [V]."""
+        names = self.model.specimen.electrode.names
+        wired, top = driven_model(self.model, dict(zip(names, voltages.tolist(), strict=True)))
+        plate = self.model.specimen.needed_plate().outline
+        motion = Transient(wired, self.moment.state.force, _held(top, duration),
+                           RigidPlate.uniform(plate, self.rig.moving_mass(self.mass)),
+                           self.rig.plate_damping)
+        begin = motion.after_jump(replace(self.moment, time=0.0), top)
+        *_, last = motion.onward(begin)
+        return replace(self, moment=last)
+
+    @property
+    def plate(self) -> Array:
+        """The plate's six freedoms [m, rad]."""
+        plate = self.moment.state.plate
+        return np.concatenate([plate.translation, turned(plate, PlateMotion.rest())])
 
 
 def _held(voltage: float, duration: float) -> Pieces:

@@ -70,7 +70,8 @@ def of_limits(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def of_curve(capsys: pytest.CaptureFixture[str]) -> str:
-    curve = SimpleNamespace(mass_kg=1e-3, stroke_m=None, limits=limits_of_all_kinds(), banded=())
+    curve = SimpleNamespace(mass_kg=1e-3, stroke_m=None, limits=limits_of_all_kinds(), banded=(),
+                            drive="")
     return printed("curve", capsys, result=SimpleNamespace(
         specimen="film", curves=[curve], asked=lambda mass: ()))
 

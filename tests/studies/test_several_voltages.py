@@ -45,9 +45,12 @@ ANSWERS = {*ASKED, "export", "steer"}
 #: mirrored part of the whole.
 SAME = 2e-5
 
+#: Commands whose options are no voltages of segments: a sweep has a table of them, and a
+#: controller sets those of all segments itself, up to its supply's.
+OTHERS = {"sweep", "lumped steer"}
 OPTIONS = [(command.name, action.dest) for command in COMMANDS
            for action in options(command.name)
-           if action.dest in BY_SEGMENT and command.name != "sweep"]
+           if action.dest in BY_SEGMENT and command.name not in OTHERS]
 
 
 @pytest.fixture(scope="module")

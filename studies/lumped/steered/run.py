@@ -16,6 +16,7 @@ from tympan.base.errors import InputError
 from tympan.base.fields import Key, asks
 from tympan.base.progress import ShareDone
 from tympan.base.toml_reader import POSITIVE, Rule
+from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.rig import OWN, Rig, mounted
@@ -26,7 +27,7 @@ from tympan.studies.films.segmented import error_at_once, error_in_time, levels,
 from tympan.studies.lumped.control.controller import Method
 from tympan.studies.lumped.control.result import LoopMargins
 from tympan.studies.lumped.export.fmu import require_compiler
-from tympan.studies.lumped.plants import FilmPlant
+from tympan.studies.lumped.plants import FieldPlant, FilmPlant
 from tympan.studies.lumped.steered.export import Exported
 from tympan.studies.lumped.steered.inverse import SteeredInverse
 from tympan.studies.lumped.steered.law import SteeredDesign, SteeredLaw, design_law
@@ -222,7 +223,7 @@ def _remarks(run: SteerRun, settings: SteerSettings, errors: dict[str, float]) -
         remarks.append(f"with feedback the radius is off by more than {100 * _ROUND:g} %: choose a "
                        "lower frequency, a shorter interval or the other method")
     if not np.isfinite(list(errors.values())).all():
-        remarks.append("the film pulls in at random voltages up to the supply's: its reduced film "
+        remarks.append("random voltages up to the supply's lead to a pull-in: the reduced film "
                        "was not compared with finite elements")
     return remarks
 
@@ -314,16 +315,17 @@ def steered(film: ReducedFilm, settings: SteerSettings, rig: Rig = Rig()) -> Ste
     return Steered(film.tabulated, model, inverse, design, path, rig, settings)
 
 
-def run(actuator: Steered, film: ReducedFilm | None = None, drive: Drive = "feedback",
+def run(actuator: Steered, film: ReducedFilm | Model | None = None, drive: Drive = "feedback",
         progress: ShareDone = lambda share: None) -> SteerRun:
     """Follow the path on a film in time, by default on the actuator's own.
 
-    Another film may differ from that of the design in its material, not in its shape. The film
+    Another film may differ from that of the design in its material, not in its shape; it is
+    reduced, or the model of :func:`full_model` in finite elements. The film
     begins at rest at the voltages that hold the first place of the path on the film of the design.
     """
     interval, inverse, path = actuator.settings.interval, actuator.inverse, actuator.path
     law = actuator.law if drive == "feedback" else replace(actuator.law, feedback=None)
-    plant = _resting(actuator, actuator.film if film is None else film.tabulated)
+    plant = _resting(actuator, actuator.film if film is None else film)
     place = shown = place_of(plant)
     memory = law.resting(path.wanted[0], shown)
     reached, voltages = [], []
@@ -341,17 +343,19 @@ def run(actuator: Steered, film: ReducedFilm | None = None, drive: Drive = "feed
     return SteerRun(drive, path, np.array(reached), np.array(voltages))
 
 
-def place_of(plant: FilmPlant) -> Array:
+def place_of(plant: FilmPlant | FieldPlant) -> Array:
     """Read deflection [m] and tilts [rad] of a plant."""
     motion = plant.plate
     return np.array([sign * motion[FREEDOMS.index(of)]
                      for sign, of in (NAMES[name] for name in STEERED)])
 
 
-def _resting(actuator: Steered, film: ReducedFilm) -> FilmPlant:
+def _resting(actuator: Steered, film: ReducedFilm | Model) -> FilmPlant | FieldPlant:
     """Bring a film to rest at the voltages that hold the first place of the path."""
     squared = actuator.inverse.squared(actuator.path.wanted[0])
     voltages = np.sqrt(np.maximum(squared, 0.0)).tolist()
-    wired, top = film.driven(dict(zip(actuator.model.segments, voltages, strict=True)))
-    begin = FilmPlant.resting(wired, actuator.settings.mass, actuator.rig, top)
-    return replace(begin, film=film)
+    named, mass = dict(zip(actuator.model.segments, voltages, strict=True)), actuator.settings.mass
+    if isinstance(film, Model):
+        return FieldPlant.resting(film, mass, actuator.rig, named)
+    wired, top = film.driven(named)
+    return replace(FilmPlant.resting(wired, mass, actuator.rig, top), film=film.tabulated)

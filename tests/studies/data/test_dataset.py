@@ -154,7 +154,7 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         "B", 0.5, 1, 2e3, pytest.approx(3e-6)]
     assert [values[0] for values in transients.values.values()] == [
         "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 60, 5e3,
-        pytest.approx(6e-6)]
+        pytest.approx(6e-6), ""]
     assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0]) == (35e3, 4, "r")
     assert [values[0] for values in frequencies.values.values()] == [

@@ -89,3 +89,21 @@ def test_a_lead_takes_the_voltage_of_another_name() -> None:
     # A quarter in the first one's place is driven, and none is where a lead alone was driven.
     assert not electrode.mirrored_in("x")
     assert found[1].driven({"B": 3e3})[0].share(np.arange(4)).tolist() == [0, 0, 0, 0]
+
+
+def test_in_time_segments_keep_the_proportion_of_the_file(tmp_path: Path) -> None:
+    """As a column of each, or as the film's voltage alone."""
+    def read(*rows: str) -> Dataset:
+        (tmp_path / "transient.csv").write_text("\n".join([
+            f"specimen,mass_g,run,t_s,{ALL},displacement_mm", *rows]) + "\n", encoding="utf-8")
+        return dataset_of(tmp_path, f"specimen,mass_g,{ALL},displacement_mm",
+                          "quarters,15,4,,,,2.1")
+
+    transient = read("quarters,15,1,0,,,,,1.9", "quarters,15,1,1,3,3,3,3,2.1",
+                     "quarters,15,1,2,3,3,3,2.99,2.1").transients
+    assert transient is not None
+    assert transient.voltage == pytest.approx([0, 3e3, 3e3])
+    with pytest.raises(InputError, match="in the proportion of the segments' shares") as error:
+        read("quarters,15,1,0,,,,,1.9", "quarters,15,1,1,3,3,3,,2.1")
+    assert "line 3" in str(error.value)
+    assert "A 1, B 1, C 1, D 1" in str(error.value)

@@ -26,10 +26,11 @@ from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
+from tympan.studies.films import segmented
 from tympan.studies.films.film import FilmLoads, ReducedFilm
-from tympan.studies.films.segmented import driven_model
+from tympan.studies.films.segmented import driven_model, error_at_once, segmented_film
 from tympan.studies.lumped.control.controller import Method
-from tympan.studies.lumped.plants import FilmPlant
+from tympan.studies.lumped.plants import FieldPlant, FilmPlant
 from tympan.studies.lumped.steered.export import export_steering_fmu, steering_source
 from tympan.studies.lumped.steered.forward import Forward, moving_voltages
 from tympan.studies.lumped.steered.inverse import SteeredInverse
@@ -41,6 +42,7 @@ from tympan.studies.lumped.steered.run import (
     Steered,
     SteerSettings,
     full_model,
+    place_of,
     run,
     steerable,
     steered,
@@ -347,11 +349,11 @@ def test_equal_voltages_move_the_plate_as_the_film_does() -> None:
 
 
 @pytest.mark.study(seconds=200)
-@pytest.mark.parametrize(("method", "other"), [("lqg", 0.05), ("pi", 0.12)])
+@pytest.mark.parametrize(("method", "other"), [("lqg", 0.08), ("pi", 0.15)])
 def test_the_whole_film_draws_the_circle(method: Method, other: float) -> None:
     """The film of ``tympan lumped steer`` in docs/howto/segments.md, and films that differ.
 
-    PI does not learn the swing of the circle, so films that differ are beyond the 5 %.
+    Films that differ are beyond the 5 %, above all with PI, which does not learn the swing.
     """
     film = replace(quarters(), membrane=tympan.Film("1 mm", 3.0, "vhb-4910-viscous"))
     actuator, errors = steerable(film, SteerSettings(method=method), Rig(plate_damping=0.05))
@@ -370,6 +372,47 @@ def test_the_whole_film_draws_the_circle(method: Method, other: float) -> None:
     alone = built.models[0].film
     assert alone is not None
     same_with_equal_voltages(actuator.model, actuator.film, alone, 0.02)
+
+
+@pytest.mark.study(seconds=120)
+def test_the_circle_is_drawn_on_finite_elements_in_time() -> None:
+    """The controller is designed on a reduced film; what it drives is the film itself."""
+    mesh = Settings(MeshSettings().refined(0.5))
+    film = replace(quarters(), membrane=tympan.Film("1 mm", 3.0, "vhb-4910-viscous"))
+    actuator, _ = steerable(film, SteerSettings(turns=1), Rig(plate_damping=0.05), mesh)
+    drawn = run(actuator, full_model(film, mesh))
+    assert drawn.summary.radius_error is not None
+    assert drawn.summary.radius_error < 0.05
+    reduced = run(actuator)
+    apart = np.abs(drawn.reached - reduced.reached)[:, 1:].max()
+    assert apart < 0.03 * 3e-3
+
+
+def test_a_film_swings_as_finite_elements_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a jump of one segment; and a film that does not is told by the error that is printed.
+
+    Inertia pushes a plate in other ways than voltages do.
+    """
+    mesh = Settings(MeshSettings().refined(0.4))
+    whole, rig = full_model(quarters(), mesh), Rig(plate_damping=0.05)
+    film = segmented_film(whole, LOAD, SUPPLY)
+    mass, before = LOAD / 9.80665, dict.fromkeys("ABCD", 2e3)
+    wired, top = film.driven(before)
+    reduced = replace(FilmPlant.resting(wired, mass, rig, top), film=film.tabulated)
+    exact = FieldPlant.resting(whole, mass, rig, before)
+    tilts = []
+    for _ in range(6):
+        reduced, exact = (each.after(np.array([2.2e3, 2e3, 2e3, 2e3]), 0.01)
+                          for each in (reduced, exact))
+        tilts.append([place_of(reduced)[1:], place_of(exact)[1:]])
+    near, true = np.swapaxes(np.array(tilts), 0, 1)
+    assert np.ptp(true[:, 0]) > 5e-4
+    assert np.abs(near - true).max() < 0.05 * np.ptp(true)
+    change = [{**before, "A": 2.2e3}]
+    assert error_at_once(film, whole, LOAD, before, change) < 0.05
+    monkeypatch.setattr(segmented, "_swings", lambda *given: ())
+    without = segmented_film(whole, LOAD, SUPPLY)
+    assert error_at_once(without, whole, LOAD, before, change) > 0.3
 
 
 def test_springs_on_the_plate_are_part_of_the_lumped_model() -> None:
